@@ -1,0 +1,64 @@
+"""Online sequential photometric calibration of cameras from ordinary recordings.
+
+The public interface; everything is loaded when first used, so importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ospc.calibrator import OnlineCalibrator as OnlineCalibrator
+    from ospc.calibrator import calibrate as calibrate
+    from ospc.errors import OspcError as OspcError
+    from ospc.photometry.calibration import Calibration as Calibration
+    from ospc.photometry.response import Response as Response
+    from ospc.photometry.vignette import Vignette as Vignette
+    from ospc.recording import Frame as Frame
+    from ospc.recording import Recording as Recording
+    from ospc.recording import open_recording as open_recording
+    from ospc.simulation import simulate as simulate
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Calibration": "ospc.photometry.calibration",
+    "Frame": "ospc.recording",
+    "OnlineCalibrator": "ospc.calibrator",
+    "OspcError": "ospc.errors",
+    "Recording": "ospc.recording",
+    "Response": "ospc.photometry.response",
+    "Vignette": "ospc.photometry.vignette",
+    "calibrate": "ospc.calibrator",
+    "open_recording": "ospc.recording",
+    "simulate": "ospc.simulation",
+}
+
+__all__ = [
+    "Calibration",
+    "Frame",
+    "OnlineCalibrator",
+    "OspcError",
+    "Recording",
+    "Response",
+    "Vignette",
+    "__version__",
+    "calibrate",
+    "open_recording",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'ospc' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -1,0 +1,26 @@
+"""Names for the array types that cross module boundaries."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+"""Any array of 64-bit floats; the shape is stated where it is used."""
+
+Float32Array: TypeAlias = npt.NDArray[np.float32]
+"""Any array of 32-bit floats: images and optical flow."""
+
+IntArray: TypeAlias = npt.NDArray[np.int64]
+"""Any array of integers: indices."""
+
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+"""Any array of truth values: masks."""
+
+Image: TypeAlias = npt.NDArray[Any]
+"""Grey image, shape (height, width), uint8 or uint16."""
+
+ImageSize: TypeAlias = tuple[int, int]
+"""Width and height in pixels, in this order."""

@@ -1,0 +1,1 @@
+"""From frames to correspondences: which pairs, which points, and their grey values."""

@@ -1,0 +1,1 @@
+"""What a recording can and cannot tell."""

@@ -1,0 +1,52 @@
+"""What can go wrong, as one family of exceptions.
+
+Every error the library raises on purpose derives from :class:`OspcError`. Its message is one sentence that names
+the file or value, says what is wrong with it and what to do; the command prints it as it stands.
+"""
+
+from __future__ import annotations
+
+
+class OspcError(Exception):
+    """Root of all errors raised by the library."""
+
+
+class RecordingError(OspcError):
+    """A recording cannot be opened or does not hold what a recording must hold."""
+
+
+class FrameError(RecordingError):
+    """One frame cannot be read; the others may still be good."""
+
+
+class ExposureError(RecordingError):
+    """Exposures are missing, invalid, or do not belong to the images."""
+
+
+class FormatError(OspcError):
+    """A calibration or parameter file breaks the rules of its format."""
+
+
+class SettingError(OspcError):
+    """A setting has a value the method cannot work with."""
+
+
+class NotObservableError(OspcError):
+    """What was asked for cannot be known from the data given."""
+
+
+class MissingExtraError(OspcError):
+    """An optional dependency is needed for what was asked.
+
+    Parameters
+    ----------
+    feature
+        What the user asked for, as the subject of a sentence.
+    extra
+        Name of the extra of this package that brings the dependency.
+    """
+
+    def __init__(self, feature: str, extra: str) -> None:
+        super().__init__(f"{feature} needs an optional dependency: pip install 'ospc[{extra}]'")
+        self.feature = feature
+        self.extra = extra

@@ -1,0 +1,1 @@
+"""From correspondences to curves: response, vignette, exposure ratios and their uncertainty."""

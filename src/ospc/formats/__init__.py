@@ -1,0 +1,1 @@
+"""Calibrations in the files of other programs, and the rules their parsers apply."""

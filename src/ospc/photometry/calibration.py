@@ -1,0 +1,304 @@
+"""A calibration as a value: what is known of a camera's photometry, how well, and what is still missing."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.errors import FormatError
+from ospc.photometry.noise import NoiseModel
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+
+SCHEMA = "ospc-calibration/1"
+PROFILE_RADII = np.linspace(0.0, 1.0, 51)
+PROFILE_RADII.setflags(write=False)
+
+State = Literal["identifiable", "marginal", "not identifiable"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How well one quantity is known.
+
+    Attributes
+    ----------
+    state
+        Whether the recording determines the quantity.
+    reason
+        Why, in one sentence with the figures behind it.
+    remedy
+        What to record instead or in addition; empty where nothing is missing.
+    """
+
+    state: State
+    reason: str
+    remedy: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether the quantity is estimated at all."""
+        return self.state != "not identifiable"
+
+
+@dataclass(frozen=True)
+class ExposureRatios:
+    """Exposure ratios of pairs of frames, estimated and according to the metadata (paper, eq. mean).
+
+    Attributes
+    ----------
+    frames
+        Indices of the two frames of each pair, shape (pairs, 2).
+    metadata
+        k = e₀/e₁ from the recording's exposures, shape (pairs,).
+    estimated
+        The same from grey values, response and vignette, shape (pairs,).
+    samples
+        Number of correspondences behind each estimate, shape (pairs,).
+    """
+
+    frames: npt.NDArray[np.int64]
+    metadata: FloatArray
+    estimated: FloatArray
+    samples: npt.NDArray[np.int64]
+
+    @classmethod
+    def none(cls) -> ExposureRatios:
+        """Return the ratios of no pairs at all."""
+        empty = np.empty(0)
+        return cls(np.empty((0, 2), np.int64), empty, empty, np.empty(0, np.int64))
+
+    @property
+    def log_residual(self) -> FloatArray:
+        """ln(estimated / metadata), shape (pairs,)."""
+        return np.log(self.estimated / self.metadata)
+
+    @property
+    def bias(self) -> float:
+        """Median of the log residual signed by ln k: how much too large exposure changes look; NaN without pairs."""
+        residual = self.log_residual * np.sign(np.log(self.metadata))
+        return float(np.median(residual)) if residual.size else float("nan")
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Response and vignette of a camera with their uncertainties. Unknown parts are None, never invented.
+
+    Attributes
+    ----------
+    size
+        Width and height in pixels of the images it belongs to.
+    response
+        The camera response; None where it is not observable.
+    vignette
+        The vignette; None where it is not observable.
+    verdicts
+        For ``"response"`` and ``"vignette"``: identifiable, marginal or not, why, and what to record instead.
+    vignette_sigma
+        Standard deviation of the radial profile at the 51 radii 0, 0.02, … 1, shape (51,).
+    noise
+        Noise of a grey value as estimated from the recording.
+    exposure_ratios
+        Re-estimated exposure ratios against the metadata.
+    covariance
+        For each estimated part, its parameter names and covariance matrix.
+    max_grey
+        Largest grey value of the images: 255 for 8 bit.
+    converged
+        Whether more of the same recording would hardly change the result.
+    partial
+        Whether the run was interrupted before the end of the recording.
+    counts
+        Frames, skipped frames, pairs and samples used.
+    settings
+        Every setting of the method that made it.
+    source
+        Identification of the input.
+    advice
+        What would reduce the uncertainty most, most helpful first.
+    """
+
+    size: ImageSize
+    response: Response | None = None
+    vignette: Vignette | None = None
+    verdicts: dict[str, Verdict] = field(default_factory=dict)
+    vignette_sigma: FloatArray | None = None
+    noise: NoiseModel | None = None
+    exposure_ratios: ExposureRatios = field(default_factory=ExposureRatios.none)
+    covariance: dict[str, dict[str, Any]] = field(default_factory=dict)
+    max_grey: int = 255
+    converged: bool = False
+    partial: bool = False
+    counts: dict[str, int] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
+    source: dict[str, Any] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    advice: tuple[str, ...] = ()
+
+    @property
+    def complete(self) -> bool:
+        """Whether both response and vignette are known."""
+        return self.response is not None and self.vignette is not None
+
+    def with_source(self, source: dict[str, Any]) -> Calibration:
+        """Return the calibration with another identification of its input."""
+        return replace(self, source=source)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the calibration as JSON and return the path; a raster vignette goes beside it as ``.npz``."""
+        place = Path(path)
+        place.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        if isinstance(self.vignette, RasterVignette):
+            np.savez_compressed(place.with_suffix(".vignette.npz"), vignette=self.vignette.values)
+        return place
+
+    @classmethod
+    def load(cls, path: str | Path) -> Calibration:
+        """Read a calibration that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path
+            The JSON file, or the folder that holds ``calibration.json``.
+
+        Raises
+        ------
+        FormatError
+            If the file is not a calibration, or one of an unknown version.
+        """
+        place = Path(path)
+        if place.is_dir():
+            place = place / "calibration.json"
+        try:
+            content = json.loads(place.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise FormatError(f"{place}: there is no such calibration; give calibration.json or its folder") from None
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+            raise FormatError(f"{place}: not readable as a calibration ({error})") from None
+        if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+            found = content.get("schema") if isinstance(content, dict) else None
+            raise FormatError(
+                f"{place}: not a calibration this version reads (schema {found!r}, expected {SCHEMA!r})"
+            )
+        try:
+            return _from_dict(content, place)
+        except (KeyError, TypeError, ValueError) as error:
+            raise FormatError(f"{place}: damaged calibration ({type(error).__name__}: {error})") from None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as JSON-compatible values; the documented content of ``calibration.json``."""
+        ratios = self.exposure_ratios
+        return {
+            "schema": SCHEMA,
+            "size": list(self.size),
+            "max_grey": self.max_grey,
+            "partial": self.partial,
+            "converged": self.converged,
+            "verdicts": {name: vars(verdict) for name, verdict in self.verdicts.items()},
+            "response": _response_as_dict(self.response),
+            "vignette": _vignette_as_dict(self.vignette, self.vignette_sigma),
+            "noise": None if self.noise is None else vars(self.noise),
+            "exposure_ratios": {
+                "frames": ratios.frames.tolist(),
+                "metadata": ratios.metadata.tolist(),
+                "estimated": ratios.estimated.tolist(),
+                "samples": ratios.samples.tolist(),
+                "bias": None if not ratios.metadata.size else ratios.bias,
+            },
+            "covariance": self.covariance,
+            "counts": self.counts,
+            "advice": list(self.advice),
+            "settings": self.settings,
+            "source": self.source,
+            "versions": self.versions,
+        }
+
+
+def _response_as_dict(response: Response | None) -> dict[str, Any] | None:
+    if response is None:
+        return None
+    return {
+        "inverse_table": response.inverse_table.tolist(),
+        "inverse_sigma": None if response.inverse_sigma is None else response.inverse_sigma.tolist(),
+        "log_sigma": None if response.log_sigma is None else response.log_sigma.tolist(),
+        "support": list(response.support),
+        "model": response.model,
+    }
+
+
+def _vignette_as_dict(vignette: Vignette | None, sigma: FloatArray | None) -> dict[str, Any] | None:
+    if vignette is None:
+        return None
+    size = np.array(vignette.size, dtype=np.float64) - 1
+    ray = size / 2 + PROFILE_RADII[:, None] * size / 2
+    return {
+        "model": vignette.as_dict(),
+        "profile_radius": PROFILE_RADII.tolist(),
+        "profile": vignette.at(ray).tolist(),
+        "profile_sigma": None if sigma is None else sigma.tolist(),
+    }
+
+
+def _vignette_from_dict(content: dict[str, Any], place: Path) -> Vignette:
+    model = content["model"]
+    size = (int(model["size"][0]), int(model["size"][1]))
+    if model["name"] == "polynomial":
+        return PolynomialVignette(size, tuple(map(float, model["coefficients"])))
+    if model["name"] == "log_polynomial":
+        centre = model["centre"]
+        return LogVignette(
+            size,
+            tuple(map(float, model["coefficients"])),
+            (float(centre[0]), float(centre[1])),
+            tuple(map(float, model["non_radial"])),
+        )
+    if model["name"] == "raster":
+        try:
+            with np.load(place.with_suffix(".vignette.npz"), allow_pickle=False) as archive:
+                return RasterVignette(archive["vignette"], model["source"])
+        except OSError as error:
+            raise FormatError(f"{place}: the vignette map beside it cannot be read ({error})") from None
+    raise ValueError(f"unknown vignette model {model['name']!r}")
+
+
+def _from_dict(content: dict[str, Any], place: Path) -> Calibration:
+    response, vignette, noise = content["response"], content["vignette"], content["noise"]
+    ratios = content["exposure_ratios"]
+    sigma = None if vignette is None else vignette["profile_sigma"]
+    return Calibration(
+        size=(int(content["size"][0]), int(content["size"][1])),
+        response=None
+        if response is None
+        else Response(
+            np.array(response["inverse_table"], dtype=np.float64),
+            response["inverse_sigma"],
+            response["log_sigma"],
+            (float(response["support"][0]), float(response["support"][1])),
+            response["model"],
+        ),
+        vignette=None if vignette is None else _vignette_from_dict(vignette, place),
+        verdicts={name: Verdict(**verdict) for name, verdict in content["verdicts"].items()},
+        vignette_sigma=None if sigma is None else np.array(sigma, dtype=np.float64),
+        noise=None if noise is None else NoiseModel(**noise),
+        exposure_ratios=ExposureRatios(
+            np.array(ratios["frames"], dtype=np.int64).reshape(-1, 2),
+            np.array(ratios["metadata"], dtype=np.float64),
+            np.array(ratios["estimated"], dtype=np.float64),
+            np.array(ratios["samples"], dtype=np.int64),
+        ),
+        covariance=content["covariance"],
+        max_grey=int(content["max_grey"]),
+        converged=bool(content["converged"]),
+        partial=bool(content["partial"]),
+        counts=content["counts"],
+        settings=content["settings"],
+        source=content["source"],
+        versions=content["versions"],
+        advice=tuple(content["advice"]),
+    )

@@ -1,0 +1,114 @@
+"""The camera response f and its inverse g."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import FloatArray
+from ospc.errors import FormatError
+
+
+def _read_only(values: npt.ArrayLike) -> FloatArray:
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class Response:
+    """Camera response with a strictly increasing inverse, g(0) = 0 and g(1) = 1.
+
+    ``M = f(e V L)`` maps irradiance to grey level; ``g = f⁻¹`` is what is estimated and what the literature calls
+    "CRF" in its figures. Both live on [0, 1]. The scale of g is not observable: g(1) = 1 is a convention.
+
+    Attributes
+    ----------
+    inverse_table
+        g at the grey levels i/(n-1), shape (n,), strictly increasing from 0 to 1.
+    inverse_sigma
+        Standard deviation of g at the same levels, shape (n,); None where nothing is known about it.
+    log_sigma
+        Standard deviation of ln g relative to the middle of the supported range, shape (n,); None where unknown.
+    support
+        Lowest and highest grey level, in [0, 1], between which measurements carry the curve. Outside, the curve is
+        the prior's continuation.
+    model
+        Name and parameters of the model behind the table, as JSON-compatible values.
+    """
+
+    inverse_table: FloatArray
+    inverse_sigma: FloatArray | None = None
+    log_sigma: FloatArray | None = None
+    support: tuple[float, float] = (0.0, 1.0)
+    model: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check and freeze the table."""
+        table = _read_only(self.inverse_table)
+        if table.ndim != 1 or table.size < 2:
+            raise FormatError(f"an inverse response needs at least 2 values in one row, not shape {table.shape}")
+        if not np.all(np.isfinite(table)):
+            raise FormatError("an inverse response must be finite everywhere")
+        if not np.all(np.diff(table) > 0):
+            worst = int(np.argmin(np.diff(table)))
+            raise FormatError(f"an inverse response must increase strictly; it does not after grey level {worst}")
+        if abs(table[0]) > 1e-9 or abs(table[-1] - 1) > 1e-9:
+            raise FormatError(
+                "an inverse response must begin at 0 and end at 1; use Response.from_values to normalise"
+            )
+        object.__setattr__(self, "inverse_table", table)
+        for name in ("inverse_sigma", "log_sigma"):
+            sigma = getattr(self, name)
+            if sigma is not None:
+                sigma = _read_only(sigma)
+                if sigma.shape != table.shape:
+                    raise FormatError(f"{name} has shape {sigma.shape}, the response {table.shape}")
+                object.__setattr__(self, name, sigma)
+
+    @classmethod
+    def from_values(cls, values: npt.ArrayLike, **attributes: Any) -> Response:
+        """Make a response from values of g in any scale.
+
+        Parameters
+        ----------
+        values
+            Shape (n,), strictly increasing, at equidistant grey levels; shifted and scaled to run from 0 to 1.
+        attributes
+            Further attributes of the class.
+
+        Raises
+        ------
+        FormatError
+            If the values do not increase strictly or are not finite.
+        """
+        array = np.asarray(values, dtype=np.float64)
+        if array.ndim == 1 and array.size >= 2 and array[-1] > array[0]:
+            array = (array - array[0]) / (array[-1] - array[0])
+            array[-1] = 1.0
+        return cls(array, **attributes)
+
+    @classmethod
+    def gamma(cls, exponent: float, levels: int = 256) -> Response:
+        """Return the response with g(M) = M**exponent."""
+        return cls(np.linspace(0, 1, levels) ** exponent, model={"name": "gamma", "exponent": exponent})
+
+    @property
+    def levels(self) -> FloatArray:
+        """Grey levels in [0, 1] at which the table is given, shape (n,)."""
+        return np.linspace(0.0, 1.0, self.inverse_table.size)
+
+    def __call__(self, irradiance: npt.ArrayLike) -> FloatArray:
+        """Return the grey level in [0, 1] that f gives for an irradiance; clipped outside [0, 1]."""
+        return np.interp(np.asarray(irradiance, dtype=np.float64), self.inverse_table, self.levels)
+
+    def inverse(self, grey: npt.ArrayLike) -> FloatArray:
+        """Return g, the irradiance in [0, 1] that gives a grey level in [0, 1]."""
+        return np.interp(np.asarray(grey, dtype=np.float64), self.levels, self.inverse_table)
+
+    def resampled(self, levels: int) -> FloatArray:
+        """Return g at ``levels`` equidistant grey levels, shape (levels,): the table other programs ask for."""
+        return self.inverse(np.linspace(0.0, 1.0, levels))

@@ -1,0 +1,185 @@
+"""The vignette: how much light of the centre reaches each place of the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.errors import FormatError
+from ospc.photometry.geometry import normalised, pixel_grid
+
+
+class Vignette(Protocol):
+    """What every vignette can do; attenuation is 1 at the image centre (or at its maximum, for measured maps)."""
+
+    @property
+    def size(self) -> ImageSize:
+        """Width and height in pixels of the images it belongs to."""
+        ...
+
+    def at(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the attenuation at pixel coordinates (x, y), shape (..., 2) -> (...)."""
+        ...
+
+    def image(self) -> Float32Array:
+        """Return the attenuation of every pixel, shape (height, width)."""
+        ...
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return name and parameters as JSON-compatible values."""
+        ...
+
+
+@dataclass(frozen=True)
+class PolynomialVignette:
+    """V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶ about the image centre (paper, eq. radial).
+
+    Attributes
+    ----------
+    size
+        Width and height in pixels.
+    coefficients
+        (v₁, v₂, v₃), for R in units of the half diagonal.
+    """
+
+    size: ImageSize
+    coefficients: tuple[float, ...]
+
+    def at(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the attenuation at pixel coordinates, shape (..., 2) -> (...)."""
+        offsets = normalised(np.asarray(points, dtype=np.float64), self.size)
+        return self.profile(np.sqrt(np.sum(offsets**2, axis=-1)))
+
+    def profile(self, radius: npt.ArrayLike) -> FloatArray:
+        """Return V at radii in units of the half diagonal."""
+        squared = np.asarray(radius, dtype=np.float64) ** 2
+        return np.asarray(np.polynomial.polynomial.polyval(squared, [1.0, *self.coefficients]), dtype=np.float64)
+
+    def image(self) -> Float32Array:
+        """Return the attenuation of every pixel, shape (height, width)."""
+        return self.at(pixel_grid(self.size)).astype(np.float32)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return name and parameters."""
+        return {"name": "polynomial", "size": list(self.size), "coefficients": list(self.coefficients)}
+
+
+@dataclass(frozen=True)
+class LogVignette:
+    """ln V = Σ aᵢ(R²ⁱ) about a centre of its own, plus a smooth non-radial part; zero at the vignette's centre.
+
+    Attributes
+    ----------
+    size
+        Width and height in pixels.
+    coefficients
+        (a₁, a₂, …), radius in units of the half diagonal, measured from ``centre``.
+    centre
+        Centre of the fall-off relative to the image centre, in half diagonals.
+    non_radial
+        Coefficients of the harmonics x·y, x²−y², and of x, y times R², in this order; empty for none.
+    """
+
+    size: ImageSize
+    coefficients: tuple[float, ...]
+    centre: tuple[float, float] = (0.0, 0.0)
+    non_radial: tuple[float, ...] = ()
+
+    def at(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the attenuation at pixel coordinates, shape (..., 2) -> (...)."""
+        offsets = normalised(np.asarray(points, dtype=np.float64), self.size) - np.array(self.centre)
+        squared = np.sum(offsets**2, axis=-1)
+        log_v = np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])
+        if self.non_radial:
+            x, y = offsets[..., 0], offsets[..., 1]
+            terms = (x * y, x**2 - y**2, x * squared, y * squared)
+            log_v = log_v + sum(c * t for c, t in zip(self.non_radial, terms, strict=True))
+        return np.asarray(np.exp(log_v))
+
+    def profile(self, radius: npt.ArrayLike) -> FloatArray:
+        """Return the radial part of V at distances from its centre, in half diagonals."""
+        squared = np.asarray(radius, dtype=np.float64) ** 2
+        return np.asarray(np.exp(np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])))
+
+    def image(self) -> Float32Array:
+        """Return the attenuation of every pixel, shape (height, width)."""
+        return self.at(pixel_grid(self.size)).astype(np.float32)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return name and parameters."""
+        return {
+            "name": "log_polynomial",
+            "size": list(self.size),
+            "coefficients": list(self.coefficients),
+            "centre": list(self.centre),
+            "non_radial": list(self.non_radial),
+        }
+
+
+@dataclass(frozen=True)
+class RasterVignette:
+    """A measured vignette, one value a pixel.
+
+    Attributes
+    ----------
+    values
+        Attenuation, shape (height, width), in (0, 1]; divided by its maximum on construction.
+    source
+        Where it came from.
+    """
+
+    values: Float32Array
+    source: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Normalise and freeze the values."""
+        values = np.array(self.values, dtype=np.float32)
+        if values.ndim != 2 or values.size == 0:
+            raise FormatError(f"a vignette map has one value a pixel in two dimensions, not shape {values.shape}")
+        if not np.all(np.isfinite(values)) or values.min() < 0 or values.max() <= 0:
+            raise FormatError("a vignette map must be finite, not negative, and not all zero")
+        values /= values.max()
+        values.setflags(write=False)
+        object.__setattr__(self, "values", values)
+
+    @property
+    def size(self) -> ImageSize:
+        """Width and height in pixels."""
+        return self.values.shape[1], self.values.shape[0]
+
+    def at(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the attenuation at pixel coordinates, bilinear, shape (..., 2) -> (...)."""
+        xy = np.asarray(points, dtype=np.float32)
+        flat = np.ascontiguousarray(xy.reshape(-1, 1, 2))
+        sampled = cv2.remap(
+            self.values, flat, np.empty(0), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        ).reshape(xy.shape[:-1])
+        return sampled.astype(np.float64)
+
+    def image(self) -> Float32Array:
+        """Return the attenuation of every pixel, shape (height, width)."""
+        return self.values
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return where the map came from; the map itself is stored beside the calibration as a picture."""
+        return {"name": "raster", "size": list(self.size), "source": self.source}
+
+
+def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:
+    """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the first three, shape (bins,).
+
+    Bins without a pixel hold NaN.
+    """
+    size = vignette.size
+    radius = np.linalg.norm(normalised(pixel_grid(size), size), axis=-1).ravel()
+    index = np.minimum((radius * bins).astype(np.int64), bins - 1)
+    count = np.bincount(index, minlength=bins).astype(np.float64)
+    total = np.bincount(index, weights=vignette.image().ravel().astype(np.float64), minlength=bins)
+    with np.errstate(invalid="ignore"):
+        profile = total / np.where(count > 0, count, np.nan)
+    return np.asarray(profile / np.nanmean(profile[:3]))

@@ -1,0 +1,11 @@
+"""Recordings: frames one by one, each with its exposure and time stamp.
+
+:func:`open_recording` recognises the kind of recording from its content. A kind is one module of this package that
+ends with a class satisfying :class:`ospc.recording.kinds.Kind` and is named in :mod:`ospc.recording.kinds`.
+"""
+
+from ospc.recording.frame import Frame
+from ospc.recording.kinds import open_recording
+from ospc.recording.recording import Recording
+
+__all__ = ["Frame", "Recording", "open_recording"]

@@ -1,0 +1,104 @@
+"""One frame of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ospc.arrays import Image
+from ospc.errors import FrameError
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A grey image with the exposure it was taken with; decoded only when :attr:`image` is first read.
+
+    Exposures are known before any pixel is looked at, so a calibrator can decide from them alone which frames are
+    worth decoding.
+
+    Attributes
+    ----------
+    index
+        Position in the recording, from 0, counting unreadable frames too.
+    stamp_s
+        Time stamp in seconds.
+    exposure_ms
+        Exposure time in milliseconds times linear gain; finite and positive.
+    name
+        What to call the frame in a message: its file name, usually.
+    load
+        Reads the image; raises :class:`~ospc.errors.FrameError` where that fails.
+    max_grey
+        Largest grey value the sensor delivers: 255 for 8 bit, 4095 for 12 bit.
+    """
+
+    index: int
+    stamp_s: float
+    exposure_ms: float
+    name: str
+    load: Callable[[], Image] = field(repr=False, compare=False)
+    max_grey: int = 255
+
+    @classmethod
+    def of_array(
+        cls,
+        image: Image,
+        exposure_ms: float,
+        *,
+        index: int = 0,
+        stamp_s: float = 0.0,
+        max_grey: int | None = None,
+    ) -> Frame:
+        """Make a frame of an image in memory.
+
+        Parameters
+        ----------
+        image
+            Grey image, shape (height, width), uint8 or uint16.
+        exposure_ms
+            Exposure time in milliseconds times linear gain.
+        index
+            Position in the recording.
+        stamp_s
+            Time stamp in seconds.
+        max_grey
+            Largest possible grey value; that of the data type where not given.
+
+        Raises
+        ------
+        FrameError
+            If the array is not a grey image of 8 or 16 bit.
+        """
+        name = f"frame {index}"
+        checked = check_image(np.asarray(image), name)
+        limit = max_grey or (255 if checked.dtype == np.uint8 else 65535)
+        return cls(index, float(stamp_s), float(exposure_ms), name, lambda: checked, limit)
+
+    @cached_property
+    def image(self) -> Image:
+        """Grey image, shape (height, width), uint8 or uint16.
+
+        Raises
+        ------
+        FrameError
+            If the image cannot be read.
+        """
+        return check_image(self.load(), self.name)
+
+
+def check_image(image: Image, name: str) -> Image:
+    """Return the image if it is a grey image of 8 or 16 bit.
+
+    Raises
+    ------
+    FrameError
+        If it is not.
+    """
+    if image.ndim != 2 or image.size == 0:
+        raise FrameError(f"{name}: a grey image has two dimensions, this has shape {image.shape}")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise FrameError(f"{name}: grey values must be uint8 or uint16, not {image.dtype}")
+    return image
