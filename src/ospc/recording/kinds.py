@@ -10,7 +10,7 @@ from typing import Protocol
 from ospc.errors import RecordingError
 from ospc.recording.recording import Recording
 
-_MODULES = ("tum_mono", "image_folder")
+_MODULES = ("tum_mono",)
 """Modules of this package, in the order in which they are asked; each has a ``KIND``."""
 
 

@@ -1,0 +1,61 @@
+"""From the bytes of an image file to a grey image, in bounded memory."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ospc.arrays import Image
+from ospc.errors import FrameError
+from ospc.recording.image_header import read_header
+
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm"})
+"""Names of image files end in one of these, in lower or upper case."""
+
+MAX_DECODED_BYTES = 512 * 2**20
+"""Images that would need more, with all channels they are stored with, are refused before they are decoded."""
+
+MAX_FILE_BYTES = 256 * 2**20
+"""Larger image files are refused before they are read."""
+
+# The orientation noted in a photograph is ignored: response and vignette belong to the sensor's own axes.
+_GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+
+
+def decode_grey(data: bytes, name: str) -> Image:
+    """Decode an image file to grey values; colour becomes luma, 0.299 R + 0.587 G + 0.114 B.
+
+    Parameters
+    ----------
+    data
+        The whole file.
+    name
+        What to call it in a message.
+
+    Returns
+    -------
+    Image
+        Shape (height, width), uint8 or uint16 as stored.
+
+    Raises
+    ------
+    FrameError
+        If it is not an image, truncated, damaged, too large, or not of 8 or 16 bit.
+    """
+    header = read_header(data, name)
+    if header.width * header.height * header.channels * max(header.bits, 8) > 8 * MAX_DECODED_BYTES:
+        raise FrameError(
+            f"{name}: its header states {header.width}x{header.height} pixels, which need more than the "
+            f"{MAX_DECODED_BYTES} bytes allowed; the file is damaged, or scale the images down"
+        )
+    if header.bits > 16:
+        raise FrameError(f"{name}: has {header.bits} bits a channel; convert it to 8 or 16 bit PNG")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _GREY)
+    except (cv2.error, MemoryError):
+        image = None
+    if image is None:
+        raise FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise FrameError(f"{name}: has {image.dtype} values, not 8 or 16 bit; convert it to PNG")
+    return image

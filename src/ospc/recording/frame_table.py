@@ -1,0 +1,234 @@
+"""Which exposure and time stamp belong to which image."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import PurePosixPath
+from typing import NamedTuple
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import ExposureError, RecordingError
+from ospc.recording.wording import listed, quoted
+
+EXPOSURE_RANGE_MS = (1e-9, 1e9)
+"""From a picosecond to eleven days; outside of it a number is no exposure."""
+
+LARGEST_STAMP = 1e20
+"""Larger numbers are no time stamp in any unit."""
+
+_EPOCH_UNITS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
+"""Time stamps that count from 1970 tell their unit by their size: 1e11 s would be the year 5138."""
+
+_INTEGER = re.compile(r"\d{1,30}", re.ASCII)
+
+
+class Row(NamedTuple):
+    """One frame as a file lists it.
+
+    Attributes
+    ----------
+    line
+        Line number, for messages.
+    image
+        What the file calls the image; empty where it does not name it.
+    stamp_s
+        Time stamp in seconds.
+    exposure_ms
+        Exposure in milliseconds.
+    """
+
+    line: int
+    image: str
+    stamp_s: float
+    exposure_ms: float
+
+
+@dataclass(frozen=True)
+class FrameTable:
+    """A list of frames as a file gives it, checked.
+
+    Attributes
+    ----------
+    source
+        The file, for messages.
+    ids
+        What the file calls each image; empty where it does not name them.
+    stamps_s
+        Time stamps in seconds, strictly increasing, shape (frames,).
+    exposures_ms
+        Exposures in milliseconds, finite and positive, shape (frames,).
+    notes
+        What was inferred.
+    """
+
+    source: str
+    ids: tuple[str, ...]
+    stamps_s: FloatArray
+    exposures_ms: FloatArray
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.exposures_ms)
+
+
+def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = ()) -> FrameTable:
+    """Check the rows of a list of frames and put them together.
+
+    Parameters
+    ----------
+    source
+        The file, for messages.
+    rows
+        One per frame, in temporal order; either all name their image or none does. Stamps so large that they cannot
+        be seconds are scaled by what they must be.
+    notes
+        What was inferred so far.
+
+    Raises
+    ------
+    ExposureError
+        If an exposure is not finite and positive.
+    RecordingError
+        If stamps do not increase or an image is named twice.
+    """
+    if not rows:
+        raise RecordingError(f"{source}: holds no frames; it needs one line per image")
+    _check_exposures(source, rows)
+    _check_stamps(source, rows)
+    ids = tuple(row.image for row in rows if row.image)
+    _check_ids(source, rows)
+    stamps = np.array([row.stamp_s for row in rows], dtype=np.float64)
+    exposures = np.array([row.exposure_ms for row in rows], dtype=np.float64)
+    said = list(notes)
+    for least, scale, unit in _EPOCH_UNITS:
+        if stamps[0] >= least:
+            stamps *= scale
+            said.append(f"{source}: time stamps are taken as {unit}, by their size")
+            break
+    stamps.setflags(write=False)
+    exposures.setflags(write=False)
+    return FrameTable(source, ids, stamps, exposures, tuple(said))
+
+
+def _check_exposures(source: str, rows: Sequence[Row]) -> None:
+    low, high = EXPOSURE_RANGE_MS
+    bad = [row for row in rows if not low <= row.exposure_ms <= high]
+    if bad:
+        plural = "lines" if len(bad) > 1 else "line"
+        raise ExposureError(
+            f"{source}, {plural} {listed([row.line for row in bad])}: the exposure must be a positive number of "
+            f"milliseconds, not {bad[0].exposure_ms:g}; remove the frame or give its exposure"
+        )
+
+
+def _check_stamps(source: str, rows: Sequence[Row]) -> None:
+    for row in rows:
+        if not abs(row.stamp_s) < LARGEST_STAMP:
+            raise RecordingError(f"{source}, line {row.line}: {row.stamp_s:g} is no time stamp; correct the line")
+    for before, after in pairwise(rows):
+        if after.stamp_s <= before.stamp_s:
+            how = "the same time stamp" if before.stamp_s == after.stamp_s else "time goes back"
+            raise RecordingError(
+                f"{source}, lines {before.line} and {after.line}: {how}; frames must be in the order they were taken"
+            )
+
+
+def _check_ids(source: str, rows: Sequence[Row]) -> None:
+    first: dict[str, int] = {}
+    for row in rows:
+        if row.image and first.setdefault(row.image, row.line) != row.line:
+            raise RecordingError(
+                f"{source}, lines {first[row.image]} and {row.line}: both name the image {quoted(row.image)}; "
+                f"remove one of them"
+            )
+
+
+def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Find the image of every row of a table.
+
+    Images belong to the row with their name, with their name without suffix, or with the same number; where rows
+    and images are merely counted differently (from 0, from 1) they correspond by order.
+
+    Parameters
+    ----------
+    table
+        The frames.
+    names
+        File names of the images, sorted.
+    place
+        Where the images are, for messages.
+
+    Returns
+    -------
+    tuple[tuple[str, ...], tuple[str, ...]]
+        Name of the image of every row, and notes.
+
+    Raises
+    ------
+    RecordingError
+        If rows and images do not correspond.
+    """
+    if not table.ids:
+        if len(table) != len(names):
+            raise _counts_differ(table, names, place, "")
+        return tuple(names), (f"{table.source}: names no images; they are taken in the order of their names",)
+    by_key = _by_key(names, place)
+    found = [by_key.get(image) or by_key.get(_number(image)) for image in table.ids]
+    rows_without = [image for image, name in zip(table.ids, found, strict=True) if name is None]
+    unused = sorted(set(names) - {name for name in found if name is not None})
+    if not rows_without and not unused:
+        return tuple(name for name in found if name is not None), ()
+    matched = len(table) - len(rows_without)
+    if len(table) == len(names) and (matched == 0 or _counted(table.ids, names)):
+        return tuple(names), (f"{table.source}: its ids are not the names of the images; they are matched by order",)
+    detail = ""
+    if matched:
+        missing = f"; no image for {listed(rows_without)}" if rows_without else ""
+        extra = f"; no line for {listed(unused)}" if unused else ""
+        detail = missing + extra
+    raise _counts_differ(table, names, place, detail)
+
+
+def _counts_differ(table: FrameTable, names: Sequence[str], place: str, detail: str) -> RecordingError:
+    return RecordingError(
+        f"{table.source}: lists {len(table)} frames but {place} holds {len(names)} images{detail}; "
+        f"there must be one line per image"
+    )
+
+
+def _number(text: str) -> str:
+    """Return a key under which 7, 07 and 00007 are the same, and no file name is found."""
+    return f"/{int(text)}" if _INTEGER.fullmatch(text) else ""
+
+
+def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
+    """Return every key an image may be asked for by; a key that stands for two images is an error."""
+    keys: dict[str, str] = {}
+    for name in names:
+        path = PurePosixPath(name)
+        for key in {name, path.name, path.stem, _number(path.stem)} - {""}:
+            if keys.setdefault(key, name) != name:
+                raise RecordingError(
+                    f"{place}: {quoted(keys[key])} and {quoted(name)} cannot be told apart by their names; "
+                    f"keep one of them"
+                )
+    return keys
+
+
+def _counted(ids: Sequence[str], names: Sequence[str]) -> bool:
+    """Tell whether both rows and images are numbered without gaps, if from different numbers."""
+    stems = [PurePosixPath(name).stem for name in names]
+    return all(_consecutive(texts) for texts in (ids, stems))
+
+
+def _consecutive(texts: Sequence[str]) -> bool:
+    if not all(_INTEGER.fullmatch(text) for text in texts):
+        return False
+    numbers = [int(text) for text in texts]
+    return numbers == list(range(numbers[0], numbers[0] + len(numbers)))

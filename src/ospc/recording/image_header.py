@@ -1,0 +1,190 @@
+"""What an encoded image says about itself, read before any of it is decoded.
+
+A decoder allocates what the header asks for and gives back half a picture when the file ends early. Both are
+decided here from the bytes alone: the size is known before decoding, and a file without its end is an error.
+Sources: PNG specification (W3C, third edition), ITU-T T.81 (JPEG), Netpbm's pgm(5) and ppm(5), the Windows bitmap
+header, TIFF 6.0.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ospc.errors import FrameError
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """Size and pixel type of an encoded image.
+
+    Attributes
+    ----------
+    width, height
+        In pixels.
+    channels
+        Number of channels as stored; a palette counts as colour.
+    bits
+        Bits per channel as stored.
+    """
+
+    width: int
+    height: int
+    channels: int
+    bits: int
+
+
+def read_header(data: bytes, name: str) -> ImageHeader:
+    """Read the header of an encoded image and check that its end is there.
+
+    Parameters
+    ----------
+    data
+        The whole file.
+    name
+        What to call it in a message.
+
+    Raises
+    ------
+    FrameError
+        If it is of no known format, truncated or damaged.
+    """
+    for magic, parse in _FORMATS:
+        if data.startswith(magic):
+            try:
+                header = parse(data)
+            except (struct.error, IndexError):
+                raise FrameError(f"{name}: the image is truncated; copy or download it again") from None
+            except _DamagedError as error:
+                raise FrameError(f"{name}: {error}; copy or download it again") from None
+            if header.width <= 0 or header.height <= 0:
+                raise FrameError(f"{name}: its header states a size of {header.width}x{header.height} pixels")
+            return header
+    what = "the file is empty" if not data else "its content is not PNG, JPEG, TIFF, BMP, PGM or PPM"
+    raise FrameError(f"{name}: {what}; convert it to PNG or remove it from the recording")
+
+
+class _DamagedError(Exception):
+    """The bytes break the rules of the format."""
+
+
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
+_PNG_BITS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
+
+
+def _png(data: bytes) -> ImageHeader:
+    width, height, bits, colour = struct.unpack_from(">IIBB", data, 16)
+    if data[12:16] != b"IHDR" or bits not in _PNG_BITS.get(colour, ()):
+        raise _DamagedError("its PNG header is damaged")
+    place = 8
+    while True:
+        length, kind = struct.unpack_from(">I4s", data, place)
+        end = place + 8 + length
+        (checksum,) = struct.unpack_from(">I", data, end)
+        if zlib.crc32(memoryview(data)[place + 4 : end]) != checksum:
+            raise _DamagedError(f"a checksum of its PNG data is wrong at byte {place}")
+        if kind == b"IEND":
+            return ImageHeader(width, height, _PNG_CHANNELS[colour], bits)
+        place = end + 4
+
+
+_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+_JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
+
+
+def _jpeg(data: bytes) -> ImageHeader:
+    """Walk over the segments; a thumbnail's end, inside a segment, is not the picture's end."""
+    header = None
+    place = 2
+    while marker := _JPEG_MARKER.search(data, place):
+        kind, place = data[marker.end() - 1], marker.end()
+        if kind == _JPEG_END:
+            break
+        (length,) = struct.unpack_from(">H", data, place)
+        if kind in _JPEG_SIZES and header is None:
+            bits, height, width, channels = struct.unpack_from(">BHHB", data, place + 2)
+            header = ImageHeader(width, height, channels, bits)
+        place += length
+    else:
+        raise _DamagedError("the image is truncated: it has no end marker")
+    if header is None:
+        raise _DamagedError("its JPEG header states no size")
+    return header
+
+
+_PNM_GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
+_PNM_HEADER = re.compile(rb"P[56]" + _PNM_GAP + (rb"(\d{1,9})" + _PNM_GAP) * 2 + rb"(\d{1,5})\s")
+_PNM_HEADER_BYTES = 4096
+
+
+def _pnm(data: bytes) -> ImageHeader:
+    found = _PNM_HEADER.match(data[:_PNM_HEADER_BYTES])
+    if found is None:
+        raise _DamagedError("its PGM or PPM header is damaged")
+    width, height, limit = (int(group) for group in found.groups())
+    header = ImageHeader(width, height, 3 if data[1:2] == b"6" else 1, 16 if limit > 255 else 8)
+    if len(data) - found.end() < width * height * header.channels * header.bits // 8:
+        raise _DamagedError("the image is truncated")
+    return header
+
+
+def _bmp(data: bytes) -> ImageHeader:
+    start, header_bytes = struct.unpack_from("<II", data, 10)
+    if header_bytes == 12:
+        width, height, _, bits = struct.unpack_from("<HHHH", data, 18)
+        compression = 0
+    else:
+        width, height, _, bits, compression = struct.unpack_from("<iiHHI", data, 18)
+    height = abs(height)
+    if compression == 0 and len(data) < start + (width * bits + 31) // 32 * 4 * height:
+        raise _DamagedError("the image is truncated")
+    return ImageHeader(width, height, 3, 8)
+
+
+_TIFF_FORMATS = {1: "B", 3: "H", 4: "I"}
+_TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_BITS, _TIFF_CHANNELS = 256, 257, 258, 277
+_TIFF_STRIPS, _TIFF_STRIP_BYTES = 273, 279
+_TIFF_TILE_WIDTH, _TIFF_TILE_HEIGHT, _TIFF_TILES, _TIFF_TILE_BYTES = 322, 323, 324, 325
+_TIFF_TAGS = frozenset({256, 257, 258, 273, 277, 279, 322, 323, 324, 325})
+_TIFF_MAX_VALUES = 2**20
+
+
+def _tiff(data: bytes) -> ImageHeader:
+    order = "<" if data[:2] == b"II" else ">"
+    (start,) = struct.unpack_from(order + "I", data, 4)
+    (count,) = struct.unpack_from(order + "H", data, start)
+    tags: dict[int, tuple[int, ...]] = {}
+    for place in range(start + 2, start + 2 + 12 * count, 12):
+        tag, kind, number = struct.unpack_from(order + "HHI", data, place)
+        if tag not in _TIFF_TAGS or tag in tags:
+            continue
+        if kind not in _TIFF_FORMATS or not 0 < number <= _TIFF_MAX_VALUES:
+            raise _DamagedError("its TIFF directory is damaged")
+        layout = f"{order}{number}{_TIFF_FORMATS[kind]}"
+        inline = struct.calcsize(layout) <= 4
+        where = place + 8 if inline else struct.unpack_from(order + "I", data, place + 8)[0]
+        tags[tag] = struct.unpack_from(layout, data, where)
+    for places, sizes in ((_TIFF_STRIPS, _TIFF_STRIP_BYTES), (_TIFF_TILES, _TIFF_TILE_BYTES)):
+        for offset, length in zip(tags.get(places, ()), tags.get(sizes, ()), strict=False):
+            if offset + length > len(data):
+                raise _DamagedError("the image is truncated")
+    if _TIFF_WIDTH not in tags or _TIFF_HEIGHT not in tags:
+        raise _DamagedError("its TIFF directory states no size")
+    width = max(tags[_TIFF_WIDTH][0], tags.get(_TIFF_TILE_WIDTH, (0,))[0])
+    height = max(tags[_TIFF_HEIGHT][0], tags.get(_TIFF_TILE_HEIGHT, (0,))[0])
+    return ImageHeader(width, height, tags.get(_TIFF_CHANNELS, (1,))[0], max(tags.get(_TIFF_BITS, (1,))))
+
+
+_FORMATS: tuple[tuple[bytes, Callable[[bytes], ImageHeader]], ...] = (
+    (b"\x89PNG\r\n\x1a\n", _png),
+    (b"\xff\xd8\xff", _jpeg),
+    (b"P5", _pnm),
+    (b"P6", _pnm),
+    (b"BM", _bmp),
+    (b"II*\x00", _tiff),
+    (b"MM\x00*", _tiff),
+)

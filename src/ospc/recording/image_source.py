@@ -1,0 +1,231 @@
+"""Where the image files of a recording are: in a folder or in a zip archive, which is never extracted."""
+
+from __future__ import annotations
+
+import re
+import stat
+import threading
+import zipfile
+import zlib
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Protocol
+
+from ospc.errors import FrameError, RecordingError
+from ospc.recording.decoding import IMAGE_SUFFIXES, MAX_FILE_BYTES
+from ospc.recording.wording import escaped, quoted
+
+MAX_EXPANSION = 200
+"""A zip member may be this many times larger than its compressed form; photographs hardly compress at all."""
+
+FREE_EXPANSION_BYTES = 16 * 2**20
+"""Zip members up to this size may expand by more: a black image does."""
+
+MAX_MEMBERS = 1_000_000
+"""Zip archives with more members are refused."""
+
+
+class ImageSource(Protocol):
+    """Image files by name."""
+
+    @property
+    def place(self) -> Path:
+        """The folder or archive."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the image files, sorted."""
+        ...
+
+    def label(self, name: str) -> str:
+        """Return what to call an image file in a message."""
+        ...
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of an image file.
+
+        Raises
+        ------
+        FrameError
+            If it cannot be read.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of open files; nothing can be read afterwards."""
+        ...
+
+
+@dataclass(frozen=True)
+class FolderImages:
+    """The image files of a folder, not those of its sub-folders.
+
+    Attributes
+    ----------
+    place
+        The folder.
+    names
+        File names, sorted.
+    """
+
+    place: Path
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, folder: Path) -> FolderImages:
+        """List a folder.
+
+        Raises
+        ------
+        RecordingError
+            If it cannot be listed.
+        """
+        try:
+            # is_file() keeps pipes and devices out: reading one would wait for ever.
+            names = sorted(p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file())
+        except OSError as error:
+            raise RecordingError(f"{folder}: cannot be listed ({error.strerror}); check its rights") from None
+        return cls(folder, tuple(names))
+
+    def label(self, name: str) -> str:
+        """Return the path of an image file."""
+        return escaped(str(self.place / name))
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of an image file.
+
+        Raises
+        ------
+        FrameError
+            If it cannot be read or is too large.
+        """
+        try:
+            with (self.place / name).open("rb") as file:
+                data = file.read(MAX_FILE_BYTES + 1)
+        except OSError as error:
+            raise FrameError(f"{self.label(name)}: cannot be read ({error.strerror}); check the file") from None
+        if len(data) > MAX_FILE_BYTES:
+            raise FrameError(f"{self.label(name)}: larger than the {MAX_FILE_BYTES} bytes allowed; scale it down")
+        return data
+
+    def close(self) -> None:
+        """Do nothing: files are open only while they are read."""
+
+
+@dataclass(frozen=True)
+class ZipImages:
+    """The image files of a zip archive; threads may read from it at the same time.
+
+    Attributes
+    ----------
+    place
+        The archive.
+    names
+        Member names, sorted.
+    """
+
+    place: Path
+    names: tuple[str, ...]
+    _archive: zipfile.ZipFile = field(repr=False, compare=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, path: Path) -> ZipImages:
+        """Open an archive.
+
+        Raises
+        ------
+        RecordingError
+            If it is not a zip archive, is damaged, or has members that a recording has no reason to have.
+        """
+        try:
+            archive = zipfile.ZipFile(path)
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file") from None
+        except (zipfile.BadZipFile, ValueError, NotImplementedError, EOFError, OverflowError):
+            raise RecordingError(f"{path}: not a zip archive, or damaged; copy or download it again") from None
+        try:
+            members = [m for m in archive.infolist() if not m.is_dir() and _is_image_member(m.filename)]
+            if len(archive.infolist()) > MAX_MEMBERS:
+                raise RecordingError(f"{path}: has more than the {MAX_MEMBERS} members allowed; split the archive")
+            _check_members(members, path)
+        except RecordingError:
+            archive.close()
+            raise
+        return cls(path, tuple(sorted(m.filename for m in members)), archive)
+
+    def label(self, name: str) -> str:
+        """Return the path of the archive followed by the name of its member."""
+        return escaped(f"{self.place}/{name}")
+
+    def read(self, name: str) -> bytes:
+        """Return the bytes of a member.
+
+        Raises
+        ------
+        FrameError
+            If it cannot be read: damaged, or the archive has been closed.
+        """
+        size = self._archive.getinfo(name).file_size
+        try:
+            # With a length the decompressor stops there, whatever the archive states about its members.
+            with self._lock, self._archive.open(name) as member:
+                data = member.read(size + 1)
+        except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError, NotImplementedError):
+            raise FrameError(
+                f"{self.label(name)}: cannot be read from the archive; it is damaged, or the recording was closed"
+            ) from None
+        if len(data) != size:
+            raise FrameError(f"{self.label(name)}: ends early; copy or download the archive again")
+        return data
+
+    def close(self) -> None:
+        """Close the archive."""
+        with self._lock:
+            self._archive.close()
+
+
+def is_image_name(name: str) -> bool:
+    """Tell whether a file name is that of an image; hidden files are none."""
+    return PurePosixPath(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith(".")
+
+
+def _is_image_member(name: str) -> bool:
+    """Tell whether a member is an image; archives made on macOS hold a hidden twin of every file."""
+    parts = re.split(r"[/\\]", name)
+    return is_image_name(parts[-1]) and "__MACOSX" not in parts
+
+
+def _check_members(members: list[zipfile.ZipInfo], path: Path) -> None:
+    """Refuse what is hostile or ambiguous before anything is read."""
+    for member in members:
+        problem = _problem(member)
+        if problem:
+            raise RecordingError(f"{path}: member {quoted(member.filename)} {problem}; make the archive anew")
+    repeated = [name for name, count in Counter(m.filename for m in members).items() if count > 1]
+    if repeated:
+        raise RecordingError(f"{path}: member {quoted(repeated[0])} is there twice; make the archive anew")
+    folders = sorted({str(PurePosixPath(m.filename).parent) for m in members})
+    if len(folders) > 1:
+        two = f"{quoted(folders[0])} and {quoted(folders[1])}"
+        raise RecordingError(f"{path}: has images in the folders {two}; keep those of one camera")
+
+
+def _problem(member: zipfile.ZipInfo) -> str | None:
+    """Return what is wrong with a member, None where nothing is."""
+    name = member.filename
+    problems = {
+        "has a path that leads out of the archive": (
+            name.startswith("/") or "\\" in name or ":" in name or ".." in name.split("/")
+        ),
+        "is a link": stat.S_ISLNK(member.external_attr >> 16),
+        "is encrypted": bool(member.flag_bits & 1),
+        "is compressed by an unusual method": member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED),
+        f"has more than the {MAX_FILE_BYTES} bytes allowed": member.file_size > MAX_FILE_BYTES,
+        f"expands to more than {MAX_EXPANSION} times its size": (
+            member.file_size > max(FREE_EXPANSION_BYTES, MAX_EXPANSION * member.compress_size)
+        ),
+    }
+    return next((problem for problem, found in problems.items() if found), None)

@@ -1,0 +1,68 @@
+"""Small text files that come with a recording, read without trust."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ospc.errors import RecordingError
+from ospc.recording.wording import quoted
+
+MAX_TEXT_BYTES = 64 * 2**20
+"""Larger text files are refused; a million frames need less."""
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE | re.ASCII)
+_LINE_END = re.compile(r"\r\n|\n|\r")
+
+
+def read_text(path: Path) -> str:
+    """Read a text file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, is too large, or is not text.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_TEXT_BYTES + 1)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
+    if len(data) > MAX_TEXT_BYTES:
+        raise RecordingError(f"{path}: larger than the {MAX_TEXT_BYTES} bytes allowed; is it the right file?")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise RecordingError(f"{path}: not a text file in UTF-8; save it as plain text") from None
+    if "\0" in text:
+        raise RecordingError(f"{path}: not a text file; save it as plain text in UTF-8")
+    return text
+
+
+def lines_of(text: str) -> list[tuple[int, str]]:
+    """Return the lines with their numbers from 1, as an editor counts them; blank ones left out."""
+    numbered = enumerate(_LINE_END.split(text), start=1)
+    return [(number, line.strip()) for number, line in numbered if line.strip()]
+
+
+def parse_number(text: str, what: str, place: str) -> float:
+    """Return the number written in a field; NaN and infinities are numbers here, for the caller to judge.
+
+    Parameters
+    ----------
+    text
+        The field.
+    what
+        What belongs there, as the subject of a sentence.
+    place
+        File and line, for the message.
+
+    Raises
+    ------
+    RecordingError
+        If it is not a number.
+    """
+    if _NUMBER.fullmatch(text) or _NOT_FINITE.fullmatch(text):
+        return float(text)
+    raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; correct the line")

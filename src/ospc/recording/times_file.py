@@ -1,0 +1,59 @@
+"""``times.txt`` of the TUM monocular and TUM visual-inertial datasets: ``id stamp[s] exposure[ms]`` per line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ospc.errors import ExposureError, RecordingError
+from ospc.recording.frame_table import FrameTable, Row, make_table
+from ospc.recording.text_file import lines_of, parse_number, read_text
+
+_COLUMNS = 3
+
+
+def read_times(path: Path) -> FrameTable:
+    """Read a ``times.txt``.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read or a line breaks the format; the message names the line.
+    ExposureError
+        If it has no exposures or one that is not a positive number.
+    """
+    return parse_times(read_text(path), str(path))
+
+
+def parse_times(text: str, source: str) -> FrameTable:
+    """Parse the content of a ``times.txt``; lines that start with ``#`` and blank lines are skipped.
+
+    Parameters
+    ----------
+    text
+        Content of the file.
+    source
+        What to call it in a message.
+
+    Raises
+    ------
+    RecordingError
+        If a line breaks the format; the message names it.
+    ExposureError
+        If it has no exposures or one that is not a positive number.
+    """
+    rows = [(number, line.split()) for number, line in lines_of(text) if not line.startswith("#")]
+    if rows and all(len(fields) == _COLUMNS - 1 for _, fields in rows):
+        raise ExposureError(
+            f"{source}: has no exposures, only ids and time stamps; calibration needs a third column with the "
+            f"exposure of each frame in milliseconds"
+        )
+    table = []
+    for number, fields in rows:
+        place = f"{source}, line {number}"
+        if len(fields) == _COLUMNS - 1:
+            raise ExposureError(f"{place}: has no exposure; a line is 'id stamp[s] exposure[ms]'")
+        if len(fields) != _COLUMNS:
+            raise RecordingError(f"{place}: has {len(fields)} columns, not 3; a line is 'id stamp[s] exposure[ms]'")
+        stamp_s = parse_number(fields[1], "the time stamp", place)
+        table.append(Row(number, fields[0], stamp_s, parse_number(fields[2], "the exposure", place)))
+    return make_table(source, table)
