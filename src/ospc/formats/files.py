@@ -1,0 +1,75 @@
+"""Reading and writing whole files safely: bounded when reading, all or nothing when writing."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ospc.errors import FormatError
+
+LARGEST_TEXT = 64 * 2**20
+"""Bytes up to which a parameter file is read; the largest real one, a table of 65536 values, has half a megabyte."""
+
+
+def read_bytes(path: str | Path, limit: int = LARGEST_TEXT) -> bytes:
+    """Return the content of a file no larger than ``limit`` bytes.
+
+    Raises
+    ------
+    FormatError
+        If there is no such file, it cannot be read, or it is larger.
+    """
+    place = Path(path)
+    try:
+        with place.open("rb") as stream:
+            content = stream.read(limit + 1)
+    except FileNotFoundError:
+        raise FormatError(f"{place}: there is no such file; check the path") from None
+    except OSError as error:
+        raise FormatError(f"{place}: cannot be read ({error.strerror}); check the path and its permissions") from None
+    if len(content) > limit:
+        raise FormatError(f"{place}: larger than {limit} bytes, which no file of its kind is; check the path")
+    return content
+
+
+def read_text(path: str | Path, limit: int = LARGEST_TEXT) -> str:
+    """Return the content of a text file; bytes that are no UTF-8 become replacement characters.
+
+    Raises
+    ------
+    FormatError
+        As :func:`read_bytes`.
+    """
+    return read_bytes(path, limit).decode("utf-8", errors="replace")
+
+
+def write_bytes(path: str | Path, content: bytes) -> Path:
+    """Write a file atomically and return its path: readers see the old content or the new, never a part.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be written.
+    """
+    place = Path(path)
+    unfinished = place.with_name(f".{place.name}.{os.getpid()}.part")
+    try:
+        unfinished.write_bytes(content)
+        unfinished.replace(place)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise FormatError(
+            f"{place}: cannot be written ({error.strerror}); check that the folder exists and allows it"
+        ) from None
+    return place
+
+
+def write_text(path: str | Path, content: str) -> Path:
+    """Write a UTF-8 text file atomically, line ends as given, and return its path.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be written.
+    """
+    return write_bytes(path, content.encode("utf-8"))
