@@ -4,8 +4,10 @@
 ends with a class satisfying :class:`ospc.recording.kinds.Kind` and is named in :mod:`ospc.recording.kinds`.
 """
 
+from ospc.recording.arrays import ArrayRecording
 from ospc.recording.frame import Frame
+from ospc.recording.identity import identity
 from ospc.recording.kinds import open_recording
 from ospc.recording.recording import Recording
 
-__all__ = ["Frame", "Recording", "open_recording"]
+__all__ = ["ArrayRecording", "Frame", "Recording", "identity", "open_recording"]

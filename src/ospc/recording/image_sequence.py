@@ -88,6 +88,16 @@ class ImageSequence:
         """Let go of open files; images cannot be read afterwards."""
         self.source.close()
 
+    def stored_bytes(self, index: int) -> bytes:
+        """Return the file of a frame's image, to recognise the recording by.
+
+        Raises
+        ------
+        FrameError
+            If it cannot be read.
+        """
+        return self.source.read(self.names[index])
+
     def _load(self, name: str) -> Image:
         label = self.source.label(name)
         image = decode_grey(self.source.read(name), label)
