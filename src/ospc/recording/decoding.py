@@ -9,9 +9,6 @@ from ospc.arrays import Image
 from ospc.errors import FrameError
 from ospc.recording.image_header import read_header
 
-IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm"})
-"""Names of image files end in one of these, in lower or upper case."""
-
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that would need more, with all channels they are stored with, are refused before they are decoded."""
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError
+from ospc.recording.image_names import by_name, is_image_name
 from ospc.recording.wording import listed, quoted
 
 EXPOSURE_RANGE_MS = (1e-9, 1e9)
@@ -176,29 +177,27 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     """
     if not table.ids:
         if len(table) != len(names):
-            raise _counts_differ(table, names, place, "")
+            raise _mismatch(table, names, place, "")
         return tuple(names), (f"{table.source}: names no images; they are taken in the order of their names",)
     by_key = _by_key(names, place)
     found = [by_key.get(image) or by_key.get(_number(image)) for image in table.ids]
-    rows_without = [image for image, name in zip(table.ids, found, strict=True) if name is None]
-    unused = sorted(set(names) - {name for name in found if name is not None})
-    if not rows_without and not unused:
-        return tuple(name for name in found if name is not None), ()
-    matched = len(table) - len(rows_without)
-    if len(table) == len(names) and (matched == 0 or _counted(table.ids, names)):
-        return tuple(names), (f"{table.source}: its ids are not the names of the images; they are matched by order",)
-    detail = ""
-    if matched:
-        missing = f"; no image for {listed(rows_without)}" if rows_without else ""
-        extra = f"; no line for {listed(unused)}" if unused else ""
-        detail = missing + extra
-    raise _counts_differ(table, names, place, detail)
+    missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
+    unused = sorted(set(names) - set(found), key=by_name)
+    if len(table) == len(names):
+        if not missing and not unused:
+            return tuple(name for name in found if name is not None), ()
+        none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
+        if none_match or _counted(table.ids, names):
+            return tuple(names), (f"{table.source}: its ids are no names of images; they are matched by order",)
+    detail = f"; no image for {listed(missing)}" if missing else ""
+    detail += f"; no line for {listed(unused)}" if unused else ""
+    raise _mismatch(table, names, place, detail)
 
 
-def _counts_differ(table: FrameTable, names: Sequence[str], place: str, detail: str) -> RecordingError:
+def _mismatch(table: FrameTable, names: Sequence[str], place: str, detail: str) -> RecordingError:
+    same = "other images than the" if len(table) == len(names) else f"{len(table)} frames but there are"
     return RecordingError(
-        f"{table.source}: lists {len(table)} frames but {place} holds {len(names)} images{detail}; "
-        f"there must be one line per image"
+        f"{table.source}: lists {same} {len(names)} images in {place}{detail}; there must be one line for each image"
     )
 
 

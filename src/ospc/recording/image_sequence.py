@@ -18,6 +18,7 @@ from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, match_images
 from ospc.recording.image_header import read_header
 from ospc.recording.image_source import ImageSource
+from ospc.recording.wording import escaped
 
 _DEPTH_SAMPLES = 4
 """Frames looked at for the bit depth: the first readable and those with the longest exposures, which use all bits."""
@@ -72,7 +73,7 @@ class ImageSequence:
         """Give the frames one by one, none decoded."""
         for index, name in enumerate(self.names):
             stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
-            yield Frame(index, stamp_s, exposure_ms, name, partial(self._load, name), self.max_grey)
+            yield Frame(index, stamp_s, exposure_ms, escaped(name), partial(self._load, name), self.max_grey)
 
     def __enter__(self) -> ImageSequence:
         """Return itself."""

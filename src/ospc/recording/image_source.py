@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import stat
 import threading
@@ -13,7 +14,8 @@ from pathlib import Path, PurePosixPath
 from typing import Protocol
 
 from ospc.errors import FrameError, RecordingError
-from ospc.recording.decoding import IMAGE_SUFFIXES, MAX_FILE_BYTES
+from ospc.recording.decoding import MAX_FILE_BYTES
+from ospc.recording.image_names import by_name, is_image_name
 from ospc.recording.wording import escaped, quoted
 
 MAX_EXPANSION = 200
@@ -36,7 +38,7 @@ class ImageSource(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the image files, sorted."""
+        """Names of the image files, sorted; numbers in them by their value."""
         ...
 
     def label(self, name: str) -> str:
@@ -84,10 +86,10 @@ class FolderImages:
         """
         try:
             # is_file() keeps pipes and devices out: reading one would wait for ever.
-            names = sorted(p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file())
+            names = [p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file()]
         except OSError as error:
             raise RecordingError(f"{folder}: cannot be listed ({error.strerror}); check its rights") from None
-        return cls(folder, tuple(names))
+        return cls(folder, tuple(sorted(names, key=by_name)))
 
     def label(self, name: str) -> str:
         """Return the path of an image file."""
@@ -103,7 +105,9 @@ class FolderImages:
         """
         try:
             with (self.place / name).open("rb") as file:
-                data = file.read(MAX_FILE_BYTES + 1)
+                # Asking for the limit itself would reserve that much memory for every image.
+                size = os.fstat(file.fileno()).st_size
+                data = file.read(min(size, MAX_FILE_BYTES) + 1)
         except OSError as error:
             raise FrameError(f"{self.label(name)}: cannot be read ({error.strerror}); check the file") from None
         if len(data) > MAX_FILE_BYTES:
@@ -154,7 +158,7 @@ class ZipImages:
         except RecordingError:
             archive.close()
             raise
-        return cls(path, tuple(sorted(m.filename for m in members)), archive)
+        return cls(path, tuple(sorted((m.filename for m in members), key=by_name)), archive)
 
     def label(self, name: str) -> str:
         """Return the path of the archive followed by the name of its member."""
@@ -185,11 +189,6 @@ class ZipImages:
         """Close the archive."""
         with self._lock:
             self._archive.close()
-
-
-def is_image_name(name: str) -> bool:
-    """Tell whether a file name is that of an image; hidden files are none."""
-    return PurePosixPath(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith(".")
 
 
 def _is_image_member(name: str) -> bool:

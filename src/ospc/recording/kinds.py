@@ -9,8 +9,9 @@ from typing import Protocol
 
 from ospc.errors import RecordingError
 from ospc.recording.recording import Recording
+from ospc.recording.wording import quoted
 
-_MODULES = ("tum_mono",)
+_MODULES = ("tum_mono", "image_folder")
 """Modules of this package, in the order in which they are asked; each has a ``KIND``."""
 
 
@@ -65,20 +66,32 @@ def open_recording(path: str | Path, kind: str | None = None) -> Recording:
         If there is nothing at the path, or it is of no known kind, or its parts do not belong together.
     """
     place = Path(path)
-    if not place.exists():
-        raise RecordingError(f"{place}: there is no such file or folder; check the path")
     known = list(kinds())
-    if kind is not None:
-        chosen = next((k for k in known if k.name == kind), None)
-        if chosen is None:
-            raise RecordingError(
-                f"no kind of recording is called '{kind}'; known: {', '.join(k.name for k in known)}"
-            )
+    try:
+        if not place.exists():
+            raise RecordingError(f"{place}: there is no such file or folder; check the path")
+        if kind is None:
+            chosen = next((k for k in known if k.recognises(place)), None)
+        else:
+            chosen = next((k for k in known if k.name == kind), None)
+    except OSError as error:
+        raise RecordingError(f"{place}: cannot be read ({error.strerror}); check the path and its rights") from None
+    if chosen is not None:
         return chosen.open(place)
-    for candidate in known:
-        if candidate.recognises(place):
-            return candidate.open(place)
-    raise RecordingError(
-        f"{place}: not recognised as a recording; expected a folder with images/ or images.zip and times.txt "
-        f"(lines 'id stamp[s] exposure[ms]'), or a folder of images with a file of exposures"
-    )
+    if kind is not None:
+        names = ", ".join(k.name for k in known)
+        raise RecordingError(f"no kind of recording is called {quoted(kind)}; known: {names}")
+    raise RecordingError(f"{place}: {_reason(place)}; {_EXPECTED}")
+
+
+_EXPECTED = (
+    "expected a folder with images/ or images.zip and times.txt (lines 'id stamp[s] exposure[ms]'), or a folder of "
+    "images with a list of their exposures"
+)
+
+
+def _reason(place: Path) -> str:
+    """Say why nothing recognised the path."""
+    if not place.is_dir():
+        return "a file of this kind is not a recording"
+    return "holds no images" if any(place.iterdir()) else "the folder is empty"

@@ -11,6 +11,12 @@ from ospc.recording.wording import quoted
 MAX_TEXT_BYTES = 64 * 2**20
 """Larger text files are refused; a million frames need less."""
 
+MAX_LINES = 1_000_000
+"""Text files with more lines are refused: at 30 frames a second they would list nine hours."""
+
+MAX_LINE_CHARACTERS = 4096
+"""Text files with longer lines are refused; a frame needs about fifty characters."""
+
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 _LINE_END = re.compile(r"\r\n|\n|\r")
@@ -40,10 +46,28 @@ def read_text(path: Path) -> str:
     return text
 
 
-def lines_of(text: str) -> list[tuple[int, str]]:
-    """Return the lines with their numbers from 1, as an editor counts them; blank ones left out."""
-    numbered = enumerate(_LINE_END.split(text), start=1)
-    return [(number, line.strip()) for number, line in numbered if line.strip()]
+def lines_of(text: str, source: str) -> list[tuple[int, str]]:
+    """Return the lines with their numbers from 1, as an editor counts them; blank ones left out.
+
+    Raises
+    ------
+    RecordingError
+        If there are too many lines or one is too long.
+    """
+    if text.count("\n") + text.count("\r") > 2 * MAX_LINES:
+        raise RecordingError(f"{source}: has more than the {MAX_LINES} lines allowed; is it the right file?")
+    lines = [(number, line.strip()) for number, line in enumerate(_LINE_END.split(text), start=1) if line.strip()]
+    for number, line in lines:
+        if len(line) > MAX_LINE_CHARACTERS:
+            raise RecordingError(
+                f"{source}, line {number}: longer than {MAX_LINE_CHARACTERS} characters; is it the right file?"
+            )
+    return lines
+
+
+def is_number(text: str) -> bool:
+    """Tell whether a field is a number, NaN and infinities included."""
+    return bool(_NUMBER.fullmatch(text) or _NOT_FINITE.fullmatch(text))
 
 
 def parse_number(text: str, what: str, place: str) -> float:
@@ -63,6 +87,6 @@ def parse_number(text: str, what: str, place: str) -> float:
     RecordingError
         If it is not a number.
     """
-    if _NUMBER.fullmatch(text) or _NOT_FINITE.fullmatch(text):
+    if is_number(text):
         return float(text)
     raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; correct the line")

@@ -41,7 +41,7 @@ def parse_times(text: str, source: str) -> FrameTable:
     ExposureError
         If it has no exposures or one that is not a positive number.
     """
-    rows = [(number, line.split()) for number, line in lines_of(text) if not line.startswith("#")]
+    rows = [(number, line.split()) for number, line in lines_of(text, source) if not line.startswith("#")]
     if rows and all(len(fields) == _COLUMNS - 1 for _, fields in rows):
         raise ExposureError(
             f"{source}: has no exposures, only ids and time stamps; calibration needs a third column with the "

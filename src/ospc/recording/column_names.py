@@ -1,0 +1,161 @@
+"""What the header of a list of exposures says about its columns: meaning and unit."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ospc.errors import ExposureError, RecordingError
+from ospc.recording.wording import listed, quoted
+
+_IN_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+_LONG_UNITS = {
+    "second": "s",
+    "millisecond": "ms",
+    "msec": "ms",
+    "microsecond": "us",
+    "usec": "us",
+    "nanosecond": "ns",
+}
+
+# The words for each meaning in order of preference: columns named by an earlier group hide those named by later ones.
+_EXPOSURE_WORDS = (("exposure", "exposuretime"), ("shutter", "shuttertime", "exptime", "integrationtime"))
+_STAMP_WORDS = (("timestamp", "stamp"), ("time",))
+_IMAGE_WORDS = (("file", "filename"), ("image", "imagename", "imagefile", "path", "name"), ("id", "frameid"))
+_GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
+
+NO_STAMPS = "it has no time stamps; frames are numbered, one a second"
+"""Note on a list without time stamps."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A column of gains.
+
+    Attributes
+    ----------
+    column
+        Index of the column.
+    name
+        What its header says.
+    scale
+        ``linear``, ``db`` (amplitude: 20 dB are a factor of ten) or ``iso`` (100 is a gain of one).
+    """
+
+    column: int
+    name: str
+    scale: Literal["linear", "db", "iso"]
+
+    def linear(self, value: float) -> float:
+        """Return the factor the exposure is multiplied by; infinite where it is beyond any camera."""
+        if self.scale == "iso":
+            return value / 100
+        if self.scale == "linear":
+            return value
+        return math.inf if value > 400 else 10 ** (value / 20)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Which column holds what.
+
+    Attributes
+    ----------
+    count
+        Number of columns.
+    image, stamp, exposure
+        Index of the column, None where there is none.
+    gains
+        Columns of gains to multiply the exposure by.
+    to_ms
+        Milliseconds per unit of the exposure.
+    to_s
+        Seconds per unit of the time stamp.
+    notes
+        What was assumed.
+    """
+
+    count: int
+    image: int | None = None
+    stamp: int | None = None
+    exposure: int | None = None
+    gains: tuple[Gain, ...] = ()
+    to_ms: float = 1.0
+    to_s: float = 1.0
+    notes: tuple[str, ...] = ()
+
+
+def name_columns(header: Sequence[str], place: str) -> Columns:
+    """Find out what the columns are.
+
+    Parameters
+    ----------
+    header
+        Names of the columns.
+    place
+        File and line, for messages.
+
+    Raises
+    ------
+    ExposureError
+        If several columns could hold the exposure.
+    RecordingError
+        If several could hold the time stamp or name the image.
+    """
+    parsed = [_word_and_unit(name) for name in header]
+    exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
+    stamp = _only(header, parsed, _STAMP_WORDS, place)
+    image = _only(header, parsed, _IMAGE_WORDS, place)
+    gains = tuple(Gain(i, header[i], _scale(*parsed[i])) for i in _among(parsed, _GAIN_WORDS))
+    notes = []
+    to_ms, to_s = 1.0, 1.0
+    if exposure is not None:
+        unit = parsed[exposure][1]
+        if unit not in _IN_SECONDS:
+            notes.append(f"exposures in the column {quoted(header[exposure])} are taken as ms: it names no unit")
+        to_ms = _IN_SECONDS.get(unit, 1e-3) * 1000
+    if stamp is not None:
+        to_s = _IN_SECONDS.get(parsed[stamp][1], 1.0)
+    if gains:
+        said = ", ".join(f"{quoted(gain.name)} ({gain.scale})" for gain in gains)
+        notes.append(f"exposures are multiplied by the gain in {said}")
+    if stamp is None:
+        notes.append(NO_STAMPS)
+    return Columns(len(header), image, stamp, exposure, gains, to_ms, to_s, tuple(notes))
+
+
+def _word_and_unit(name: str) -> tuple[str, str]:
+    """Split ``Exposure Time [us]``, ``exposure_time_us`` or ``exposure(us)`` into word and unit."""
+    words = [word for word in re.split(r"[\s_\-\[\](){}#:./]+", name.strip().lower()) if word]
+    last = words[-1].rstrip("s") if words else ""
+    unit = words[-1] if words and words[-1] in (*_IN_SECONDS, "db") else _LONG_UNITS.get(last, "")
+    if unit and len(words) > 1:
+        return "".join(words[:-1]), _LONG_UNITS.get(last, unit)
+    return "".join(words), ""
+
+
+def _among(parsed: Sequence[tuple[str, str]], words: Sequence[str]) -> list[int]:
+    return [i for i, (word, _) in enumerate(parsed) if word in words or word.removesuffix("s") in words]
+
+
+def _only(
+    header: Sequence[str], parsed: Sequence[tuple[str, str]], groups: Sequence[Sequence[str]], place: str
+) -> int | None:
+    """Return the one column of a meaning, None where there is none."""
+    found = next((columns for words in groups if (columns := _among(parsed, words))), [])
+    if len(found) > 1:
+        names = listed([quoted(header[i]) for i in found])
+        error, good = (RecordingError, groups[0][0])
+        if groups is _EXPOSURE_WORDS:
+            error, good = ExposureError, "exposure_ms"
+        raise error(f"{place}: the columns {names} mean the same; keep one of them and name it '{good}'")
+    return found[0] if found else None
+
+
+def _scale(word: str, unit: str) -> Literal["linear", "db", "iso"]:
+    if word == "iso":
+        return "iso"
+    return "db" if unit == "db" else "linear"

@@ -1,0 +1,144 @@
+"""Lists of exposures other than ``times.txt``: delimited text whose header says what the columns are."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from ospc.errors import ExposureError, RecordingError
+from ospc.recording.column_names import NO_STAMPS, Columns, name_columns
+from ospc.recording.frame_table import FrameTable, Row, make_table
+from ospc.recording.text_file import is_number, lines_of, parse_number, read_text
+
+_ADVICE = "name the columns in its first line, such as 'file,timestamp_s,exposure_ms'"
+
+
+def read_exposure_table(path: Path) -> FrameTable:
+    """Read a list of exposures.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read or a line breaks the format; the message names the line.
+    ExposureError
+        If exposures are missing, ambiguous or not positive.
+    """
+    return parse_exposure_table(read_text(path), str(path))
+
+
+def names_exposures(path: Path) -> bool:
+    """Tell whether a file is a list of exposures: its header, commented or not, names at least one column of them."""
+    try:
+        layout = _layout(read_text(path), str(path))
+    except ExposureError:
+        return True
+    except RecordingError:
+        return False
+    return layout.named and layout.columns.exposure is not None
+
+
+def parse_exposure_table(text: str, source: str) -> FrameTable:
+    """Parse a list of exposures.
+
+    Fields are separated by commas, semicolons, tabs or blanks. The header is the first line, or the last comment
+    line before the data; without one, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
+    ``exposure[ms]``.
+
+    Parameters
+    ----------
+    text
+        Content of the file.
+    source
+        What to call it in a message.
+
+    Raises
+    ------
+    RecordingError
+        If a line breaks the format; the message names it.
+    ExposureError
+        If exposures are missing, ambiguous or not positive.
+    """
+    layout = _layout(text, source)
+    columns = layout.columns
+    if columns.exposure is None:
+        raise ExposureError(
+            f"{source}: it is not clear which of its {columns.count} columns holds exposures; {_ADVICE}"
+        )
+    rows = []
+    for index, (line, fields) in enumerate(layout.rows):
+        place = f"{source}, line {line}"
+        if len(fields) != columns.count:
+            raise RecordingError(f"{place}: has {len(fields)} columns where others have {columns.count}; correct it")
+        exposure_ms = parse_number(fields[columns.exposure], "the exposure", place) * columns.to_ms
+        for gain in columns.gains:
+            exposure_ms *= gain.linear(parse_number(fields[gain.column], f"the {gain.name}", place))
+        stamp_s = float(index)
+        image = ""
+        if columns.stamp is not None:
+            stamp_s = parse_number(fields[columns.stamp], "the time stamp", place) * columns.to_s
+            image = fields[columns.stamp]
+        if columns.image is not None:
+            image = PurePosixPath(fields[columns.image].replace("\\", "/")).name
+            if not image:
+                raise RecordingError(f"{place}: does not name its image; correct the line")
+        rows.append(Row(line, image, stamp_s, exposure_ms))
+    return make_table(source, rows, [f"{source}: {note}" for note in columns.notes])
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """The rows of a file, split into fields, and what its columns are; named if a header says so."""
+
+    columns: Columns
+    rows: list[tuple[int, list[str]]]
+    named: bool = True
+
+
+def _layout(text: str, source: str) -> _Layout:
+    lines = lines_of(text, source)
+    start = next((i for i, (_, line) in enumerate(lines) if not line.startswith("#")), None)
+    if start is None:
+        raise RecordingError(f"{source}: holds no frames; it needs one line per image")
+    separator = _separator(lines[start][1])
+    rows = [(n, _fields(line, separator, f"{source}, line {n}")) for n, line in lines[start:] if line[0] != "#"]
+    if not any(is_number(field) for field in rows[0][1]):
+        return _Layout(name_columns(rows[0][1], f"{source}, line {rows[0][0]}"), rows[1:])
+    count = len(rows[0][1])
+    if start > 0:
+        number, comment = lines[start - 1]
+        heading = _fields(comment.lstrip("# "), separator, f"{source}, line {number}")
+        if len(heading) == count:
+            columns = name_columns(heading, f"{source}, line {number}")
+            if columns.exposure is not None:
+                return _Layout(columns, rows)
+    return _Layout(_unnamed(rows[0][1], source), rows, named=False)
+
+
+def _unnamed(fields: list[str], source: str) -> Columns:
+    """Return what the columns are where only their number and the first row tell."""
+    count = len(fields)
+    if count == 3:
+        return Columns(
+            count, image=0, stamp=1, exposure=2, notes=("columns are taken as id, stamp[s], exposure[ms]",)
+        )
+    if count == 2 and not is_number(fields[0]):
+        return Columns(count, image=0, exposure=1, notes=("columns are taken as file, exposure[ms]", NO_STAMPS))
+    if count == 1:
+        return Columns(count, exposure=0, notes=("its numbers are taken as exposures in ms", NO_STAMPS))
+    return Columns(count)
+
+
+def _separator(line: str) -> str | None:
+    return next((s for s in (";", ",", "\t") if s in line), None)
+
+
+def _fields(line: str, separator: str | None, place: str) -> list[str]:
+    """Split a line; a header such as ``exposure [ms]`` stays whole unless blanks separate."""
+    if separator is None:
+        return re.sub(r"\s+(?=[\[(])", "", line).split()
+    try:
+        return [field.strip() for field in next(csv.reader([line], delimiter=separator, strict=True))]
+    except csv.Error as error:
+        raise RecordingError(f"{place}: its quotes are wrong ({error}); correct the line") from None

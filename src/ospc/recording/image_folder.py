@@ -1,0 +1,77 @@
+"""A folder of images with a list of their exposures among them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ospc.errors import ExposureError, RecordingError
+from ospc.recording.exposure_table import names_exposures, read_exposure_table
+from ospc.recording.frame_table import FrameTable
+from ospc.recording.image_list import read_image_list
+from ospc.recording.image_sequence import ImageSequence, open_sequence
+from ospc.recording.image_source import FolderImages
+from ospc.recording.wording import listed
+
+_IMAGE_LIST = "image_list.txt"
+_NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)
+_MAX_CSV_FILES = 32
+
+
+@dataclass(frozen=True)
+class ImageFolder:
+    """The kind of recording with images and a list of exposures in one folder."""
+
+    name: str = "image_folder"
+
+    def recognises(self, path: Path) -> bool:
+        """Tell whether the path is a folder with images in it."""
+        return path.is_dir() and bool(FolderImages.of(path).names)
+
+    def open(self, path: Path) -> ImageSequence:
+        """Open the folder.
+
+        Raises
+        ------
+        RecordingError
+            If there are no images or they do not correspond to the list.
+        ExposureError
+            If there is no list of exposures, more than one, or one with exposures missing or invalid.
+        """
+        if not path.is_dir():
+            raise RecordingError(f"{path}: a {self.name} recording is a folder with images and a list of exposures")
+        source = FolderImages.of(path)
+        if not source.names:
+            raise RecordingError(f"{path}: holds no images; put the PNG, JPEG, TIFF, BMP, PGM or PPM files there")
+        return open_sequence(path, self.name, source, _read(_only_list(path)))
+
+
+def exposure_lists(path: Path) -> list[Path]:
+    """Return the files of a folder that are lists of exposures, by their name or their header."""
+    named = [path / name for name in _NAMES if (path / name).is_file()]
+    csv_files = [p for p in sorted(path.glob("*.csv")) if p.is_file() and p not in named][:_MAX_CSV_FILES]
+    return named + [p for p in csv_files if names_exposures(p)]
+
+
+def _only_list(path: Path) -> Path:
+    found = exposure_lists(path)
+    if len(found) > 1:
+        raise ExposureError(
+            f"{path}: holds several lists of exposures ({listed([p.name for p in found])}); keep the one to use"
+        )
+    if found:
+        return found[0]
+    hint = ""
+    if (path.parent / "times.txt").is_file():
+        hint = f", or open {path.parent} if its times.txt belongs to these images"
+    raise ExposureError(
+        f"{path}: holds images but no list of their exposures; add times.txt with lines 'id stamp[s] exposure[ms]', "
+        f"or exposures.csv with a header 'file,timestamp_s,exposure_ms'{hint}"
+    )
+
+
+def _read(path: Path) -> FrameTable:
+    return read_image_list(path) if path.name == _IMAGE_LIST else read_exposure_table(path)
+
+
+KIND = ImageFolder()
