@@ -1,0 +1,136 @@
+"""``ospc simulate``: make a recording with known truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ospc.errors import SettingError
+
+
+def _numbers(_context: click.Context, _parameter: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    if value is None:
+        return None
+    try:
+        return tuple(float(part) for part in value.replace(",", " ").split())
+    except ValueError:
+        raise click.BadParameter(f"'{value}' is not a list of numbers") from None
+
+
+def _size(_context: click.Context, _parameter: click.Parameter, value: str) -> tuple[int, int]:
+    parts = value.lower().replace("×", "x").split("x")
+    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
+        raise click.BadParameter(f"'{value}' is not WIDTHxHEIGHT in pixels, like 640x480")
+    return int(parts[0]), int(parts[1])
+
+
+def _exposures_of(path: Path) -> tuple[float, ...]:
+    """Read exposures in milliseconds: the last column of a text file, such as times.txt."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        rows = [line.replace(",", " ").split() for line in lines if line.strip() and not line.startswith("#")]
+        return tuple(float(row[-1]) for row in rows)
+    except (OSError, ValueError) as error:
+        raise SettingError(
+            f"{path}: not readable as exposures ({error}); give one in ms at each line's end"
+        ) from None
+
+
+@click.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--frames", default=500, show_default=True, help="Number of images.")
+@click.option("--size", default="640x480", show_default=True, callback=_size, help="Width x height in pixels.")
+@click.option("--fps", default=20.0, show_default=True, help="Images per second.")
+@click.option("--seed", default=0, show_default=True, help="Seeds scene, motion and noise.")
+@click.option(
+    "--response",
+    default="gamma2.2",
+    show_default=True,
+    help="linear, srgb, gamma2.2, log, filmic, tum_narrow, or a pcalib.txt.",
+)
+@click.option(
+    "--vignette",
+    default="polynomial",
+    show_default=True,
+    help="none, polynomial, cos4, decentred, or an image.",
+)
+@click.option(
+    "--vignette-coefficients",
+    metavar="V1,V2,V3",
+    callback=_numbers,
+    help="1 + V1 R² + V2 R⁴ + V3 R⁶, R = 1 at the corner.",
+)
+@click.option("--noise", type=click.Choice(["none", "low", "high"]), default="low", show_default=True)
+@click.option(
+    "--exposure",
+    type=click.Choice(["auto", "sweep", "cycle", "file", "constant"]),
+    default="auto",
+    show_default=True,
+    help="How exposures come about.",
+)
+@click.option("--exposure-range", nargs=2, type=float, metavar="MIN MAX", help="Limits in ms of auto and sweep.")
+@click.option("--exposures", metavar="MS,MS,…", callback=_numbers, help="Exposures of cycle; one for constant.")
+@click.option(
+    "--exposure-file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="For file: one exposure in ms at each line's end, as in times.txt.",
+)
+@click.option(
+    "--motion",
+    type=click.Choice(["handheld", "static", "pan", "forward"]),
+    default="handheld",
+    show_default=True,
+)
+@click.option("--speed", default=1.0, show_default=True, help="Factor on the speed of the motion.")
+@click.option("--lag", default=0, show_default=True, help="Frames by which the metadata come late.")
+@click.option("--metadata-error", default=0.0, show_default=True, help="Relative error of the metadata (sigma).")
+@click.option("--flicker", default=0.0, show_default=True, help="Relative amplitude of the light's flicker.")
+@click.option("--moving-objects", default=0, show_default=True, help="Patches that move in front of the scene.")
+@click.option("--bit-depth", default=8, show_default=True, help="Bits per grey value, 8 to 16.")
+@click.option("--jpg", is_flag=True, help="Store JPEG instead of PNG.")
+@click.option("--archive", is_flag=True, help="Store images.zip instead of the folder images.")
+@click.option("--force", is_flag=True, help="Replace an earlier simulated recording at OUT.")
+def command(out: Path, force: bool, **options: Any) -> None:
+    """Make a recording with known truth in the folder OUT.
+
+    The folder gets images, times.txt and camera.txt, as a real recording has them, and what is true of it:
+    pcalib.txt, vignette.png, groundtruthSync.txt and truth.json.
+    """
+    from rich.progress import Progress
+
+    from ospc.simulation import simulate
+    from ospc.simulation.files import remove_recording
+
+    settings = _settings(options)
+    if force:
+        remove_recording(out)
+    with Progress(transient=True) as bar:
+        task = bar.add_task("simulating", total=settings.frames)
+        made = simulate(out, settings, progress=lambda done, total: bar.update(task, completed=done, total=total))
+    exposures = made.exposures_ms
+    click.echo(
+        f"{out}: {settings.frames} frames {settings.size[0]}×{settings.size[1]}, exposures {exposures.min():.3g} to "
+        f"{exposures.max():.3g} ms; truth in {out / 'truth.json'}, pcalib.txt and vignette.png"
+    )
+
+
+def _settings(options: dict[str, Any]) -> Any:
+    """Turn the command's options into settings of the simulation."""
+    from ospc.simulation import SimulationSettings
+
+    limits, listed, source = (options.pop(name) for name in ("exposure_range", "exposures", "exposure_file"))
+    coefficients = options.pop("vignette_coefficients")
+    options["image_format"] = "jpg" if options.pop("jpg") else "png"
+    if limits:
+        options["exposure_min_ms"], options["exposure_max_ms"] = limits
+    if listed:
+        options["exposures_ms"], options["exposure_ms"] = listed, listed[0]
+    if options["exposure"] == "file":
+        if source is None:
+            raise SettingError("--exposure file needs --exposure-file with one exposure a frame")
+        options["exposures_ms"] = _exposures_of(source)[: options["frames"]]
+    if coefficients:
+        options["vignette_coefficients"] = coefficients
+    return SimulationSettings(**options)

@@ -1,0 +1,126 @@
+"""How the camera moves: smooth functions of time, so that every instant within an exposure has a pose.
+
+World axes: x and y horizontal, z up, metres, origin on the floor in the middle of the room.
+Camera axes: x right, y down, z forward.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import FloatArray
+from ospc.simulation.settings import SimulationSettings
+
+EYE_HEIGHT_M = 1.35
+REACH_M = 1.0
+"""Largest horizontal distance of the walking camera from the middle of the room; the furniture stands further out."""
+
+_Waves = tuple[tuple[float, float], ...]
+
+_HANDHELD: dict[str, _Waves] = {
+    "x": ((0.75, 13.0), (0.25, 4.7), (0.004, 0.21)),
+    "y": ((0.65, 10.3), (0.25, 5.3), (0.004, 0.23)),
+    "z": ((0.18, 6.1), (0.03, 1.1), (0.003, 0.19)),
+    "yaw": ((75.0, 16.0), (32.0, 6.7), (8.0, 3.1), (0.5, 0.83), (0.08, 0.17)),
+    "pitch": ((14.0, 8.7), (8.0, 4.3), (2.0, 1.9), (0.4, 0.71), (0.08, 0.16)),
+    "roll": ((7.0, 7.9), (3.0, 2.9), (0.4, 0.9), (0.06, 0.18)),
+}
+_PAN: dict[str, _Waves] = {
+    "yaw": ((80.0, 15.0), (6.0, 4.1)),
+    "pitch": ((16.0, 6.3), (3.0, 2.9)),
+    "roll": ((2.0, 7.0),),
+}
+_FORWARD: dict[str, _Waves] = {
+    "x": ((1.7, 16.0),),
+    "y": ((0.10, 5.3), (0.02, 1.1)),
+    "z": ((0.06, 4.7), (0.02, 0.9)),
+    "yaw": ((5.0, 7.1), (0.5, 0.9)),
+    "pitch": ((4.0, 5.3), (0.4, 0.8)),
+    "roll": ((2.0, 6.1), (0.3, 0.9)),
+}
+_WAVES: dict[str, dict[str, _Waves]] = {"handheld": _HANDHELD, "static": _HANDHELD, "pan": _PAN, "forward": _FORWARD}
+"""Amplitude (metres or degrees) and period (seconds) of the oscillations that make up each motion."""
+
+_AXES = ("x", "y", "z", "yaw", "pitch", "roll")
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Camera poses at several instants.
+
+    Attributes
+    ----------
+    position_m
+        Position of the camera in the world, shape (n, 3).
+    rotation
+        Matrices that turn camera into world directions, shape (n, 3, 3).
+    """
+
+    position_m: FloatArray
+    rotation: FloatArray
+
+    def as_trajectory(self) -> FloatArray:
+        """Return rows (tx, ty, tz, qx, qy, qz, qw), camera to world, shape (n, 7)."""
+        from scipy.spatial.transform import Rotation
+
+        return np.hstack([self.position_m, Rotation.from_matrix(self.rotation).as_quat()])
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Sums of oscillations of random phase, one for each coordinate of the pose.
+
+    Attributes
+    ----------
+    amplitude, period_s, phase
+        Shape (6, k): x, y, z in metres; yaw, pitch, roll in radians; rows filled up with amplitude 0.
+    moving
+        Whether time matters at all.
+    """
+
+    amplitude: FloatArray
+    period_s: FloatArray
+    phase: FloatArray
+    moving: bool
+
+    @classmethod
+    def of(cls, settings: SimulationSettings) -> Motion:
+        """Draw the motion that the settings ask for."""
+        rng = np.random.default_rng([settings.seed, 1])
+        waves = _WAVES[settings.motion]
+        most = max(len(w) for w in waves.values())
+        amplitude = np.zeros((6, most))
+        period = np.ones((6, most))
+        for row, axis in enumerate(_AXES):
+            for column, (size, seconds) in enumerate(waves.get(axis, ())):
+                amplitude[row, column], period[row, column] = size, seconds
+        amplitude *= rng.uniform(0.85, 1.15, amplitude.shape)
+        amplitude[3:] = np.radians(amplitude[3:])
+        period *= rng.uniform(0.85, 1.15, period.shape) / settings.speed
+        phase = rng.uniform(0, 2 * np.pi, period.shape)
+        return cls(amplitude, period, phase, settings.motion != "static")
+
+    def at(self, time_s: npt.ArrayLike) -> Poses:
+        """Return the poses at instants in seconds, shape (n,)."""
+        time = np.atleast_1d(np.asarray(time_s, dtype=np.float64)) * (1.0 if self.moving else 0.0)
+        angle = 2 * np.pi * time[:, None, None] / self.period_s + self.phase
+        x, y, z, yaw, pitch, roll = np.sum(self.amplitude * np.sin(angle), axis=-1).T
+        if self.period_s.shape and np.hypot(*self.amplitude[:2, 0]) < 1.5:
+            # Squash the horizontal position smoothly into a disc that the furniture leaves free.
+            shrink = 1 / np.sqrt(1 + (x**2 + y**2) / REACH_M**2)
+            x, y = x * shrink, y * shrink
+        position = np.stack([x, y, z + EYE_HEIGHT_M], axis=-1)
+        return Poses(position, _rotation(yaw, pitch, roll))
+
+
+def _rotation(yaw: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:
+    """Return camera-to-world rotations, shape (n, 3, 3); without angles the camera looks along world x."""
+    zero = np.zeros_like(yaw)
+    forward = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)], axis=-1)
+    right = np.stack([np.sin(yaw), -np.cos(yaw), zero], axis=-1)
+    down = np.cross(forward, right)
+    c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
+    return np.stack([c * right + s * down, c * down - s * right, forward], axis=-1)

@@ -1,0 +1,217 @@
+"""From a scene and a pose to the radiance that reaches every pixel.
+
+Every flat surface is one homography. A pixel takes the radiance of the level of the surface's pyramid whose elements
+are as large as the pixel's footprint (blended between the two nearest), so that fine texture averages out as it does
+over the area of a real pixel instead of flickering.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.simulation.scene import Scene
+from ospc.simulation.surface import Face, Rectangle, Solid
+
+_NEAR_M = 0.02
+_MARGIN_PX = 2.0
+_CELL_PX = 40
+"""Edge of the cells on which the level of detail is computed before it is interpolated."""
+_POLYGON_SHIFT = 4
+
+
+@dataclass(frozen=True)
+class View:
+    """A pinhole camera somewhere.
+
+    Attributes
+    ----------
+    size
+        Width and height of its image in pixels.
+    focal_px
+        Focal length; the principal point is the image centre.
+    position_m
+        World position, shape (3,).
+    rotation
+        Camera-to-world rotation, shape (3, 3).
+    """
+
+    size: ImageSize
+    focal_px: float
+    position_m: FloatArray
+    rotation: FloatArray
+
+    @property
+    def intrinsics(self) -> FloatArray:
+        """The matrix K; the first pixel's centre is (0, 0), shape (3, 3)."""
+        return np.array(
+            [
+                [self.focal_px, 0.0, (self.size[0] - 1) / 2],
+                [0.0, self.focal_px, (self.size[1] - 1) / 2],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+
+    def homography(self, place: Rectangle) -> FloatArray:
+        """Return what takes metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
+        columns = np.stack([place.across, place.down, place.corner_m - self.position_m], axis=-1)
+        return np.asarray(self.intrinsics @ self.rotation.T @ columns)
+
+    def project(self, points_m: npt.ArrayLike) -> FloatArray:
+        """Return pixels (x, y) of world points in front of the camera, shape (..., 3) -> (..., 2); NaN behind it."""
+        camera = (np.asarray(points_m, dtype=np.float64) - self.position_m) @ self.rotation
+        depth = np.where(camera[..., 2:] > _NEAR_M, camera[..., 2:], np.nan)
+        centre = self.intrinsics[:2, 2]
+        return np.asarray(self.focal_px * camera[..., :2] / depth + centre)
+
+
+def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
+    """Return the radiance at every pixel in saturations per millisecond, shape (height, width), float32."""
+    width, height = view.size
+    canvas = np.zeros((height, width), np.float32)
+    covered = np.zeros((height, width), np.float32)
+    for face in scene.walls:
+        for area, colour, alpha in _drawn(face, view):
+            canvas[area] += colour * alpha
+            covered[area] += alpha
+    # Neighbouring walls share the pixels of their common edge; together they cover each exactly once.
+    canvas /= np.maximum(covered, np.float32(1e-3))
+    for face in _in_order(scene, view, time_s):
+        for area, colour, alpha in _drawn(face, view):
+            canvas[area] += (colour - canvas[area]) * alpha
+    canvas *= np.float32(scene.scale)
+    return canvas
+
+
+def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[Face]:
+    """Give pictures and visible faces of solids so that none is hidden by one that came earlier.
+
+    Solids are sorted by the power of the camera's position to the spheres around them, d² − r². Of two spheres that
+    do not meet, the one of smaller power never hides behind the other.
+    """
+    yield from scene.pictures
+
+    def power(solid: Solid) -> float:
+        return float(np.sum((solid.centre_m - view.position_m) ** 2)) - solid.radius_m**2
+
+    for solid in sorted(scene.solids_at(time_s), key=power, reverse=True):
+        for face in solid.faces:
+            towards = face.place.normal @ (view.position_m - face.place.corner_m)
+            if towards > 0 or solid.two_sided:
+                yield face
+
+
+_Piece = tuple[tuple[slice, slice], Float32Array, Float32Array]
+
+
+def _drawn(face: Face, view: View) -> Iterable[_Piece]:
+    """Give the part of the image that a face covers: where, its radiance, and the share it covers of each pixel."""
+    to_image = view.homography(face.place)
+    outline = _outline(face.place.size_m, to_image, view.size)
+    if outline is None:
+        return
+    x0, y0 = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
+    x1, y1 = np.minimum(np.ceil(outline.max(axis=0)) + 1, view.size).astype(int)
+    if x1 <= x0 or y1 <= y0:
+        return
+    shape = (int(y1 - y0), int(x1 - x0))
+    mask = np.zeros(shape, np.uint8)
+    fixed = np.rint((outline - (x0, y0)) * 2**_POLYGON_SHIFT).astype(np.int32)
+    cv2.fillConvexPoly(mask, fixed, (255,), cv2.LINE_AA, _POLYGON_SHIFT)
+    shifted = np.array([[1.0, 0, -x0], [0, 1, -y0], [0, 0, 1]]) @ to_image
+    alpha = mask * np.float32(1 / 255)
+    yield (slice(y0, y1), slice(x0, x1)), _sampled(face, shifted, shape, outline - (x0, y0)), alpha
+
+
+def _outline(size_m: tuple[float, float], to_image: FloatArray, size: ImageSize) -> FloatArray | None:
+    """Return the corners of the visible part of a rectangle in pixels, shape (n, 2); None if it is out of sight."""
+    w, h = size_m
+    polygon = (np.array([[0, 0, 1], [w, 0, 1], [w, h, 1], [0, h, 1.0]]) @ to_image.T).tolist()
+    right, bottom = size[0] - 1 + _MARGIN_PX, size[1] - 1 + _MARGIN_PX
+    half_spaces = (
+        (0.0, 0.0, 1.0, -_NEAR_M),
+        (1.0, 0.0, _MARGIN_PX, 0.0),
+        (-1.0, 0.0, right, 0.0),
+        (0.0, 1.0, _MARGIN_PX, 0.0),
+        (0.0, -1.0, bottom, 0.0),
+    )
+    for a, b, c, d in half_spaces:
+        kept: list[list[float]] = []
+        signed = [a * p[0] + b * p[1] + c * p[2] + d for p in polygon]
+        for i, (p, s) in enumerate(zip(polygon, signed, strict=True)):
+            q, t = polygon[i - 1], signed[i - 1]
+            if (s >= 0) != (t >= 0):
+                share = t / (t - s)
+                kept.append([qi + share * (pi - qi) for pi, qi in zip(p, q, strict=True)])
+            if s >= 0:
+                kept.append(p)
+        if len(kept) < 3:
+            return None
+        polygon = kept
+    points = np.array(polygon)
+    return np.asarray(points[:, :2] / points[:, 2:])
+
+
+def _sampled(face: Face, to_image: FloatArray, shape: tuple[int, int], outline: FloatArray) -> Float32Array:
+    """Return a face's radiance over an area of the image, blended between levels of its pyramid, shape ``shape``."""
+    height, width = shape
+    rows, columns = max(2, -(-height // _CELL_PX)), max(2, -(-width // _CELL_PX))
+    x = (np.arange(columns) + 0.5) * width / columns - 0.5
+    y = (np.arange(rows) + 0.5) * height / rows - 0.5
+    cells = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).astype(np.float64)
+    to_metres: FloatArray = np.linalg.inv(to_image).astype(np.float64)
+    last = len(face.mips) - 1
+    texel_m = face.place.size_m[0] / face.mips[0].shape[1]
+    bounds = np.clip(_detail(to_metres, outline, texel_m), 0, last)
+    detail = np.clip(_detail(to_metres, cells, texel_m), bounds.min(), bounds.max())
+    first, final = int(np.floor(detail.min())), int(np.ceil(detail.max()))
+    if first == final:
+        return _warped(face, first, to_metres, shape)
+    total = np.zeros(shape, np.float32)
+    for level in range(first, final + 1):
+        weight = np.maximum(0, 1 - np.abs(detail - level)).astype(np.float32)
+        if weight.max() > 0:
+            share = cv2.resize(weight, (width, height), interpolation=cv2.INTER_LINEAR)
+            total += share * _warped(face, level, to_metres, shape)
+    return total
+
+
+def _detail(to_metres: FloatArray, points: npt.NDArray[np.float64], texel_m: float) -> FloatArray:
+    """Return the pyramid level whose elements are as long as a pixel's footprint, shape (..., 2) -> (...).
+
+    The footprint of a pixel is a parallelogram, the image of a unit square under the derivative of the homography;
+    its length is the larger singular value of that derivative.
+    """
+    p = points[..., 0:1] * to_metres[:, 0] + points[..., 1:2] * to_metres[:, 1] + to_metres[:, 2]
+    depth = p[..., 2]
+    depth = np.where(np.abs(depth) > 1e-9, depth, 1e-9)
+    u, v = p[..., 0] / depth, p[..., 1] / depth
+    (ux, uy), (vx, vy) = (
+        ((to_metres[row, 0] - at * to_metres[2, 0]) / depth, (to_metres[row, 1] - at * to_metres[2, 1]) / depth)
+        for row, at in ((0, u), (1, v))
+    )
+    squares = ux**2 + uy**2 + vx**2 + vy**2
+    determinant = ux * vy - uy * vx
+    longest = np.sqrt((squares + np.sqrt(np.maximum(squares**2 - 4 * determinant**2, 0))) / 2)
+    return np.asarray(np.log2(np.maximum(longest / texel_m, 1e-9)))
+
+
+def _warped(face: Face, level: int, to_metres: FloatArray, shape: tuple[int, int]) -> Float32Array:
+    mip = face.mips[level]
+    across, down = mip.shape[1] / face.place.size_m[0], mip.shape[0] / face.place.size_m[1]
+    to_elements = np.array([[across, 0, -0.5], [0, down, -0.5], [0, 0, 1.0]]) @ to_metres
+    return np.asarray(
+        cv2.warpPerspective(
+            mip,
+            to_elements,
+            (shape[1], shape[0]),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        ),
+        dtype=np.float32,
+    )

@@ -1,0 +1,217 @@
+"""A furnished room: walls with pictures, boxes that stand in front of them, patches that move on their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ospc.arrays import Float32Array
+from ospc.simulation.motion import EYE_HEIGHT_M
+from ospc.simulation.settings import SimulationSettings
+from ospc.simulation.surface import UP, Face, Lamp, Rectangle, Solid, lit, pyramid
+from ospc.simulation.texture import painted, photograph, single, tiled
+
+ROOM_M = (4.2, 3.4, 2.8)
+"""Half length, half width and height of the room."""
+REFERENCE_IRRADIANCE = 0.12
+"""Irradiance of the median wall at the reference exposure, as a share of saturation."""
+
+_RING_M = 2.35
+"""Distance of the furniture from the middle; the camera stays within a metre of it."""
+_PATCH_M = (0.42, 0.34)
+_WINDOW_M = (1.5, 1.1)
+_PICTURES = ("camera", "coffee", "chelsea")
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A patch that floats along a smooth path of its own, facing the middle of the room."""
+
+    mips: tuple[Float32Array, ...]
+    azimuth: float
+    swing: float
+    period_s: float
+    phase: float
+    distance_m: float
+
+    def at(self, time_s: float) -> Solid:
+        """Return it as it hangs at an instant in seconds."""
+        turn = 2 * np.pi * time_s / self.period_s + self.phase
+        azimuth = self.azimuth + self.swing * np.sin(turn)
+        height = EYE_HEIGHT_M + 0.28 * np.sin(1.7 * turn + self.azimuth)
+        centre = np.array([self.distance_m * np.cos(azimuth), self.distance_m * np.sin(azimuth), height])
+        level = Rectangle.upright(centre, azimuth, _PATCH_M)
+        tilt = 0.4 * np.sin(0.8 * turn)
+        across = np.cos(tilt) * level.across + np.sin(tilt) * level.down
+        down = np.cos(tilt) * level.down - np.sin(tilt) * level.across
+        corner = centre - across * _PATCH_M[0] / 2 - down * _PATCH_M[1] / 2
+        face = Face(Rectangle(corner, across, down, _PATCH_M), self.mips)
+        return Solid((face,), centre, float(np.hypot(*_PATCH_M) / 2), two_sided=True)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything in front of the camera.
+
+    Attributes
+    ----------
+    walls
+        The inside of a convex room: complete in every direction, hiding nothing.
+    pictures
+        Flush on the walls.
+    solids
+        In front of the walls; the spheres around them do not meet.
+    patches
+        Move on their own, between camera and furniture.
+    scale
+        What the radiance of the faces is to be multiplied with to be in saturations per millisecond.
+    """
+
+    walls: tuple[Face, ...]
+    pictures: tuple[Face, ...]
+    solids: tuple[Solid, ...]
+    patches: tuple[Patch, ...]
+    scale: float
+
+    @classmethod
+    def of(cls, settings: SimulationSettings) -> Scene:
+        """Furnish and light the room that the settings ask for."""
+        seed = settings.seed if settings.scene_seed is None else settings.scene_seed
+        rng = np.random.default_rng([seed, 2])
+        window_side = int(rng.choice([0, 2]))
+        lamps = _lamps(rng, window_side)
+        walls = _walls(rng, lamps)
+        radiance = np.concatenate([face.mips[4].ravel() for face in walls])
+        return cls(
+            walls,
+            _pictures(rng, lamps, window_side),
+            _furniture(rng, lamps),
+            _patches(rng, settings.moving_objects, float(np.median(radiance))),
+            float(REFERENCE_IRRADIANCE / np.median(radiance) / settings.reference_exposure_ms),
+        )
+
+    def solids_at(self, time_s: float) -> tuple[Solid, ...]:
+        """Return the furniture and the moving patches at an instant in seconds."""
+        return self.solids + tuple(patch.at(time_s) for patch in self.patches)
+
+
+def _wall(side: int) -> Rectangle:
+    """Return the wall at azimuth 90° times ``side``."""
+    length, width, height = ROOM_M
+    azimuth = side * np.pi / 2
+    distance, extent = (length, 2 * width) if side % 2 == 0 else (width, 2 * length)
+    centre = np.array([np.cos(azimuth) * distance, np.sin(azimuth) * distance, height / 2])
+    return Rectangle.upright(centre, azimuth, (extent, height))
+
+
+def _on_wall(side: int, along_m: float, height_m: float, size_m: tuple[float, float]) -> Rectangle:
+    """Return a place on a wall, ``along_m`` to the right of its middle, seen from inside, a centimetre before it."""
+    wall = _wall(side)
+    centre = wall.corner_m + wall.across * (wall.size_m[0] / 2 + along_m) + wall.normal * 0.01
+    centre[2] = height_m
+    return Rectangle.upright(centre, side * np.pi / 2, size_m)
+
+
+def _lamps(rng: np.random.Generator, window_side: int) -> tuple[Lamp, ...]:
+    """Place a window's worth of strong sources at one end, and a weak lamp at the other."""
+    away = np.array([1.0 if window_side == 0 else -1.0, 1.0, 1.0])
+    shift = rng.uniform(-0.5, 0.5)
+    window = tuple(
+        Lamp(away * np.array([ROOM_M[0] - 0.4, shift + dy, 1.75 + dz]), 1.0)
+        for dy in (-0.6, 0.0, 0.6)
+        for dz in (-0.4, 0.4)
+    )
+    lamp = Lamp(away * np.array([-2.2, -1.9 * np.sign(shift), ROOM_M[2] - 0.35]), 0.5)
+    return (*window, lamp)
+
+
+def _walls(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Face, ...]:
+    length, width, height = ROOM_M
+    extent = (2 * length, 2 * width)
+    x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    floor = Rectangle(np.array([-length, width, 0.0]), x, -y, extent)
+    ceiling = Rectangle(np.array([-length, -width, height]), x, y, extent)
+    ground = str(rng.choice(["gravel", "grass"]))
+    faces = [
+        lit(floor, tiled(ground, extent, rng, tile_m=1.9, contrast=0.8, level=0.16), lamps),
+        lit(ceiling, tiled("gravel", extent, rng, tile_m=2.4, contrast=0.15, level=0.65), lamps),
+    ]
+    coats = [
+        ("brick", 1.9, 1.6, 0.28),
+        ("gravel", 2.2, 0.35, 0.45),
+        ("brick", 1.5, 1.2, 0.14),
+        ("grass", 2.1, 0.3, 0.5),
+    ]
+    for side, kind in enumerate(rng.permutation(len(coats))):
+        name, tile_m, contrast, level = coats[kind]
+        wall = _wall(side)
+        faces.append(lit(wall, tiled(name, wall.size_m, rng, tile_m=tile_m, contrast=contrast, level=level), lamps))
+    return tuple(faces)
+
+
+def _pictures(rng: np.random.Generator, lamps: tuple[Lamp, ...], window_side: int) -> tuple[Face, ...]:
+    """Hang framed photographs, painted boards and, where the strong light comes from, a bright window."""
+    faces = []
+    names = list(rng.permutation([*_PICTURES, *_PICTURES]))
+    for side in range(4):
+        half = _wall(side).size_m[0] / 2
+        if side == window_side:
+            view = np.float32(2.2) * single("grass", _WINDOW_M, 0.05) + np.float32(0.3)
+            faces.append(Face(_on_wall(side, 0.0, 1.6, _WINDOW_M), pyramid(view)))
+            free = [-0.66 * half, 0.66 * half]
+        else:
+            free = [-0.62 * half, 0.0, 0.62 * half]
+        for along in free:
+            size = (float(rng.uniform(0.7, 1.25)), float(rng.uniform(0.6, 1.0)))
+            place = _on_wall(side, along + float(rng.uniform(-0.2, 0.2)), float(rng.uniform(1.2, 1.8)), size)
+            if names and rng.random() < 0.65:
+                faces.append(lit(place, single(str(names.pop()), size, 0.04), lamps))
+            else:
+                faces.append(lit(place, painted(size, rng, float(rng.choice([0.03, 0.08, 0.85]))), lamps))
+    return tuple(faces)
+
+
+def _furniture(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Solid, ...]:
+    """Stand boxes in a ring that leaves the long axis of the room free."""
+    solids = []
+    for azimuth_deg in (40, 90, 140, 220, 270, 320):
+        azimuth = np.radians(azimuth_deg + rng.uniform(-8, 8))
+        width, depth, height = rng.uniform(0.4, 0.75), rng.uniform(0.35, 0.6), rng.uniform(0.6, 1.5)
+        name = str(rng.choice(["brick", "gravel", "camera", "coffee", "chelsea", "grass"]))
+        level = float(rng.choice([0.06, 0.2, 0.5]))
+        centre = np.array([_RING_M * np.cos(azimuth), _RING_M * np.sin(azimuth), height / 2])
+        turn = azimuth + rng.uniform(-0.6, 0.6)
+        faces = []
+        for quarter in range(4):
+            look = turn + quarter * np.pi / 2
+            across, through = (width, depth) if quarter % 2 == 0 else (depth, width)
+            forward = np.array([np.cos(look), np.sin(look), 0.0])
+            place = Rectangle.upright(centre - forward * through / 2, look, (across, height))
+            coat = tiled(name, place.size_m, rng, tile_m=0.9, contrast=0.8, level=level)
+            faces.append(lit(place, coat, lamps))
+        forward, right = np.array([np.cos(turn), np.sin(turn), 0.0]), faces[0].place.across
+        corner = centre + UP * height / 2 + forward * depth / 2 - right * width / 2
+        top = Rectangle(corner, right, -forward, (width, depth))
+        faces.append(lit(top, painted((width, depth), rng, 0.6), lamps))
+        solids.append(Solid(tuple(faces), centre, float(np.linalg.norm([width, depth, height]) / 2)))
+    return tuple(solids)
+
+
+def _patches(rng: np.random.Generator, count: int, radiance: float) -> tuple[Patch, ...]:
+    names = ("chelsea", "coffee", "brick", "camera", "gravel", "grass")
+    made = []
+    for number in range(count):
+        reflectance = single(names[number % len(names)], _PATCH_M, 0.02)
+        brightness = np.float32(radiance * rng.uniform(1.0, 4.0) / np.mean(photograph(names[number % len(names)])))
+        made.append(
+            Patch(
+                pyramid(reflectance * brightness),
+                float(2 * np.pi * (number + rng.uniform(0, 0.5)) / count),
+                float(rng.uniform(0.4, 0.9)),
+                float(rng.uniform(4.0, 9.0)),
+                float(rng.uniform(0, 2 * np.pi)),
+                1.55,
+            )
+        )
+    return tuple(made)

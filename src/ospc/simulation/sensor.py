@@ -1,0 +1,68 @@
+"""From irradiance to grey values: noise, response, clipping, quantisation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ospc.arrays import Float32Array, Image
+from ospc.photometry.response import Response
+from ospc.simulation.settings import SimulationSettings
+
+_TABLE = 2**16
+
+
+class Sensor:
+    """Turns irradiance into grey values, M = f(I + noise).
+
+    The noise is that of counted electrons. With gain G, full well F and read noise r the irradiance I (1 saturates)
+    means I·F/G electrons, whose count varies with variance I·F/G + r². It is drawn from a normal distribution of that
+    variance, which is the Poisson distribution's shape wherever more than some ten electrons are counted.
+
+    Parameters
+    ----------
+    response
+        The camera response f.
+    settings
+        Bit depth, noise and seed.
+    """
+
+    def __init__(self, response: Response, settings: SimulationSettings) -> None:
+        self._response = response
+        self._max_grey = settings.max_grey
+        self._full_well, self._read_noise = settings.sensor
+        self._seed = settings.seed
+        # Tabulated over the square root of the irradiance, along which no usual response is steep.
+        root = np.linspace(0.0, 1.0, _TABLE)
+        self._grey = np.rint(response(root**2) * self._max_grey).astype(
+            np.uint8 if self._max_grey < 256 else np.uint16
+        )
+
+    def expose(self, irradiance: Float32Array, *, frame: int, gain: float = 1.0) -> Image:
+        """Return the grey image of an irradiance, shape (height, width), uint8 or uint16.
+
+        Parameters
+        ----------
+        irradiance
+            e V L as a share of saturation, shape (height, width).
+        frame
+            Index of the frame; seeds its noise.
+        gain
+            Linear gain that is contained in e.
+        """
+        noisy = self._with_noise(irradiance, frame, gain)
+        np.clip(noisy, 0, 1, out=noisy)
+        if self._max_grey > 255:
+            return np.rint(self._response(noisy) * self._max_grey).astype(np.uint16)
+        index = np.sqrt(noisy) * np.float32(_TABLE - 1) + np.float32(0.5)
+        return np.take(self._grey, index.astype(np.uint16))
+
+    def _with_noise(self, irradiance: Float32Array, frame: int, gain: float) -> Float32Array:
+        if math.isinf(self._full_well):
+            return irradiance.copy()
+        rng = np.random.default_rng([self._seed, 3, frame])
+        noise = rng.standard_normal(irradiance.shape, dtype=np.float32)
+        electrons = np.maximum(irradiance, 0) * np.float32(self._full_well / gain)
+        noise *= np.sqrt(electrons + np.float32(self._read_noise**2)) * np.float32(gain / self._full_well)
+        return irradiance + noise

@@ -1,0 +1,283 @@
+"""Every number of a simulation, named."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from ospc.arrays import ImageSize
+from ospc.errors import SettingError
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+
+ExposureMode = Literal["auto", "sweep", "cycle", "file", "constant"]
+MotionKind = Literal["handheld", "static", "pan", "forward"]
+NoisePreset = Literal["none", "low", "high"]
+ImageFormat = Literal["png", "jpg"]
+
+NOISE_PRESETS: dict[str, tuple[float, float]] = {
+    "none": (math.inf, 0.0),
+    "low": (20_000.0, 5.0),
+    "high": (3_000.0, 12.0),
+}
+"""Full well and read noise in electrons: a machine-vision sensor in good light, and a small one in poor light."""
+
+_CHOICES = {
+    "exposure": get_args(ExposureMode),
+    "motion": get_args(MotionKind),
+    "noise": get_args(NoisePreset),
+    "image_format": get_args(ImageFormat),
+}
+_POSITIVE = (
+    "fps",
+    "speed",
+    "horizontal_fov_deg",
+    "reference_exposure_ms",
+    "exposure_ms",
+    "exposure_min_ms",
+    "exposure_max_ms",
+    "auto_rate",
+    "auto_gain",
+    "gain",
+    "gain_max",
+    "flicker_hz",
+)
+_NOT_NEGATIVE = ("metadata_error", "flicker", "moving_objects", "seed")
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """Settings of a simulated recording; the same settings give the same recording, bit for bit.
+
+    Attributes
+    ----------
+    size
+        Width and height of the images in pixels.
+    frames
+        Number of images.
+    fps
+        Images per second.
+    seed
+        Seeds everything random: scene, motion, noise, metadata errors.
+    scene_seed
+        Seeds the scene instead of ``seed`` where given, to film one scene in several ways.
+    bit_depth
+        Bits per grey value, 8 to 16; above 8 the images are stored as 16-bit words, right-aligned.
+    response
+        Name of one of :data:`ospc.simulation.responses.RESPONSES`, a file of values of g, or a response.
+    vignette
+        Name of one of :data:`ospc.simulation.vignettes.VIGNETTES`, an image file, or a vignette.
+    vignette_coefficients
+        (v₁, v₂, v₃) of the named vignettes ``"polynomial"`` and ``"decentred"``, radius 1 at the corner.
+    vignette_centre
+        Centre of ``"decentred"`` relative to the image centre, in half diagonals.
+    noise
+        Preset of the two sensor settings that follow.
+    full_well_electrons
+        Electrons that give the largest grey value at gain 1; that of the preset where None, no shot noise if inf.
+    read_noise_electrons
+        Standard deviation of the read noise in electrons; that of the preset where None.
+    motion
+        ``"handheld"`` walks and looks around, ``"pan"`` turns on the spot, ``"forward"`` moves along the optical
+        axis, ``"static"`` stands on a tripod.
+    speed
+        Factor on the speed of the motion.
+    horizontal_fov_deg
+        Horizontal field of view in degrees.
+    motion_blur_samples
+        Number of instants within the exposure whose radiance is averaged; 1 for no motion blur.
+    exposure
+        ``"auto"`` exposure control, logarithmic ``"sweep"`` from the smallest to the largest, ``"cycle"`` through
+        ``exposures_ms``, ``"file"`` to take ``exposures_ms`` frame by frame, or ``"constant"``.
+    exposure_ms
+        Exposure time of ``"constant"``.
+    exposures_ms
+        Exposure times of ``"cycle"`` and ``"file"``.
+    exposure_min_ms, exposure_max_ms
+        Limits of ``"auto"`` and ``"sweep"``.
+    reference_exposure_ms
+        Exposure at which the median surface of the scene gives an irradiance of 0.12 of saturation.
+    auto_target
+        Mean grey level, in [0, 1], that the exposure control aims at.
+    auto_gain
+        Share of the logarithmic deviation of the mean grey level that one step of the control corrects.
+    auto_rate
+        Largest change of ln exposure from one frame to the next.
+    gain
+        Linear gain of every frame.
+    gain_max
+        Largest linear gain the control may use once the exposure time is at its maximum.
+    gain_in_metadata
+        Whether the exposures written are time times gain; false for a camera that hides its gain.
+    lag
+        The metadata of frame i hold the exposure of frame i − lag; positive if metadata come late.
+    metadata_error
+        Standard deviation of a multiplicative (log-normal) error of the metadata.
+    flicker
+        Relative amplitude of the light's oscillation, below 1; the metadata do not know of it.
+    flicker_hz
+        Frequency of that oscillation in Hz.
+    moving_objects
+        Number of textured patches that move on their own in front of the scene.
+    image_format
+        ``"png"`` or ``"jpg"`` (8 bit only).
+    jpg_quality
+        JPEG quality, 1 to 100.
+    archive
+        Whether the images go into ``images.zip`` instead of the folder ``images``.
+    """
+
+    size: ImageSize = (640, 480)
+    frames: int = 500
+    fps: float = 20.0
+    seed: int = 0
+    scene_seed: int | None = None
+    bit_depth: int = 8
+
+    response: str | Path | Response = "gamma2.2"
+    vignette: str | Path | Vignette = "polynomial"
+    vignette_coefficients: tuple[float, ...] = (-0.35, 0.05, -0.15)
+    vignette_centre: tuple[float, float] = (0.10, -0.06)
+    noise: NoisePreset = "low"
+    full_well_electrons: float | None = None
+    read_noise_electrons: float | None = None
+
+    motion: MotionKind = "handheld"
+    speed: float = 1.0
+    horizontal_fov_deg: float = 75.0
+    motion_blur_samples: int = 1
+
+    exposure: ExposureMode = "auto"
+    exposure_ms: float = 10.0
+    exposures_ms: tuple[float, ...] = (2.5, 5.0, 10.0, 20.0)
+    exposure_min_ms: float = 0.3
+    exposure_max_ms: float = 40.0
+    reference_exposure_ms: float = 10.0
+    auto_target: float = 0.42
+    auto_gain: float = 0.6
+    auto_rate: float = 0.12
+    gain: float = 1.0
+    gain_max: float = 1.0
+    gain_in_metadata: bool = True
+
+    lag: int = 0
+    metadata_error: float = 0.0
+    flicker: float = 0.0
+    flicker_hz: float = 2.3
+    moving_objects: int = 0
+
+    image_format: ImageFormat = "png"
+    jpg_quality: int = 95
+    archive: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse values no camera can have."""
+        for name, allowed in _CHOICES.items():
+            if getattr(self, name) not in allowed:
+                raise SettingError(f"{name} is {getattr(self, name)!r}; choose one of {', '.join(allowed)}")
+        for name in _POSITIVE:
+            if not _is_number(getattr(self, name)) or not getattr(self, name) > 0:
+                raise SettingError(f"{name} is {getattr(self, name)!r}; give a finite number above 0")
+        for name in _NOT_NEGATIVE:
+            if not _is_number(getattr(self, name)) or not getattr(self, name) >= 0:
+                raise SettingError(f"{name} is {getattr(self, name)!r}; give a finite number of at least 0")
+        self._check_images()
+        self._check_exposures()
+        self._check_sensor()
+
+    def _check_images(self) -> None:
+        if len(self.size) != 2 or not all(isinstance(n, int) and 16 <= n <= 8192 for n in self.size):
+            raise SettingError(f"size is {self.size!r}; give width and height in pixels, each 16 to 8192")
+        for name, low, high in (
+            ("frames", 1, 1_000_000),
+            ("bit_depth", 8, 16),
+            ("jpg_quality", 1, 100),
+            ("motion_blur_samples", 1, 64),
+            ("moving_objects", 0, 32),
+        ):
+            value = getattr(self, name)
+            if not isinstance(value, int) or not low <= value <= high:
+                raise SettingError(f"{name} is {value!r}; give a whole number from {low} to {high}")
+        for name in ("seed", "scene_seed", "lag"):
+            value = getattr(self, name)
+            if not isinstance(value, int) and not (name == "scene_seed" and value is None):
+                raise SettingError(f"{name} is {value!r}; give a whole number")
+        if self.scene_seed is not None and self.scene_seed < 0:
+            raise SettingError(f"scene_seed is {self.scene_seed}; give a whole number of at least 0")
+        if self.image_format == "jpg" and self.bit_depth > 8:
+            raise SettingError(f"JPEG holds 8 bits, not {self.bit_depth}; set image_format to 'png'")
+        if not self.horizontal_fov_deg < 140:
+            raise SettingError(
+                f"horizontal_fov_deg is {self.horizontal_fov_deg}; a pinhole camera needs less than 140"
+            )
+
+    def _check_exposures(self) -> None:
+        if self.exposure_min_ms > self.exposure_max_ms:
+            raise SettingError(
+                f"exposure_min_ms {self.exposure_min_ms} is above exposure_max_ms {self.exposure_max_ms}; swap them"
+            )
+        if self.exposure in ("cycle", "file"):
+            values = self.exposures_ms
+            if not values or not all(_is_number(e) and e > 0 for e in values):
+                raise SettingError("exposures_ms must hold finite exposure times above 0 in milliseconds")
+            if self.exposure == "file" and len(values) != self.frames:
+                raise SettingError(
+                    f"exposures_ms holds {len(values)} exposures for {self.frames} frames; give one each"
+                )
+        if not 0 < self.auto_target < 1:
+            raise SettingError(f"auto_target is {self.auto_target}; give a grey level between 0 and 1")
+        if self.gain_max < self.gain:
+            raise SettingError(f"gain_max {self.gain_max} is below gain {self.gain}; raise it")
+        if not self.flicker < 1:
+            raise SettingError(f"flicker is {self.flicker}; the light's amplitude must be below 1")
+        if abs(self.lag) >= self.frames:
+            raise SettingError(f"lag is {self.lag} frames in a recording of {self.frames}; make it smaller")
+
+    def _check_sensor(self) -> None:
+        full_well, read_noise = self.sensor
+        if not full_well > 0 or math.isnan(full_well):
+            raise SettingError(f"full_well_electrons is {full_well}; give a number above 0, or inf for no shot noise")
+        if not _is_number(read_noise) or read_noise < 0:
+            raise SettingError(f"read_noise_electrons is {read_noise}; give a finite number of at least 0")
+        if math.isinf(full_well) and read_noise > 0:
+            raise SettingError("read noise in electrons means nothing with an infinite full well; set a full well")
+
+    @property
+    def sensor(self) -> tuple[float, float]:
+        """Full well and read noise in electrons."""
+        full_well, read_noise = NOISE_PRESETS[self.noise]
+        if self.full_well_electrons is not None:
+            full_well = self.full_well_electrons
+        if self.read_noise_electrons is not None:
+            read_noise = self.read_noise_electrons
+        return full_well, read_noise
+
+    @property
+    def max_grey(self) -> int:
+        """Largest grey value."""
+        return int(2**self.bit_depth - 1)
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels."""
+        return self.size[0] / (2 * math.tan(math.radians(self.horizontal_fov_deg) / 2))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all settings as JSON-compatible values."""
+        values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        if isinstance(self.response, Response):
+            values["response"] = self.response.model
+        if not isinstance(self.vignette, str | Path):
+            values["vignette"] = self.vignette.as_dict()
+        full_well, read_noise = self.sensor
+        values["full_well_electrons"] = None if math.isinf(full_well) else full_well
+        values["read_noise_electrons"] = read_noise
+        return {
+            k: str(v) if isinstance(v, Path) else list(v) if isinstance(v, tuple) else v for k, v in values.items()
+        }
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

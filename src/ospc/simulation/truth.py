@@ -1,0 +1,192 @@
+"""Everything about a simulated recording that can be known before a full image is rendered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+from ospc.simulation.motion import Motion
+from ospc.simulation.rendering import View, radiance
+from ospc.simulation.responses import make_response
+from ospc.simulation.scene import Scene
+from ospc.simulation.settings import SimulationSettings
+from ospc.simulation.vignettes import make_vignette
+
+_METER_SIZE = 64
+"""Width in pixels of the small image that the exposure control looks at."""
+_SETTLING_STEPS = 40
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is true of a simulated recording.
+
+    Attributes
+    ----------
+    settings
+        What was asked for.
+    response
+        The camera response.
+    vignette
+        The vignette.
+    stamps_s
+        Time stamps, at the middle of the exposures, shape (frames,).
+    times_ms
+        True exposure times, shape (frames,).
+    gains
+        True linear gains, shape (frames,).
+    exposures_ms
+        True exposures, time times gain, shape (frames,).
+    metadata_exposures_ms
+        What the recording says they are, shape (frames,).
+    light
+        Factor on all radiance by flicker, mean over each exposure, shape (frames,).
+    trajectory
+        Rows (tx, ty, tz, qx, qy, qz, qw), camera to world, metres, shape (frames, 7).
+    """
+
+    settings: SimulationSettings
+    response: Response
+    vignette: Vignette
+    stamps_s: FloatArray
+    times_ms: FloatArray
+    gains: FloatArray
+    exposures_ms: FloatArray
+    metadata_exposures_ms: FloatArray
+    light: FloatArray
+    trajectory: FloatArray
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as JSON-compatible values, the content of ``truth.json``."""
+        return {
+            "schema": "ospc-truth/1",
+            "settings": self.settings.as_dict(),
+            "response": {"model": self.response.model, "inverse_256": self.response.resampled(256).tolist()},
+            "vignette": self.vignette.as_dict(),
+            "max_grey": self.settings.max_grey,
+            "focal_px": self.settings.focal_px,
+            "stamps_s": self.stamps_s.tolist(),
+            "times_ms": self.times_ms.tolist(),
+            "gains": self.gains.tolist(),
+            "exposures_ms": self.exposures_ms.tolist(),
+            "metadata_exposures_ms": self.metadata_exposures_ms.tolist(),
+            "light": self.light.tolist(),
+        }
+
+
+def truth(settings: SimulationSettings = SimulationSettings()) -> Truth:  # noqa: B008 - a frozen value
+    """Return what is true of the recording that these settings make, without rendering its images.
+
+    Raises
+    ------
+    SettingError
+        If response or vignette are not what the settings may name.
+    FormatError
+        If they come from a file that does not hold them.
+    """
+    return plan(settings, Scene.of(settings))
+
+
+def plan(settings: SimulationSettings, scene: Scene) -> Truth:
+    """Return the truth for a scene that is already built."""
+    response, vignette = make_response(settings.response), make_vignette(settings)
+    stamps = np.arange(settings.frames) / settings.fps
+    if settings.exposure == "auto":
+        times, gains = _auto_exposure(settings, scene, response, vignette, stamps)
+    else:
+        times, gains = _programmed(settings), np.full(settings.frames, settings.gain)
+    written = times * gains if settings.gain_in_metadata else times
+    return Truth(
+        settings,
+        response,
+        vignette,
+        stamps,
+        times,
+        gains,
+        times * gains,
+        _metadata(settings, written),
+        flicker(settings, stamps, times),
+        Motion.of(settings).at(stamps).as_trajectory(),
+    )
+
+
+def flicker(settings: SimulationSettings, stamps_s: FloatArray, times_ms: FloatArray) -> FloatArray:
+    """Return the mean of 1 + a·sin(2πft) over exposures centred at the stamps, shape (frames,)."""
+    share = np.sinc(settings.flicker_hz * times_ms / 1000)
+    return np.asarray(1 + settings.flicker * share * np.sin(2 * np.pi * settings.flicker_hz * stamps_s))
+
+
+def view_at(settings: SimulationSettings, motion: Motion, time_s: float, width: int | None = None) -> View:
+    """Return the camera at an instant, with smaller images where a width is given."""
+    poses = motion.at(time_s)
+    scale = 1.0 if width is None else width / settings.size[0]
+    size = settings.size if width is None else (width, max(1, round(settings.size[1] * scale)))
+    return View(size, settings.focal_px * scale, poses.position_m[0], poses.rotation[0])
+
+
+def _programmed(settings: SimulationSettings) -> FloatArray:
+    if settings.exposure == "constant":
+        return np.full(settings.frames, settings.exposure_ms)
+    if settings.exposure == "sweep":
+        return np.geomspace(settings.exposure_min_ms, settings.exposure_max_ms, settings.frames)
+    return np.resize(np.array(settings.exposures_ms, dtype=np.float64), settings.frames)
+
+
+def _metadata(settings: SimulationSettings, exposures_ms: FloatArray) -> FloatArray:
+    """Return what the camera reports: exposures of other frames where it lags, and with errors."""
+    index = np.clip(np.arange(settings.frames) - settings.lag, 0, settings.frames - 1)
+    error = np.random.default_rng([settings.seed, 4]).standard_normal(settings.frames)
+    return np.asarray(exposures_ms[index] * np.exp(settings.metadata_error * error))
+
+
+def _auto_exposure(
+    settings: SimulationSettings, scene: Scene, response: Response, vignette: Vignette, stamps_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return exposure times and gains as a control loop sets them that sees the frame before.
+
+    Time comes first, gain only when time has reached its limit.
+    """
+    motion = Motion.of(settings)
+    width = min(_METER_SIZE, settings.size[0])
+
+    def meter(stamp_s: float) -> FloatArray:
+        seen = radiance(scene, view_at(settings, motion, stamp_s, width), stamp_s)
+        return seen * _thumbnail(vignette, (seen.shape[1], seen.shape[0]))
+
+    low = float(np.log(settings.exposure_min_ms * settings.gain))
+    high = float(np.log(settings.exposure_max_ms * settings.gain_max))
+    log_e = float(np.clip(np.log(settings.reference_exposure_ms * settings.gain), low, high))
+    seen = meter(float(stamps_s[0]))
+    still = settings.motion == "static" and not settings.moving_objects
+    for _ in range(_SETTLING_STEPS):
+        log_e = min(max(log_e + _step(settings, response, seen * np.exp(log_e)), low), high)
+    result = np.empty(settings.frames)
+    for i, stamp in enumerate(stamps_s):
+        result[i] = log_e
+        if i > 0 and not still:
+            seen = meter(float(stamp))
+        time_ms = min(np.exp(log_e) / settings.gain, settings.exposure_max_ms)
+        light = float(flicker(settings, stamp, np.asarray(time_ms)))
+        log_e = min(max(log_e + _step(settings, response, seen * light * np.exp(log_e)), low), high)
+    exposures = np.exp(result)
+    times = np.minimum(exposures / settings.gain, settings.exposure_max_ms)
+    return times, exposures / times
+
+
+def _step(settings: SimulationSettings, response: Response, irradiance: FloatArray) -> float:
+    """Return the control's step in ln exposure: a share of the mean grey level's deviation, limited in size."""
+    grey = max(float(np.mean(response(irradiance))), 1e-3)
+    wanted = settings.auto_gain * np.log(settings.auto_target / grey)
+    return float(np.clip(wanted, -settings.auto_rate, settings.auto_rate))
+
+
+def _thumbnail(vignette: Vignette, size: tuple[int, int]) -> FloatArray:
+    """Return a vignette at the size of the metered image, shape (height, width)."""
+    x = (np.arange(size[0]) + 0.5) / size[0] * vignette.size[0] - 0.5
+    y = (np.arange(size[1]) + 0.5) / size[1] * vignette.size[1] - 0.5
+    return vignette.at(np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1))
