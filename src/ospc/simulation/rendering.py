@@ -20,7 +20,7 @@ from ospc.simulation.surface import Face, Rectangle, Solid
 
 _NEAR_M = 0.02
 _MARGIN_PX = 2.0
-_CELL_PX = 40
+_CELL_PX = 32
 """Edge of the cells on which the level of detail is computed before it is interpolated."""
 _POLYGON_SHIFT = 4
 
@@ -171,14 +171,24 @@ def _sampled(face: Face, to_image: FloatArray, shape: tuple[int, int], outline: 
     detail = np.clip(_detail(to_metres, cells, texel_m), bounds.min(), bounds.max())
     first, final = int(np.floor(detail.min())), int(np.ceil(detail.max()))
     if first == final:
-        return _warped(face, first, to_metres, shape)
+        return _warped(face, first, to_metres, (0, 0), shape)
     total = np.zeros(shape, np.float32)
     for level in range(first, final + 1):
         weight = np.maximum(0, 1 - np.abs(detail - level)).astype(np.float32)
         if weight.max() > 0:
-            share = cv2.resize(weight, (width, height), interpolation=cv2.INTER_LINEAR)
-            total += share * _warped(face, level, to_metres, shape)
+            # Only where this level has a share; interpolation carries it one cell further than its own cells.
+            (y0, y1), (x0, x1) = (
+                _span(np.flatnonzero(weight.max(axis=1 - axis) > 0), weight.shape[axis], shape[axis])
+                for axis in (0, 1)
+            )
+            share = cv2.resize(weight, (width, height), interpolation=cv2.INTER_LINEAR)[y0:y1, x0:x1]
+            total[y0:y1, x0:x1] += share * _warped(face, level, to_metres, (x0, y0), (y1 - y0, x1 - x0))
     return total
+
+
+def _span(used: npt.NDArray[np.intp], cells: int, pixels: int) -> tuple[int, int]:
+    """Return the first pixel and the one after the last of a run of cells, with one more cell on either side."""
+    return max(0, (used[0] - 1) * pixels // cells), min(pixels, -(-(int(used[-1]) + 2) * pixels // cells))
 
 
 def _detail(to_metres: FloatArray, points: npt.NDArray[np.float64], texel_m: float) -> FloatArray:
@@ -201,10 +211,14 @@ def _detail(to_metres: FloatArray, points: npt.NDArray[np.float64], texel_m: flo
     return np.asarray(np.log2(np.maximum(longest / texel_m, 1e-9)))
 
 
-def _warped(face: Face, level: int, to_metres: FloatArray, shape: tuple[int, int]) -> Float32Array:
+def _warped(
+    face: Face, level: int, to_metres: FloatArray, first: tuple[int, int], shape: tuple[int, int]
+) -> Float32Array:
+    """Return one level of a face's pyramid as it appears in an area of ``shape`` that begins at pixel ``first``."""
     mip = face.mips[level]
     across, down = mip.shape[1] / face.place.size_m[0], mip.shape[0] / face.place.size_m[1]
     to_elements = np.array([[across, 0, -0.5], [0, down, -0.5], [0, 0, 1.0]]) @ to_metres
+    to_elements = to_elements @ np.array([[1.0, 0, first[0]], [0, 1, first[1]], [0, 0, 1]])
     return np.asarray(
         cv2.warpPerspective(
             mip,

@@ -10,7 +10,7 @@ from ospc.arrays import Float32Array
 from ospc.simulation.motion import EYE_HEIGHT_M
 from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.surface import UP, Face, Lamp, Rectangle, Solid, lit, pyramid
-from ospc.simulation.texture import painted, photograph, single, tiled
+from ospc.simulation.texture import painted, photograph, single, strewn, tiled
 
 ROOM_M = (4.2, 3.4, 2.8)
 """Half length, half width and height of the room."""
@@ -21,6 +21,7 @@ _RING_M = 2.35
 """Distance of the furniture from the middle; the camera stays within a metre of it."""
 _PATCH_M = (0.42, 0.34)
 _WINDOW_M = (1.5, 1.1)
+_DOOR_M = (0.95, 2.05)
 _PICTURES = ("camera", "coffee", "chelsea")
 
 
@@ -134,37 +135,44 @@ def _walls(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Face, ...
     ceiling = Rectangle(np.array([-length, -width, height]), x, y, extent)
     ground = str(rng.choice(["gravel", "grass"]))
     faces = [
-        lit(floor, tiled(ground, extent, rng, tile_m=1.9, contrast=0.8, level=0.16), lamps),
-        lit(ceiling, tiled("gravel", extent, rng, tile_m=2.4, contrast=0.15, level=0.65), lamps),
+        lit(floor, strewn(ground, extent, rng, piece_m=1.9, contrast=0.8, level=0.16), lamps),
+        lit(ceiling, strewn("gravel", extent, rng, piece_m=2.4, contrast=0.15, level=0.65), lamps),
     ]
-    coats = [
-        ("brick", 1.9, 1.6, 0.28),
-        ("gravel", 2.2, 0.35, 0.45),
-        ("brick", 1.5, 1.2, 0.14),
-        ("grass", 2.1, 0.3, 0.5),
-    ]
-    for side, kind in enumerate(rng.permutation(len(coats))):
-        name, tile_m, contrast, level = coats[kind]
+    for side, coat in enumerate(rng.permutation(4)):
         wall = _wall(side)
-        faces.append(lit(wall, tiled(name, wall.size_m, rng, tile_m=tile_m, contrast=contrast, level=level), lamps))
+        faces.append(lit(wall, _coat(int(coat), wall.size_m, rng), lamps))
     return tuple(faces)
 
 
+def _coat(kind: int, size_m: tuple[float, float], rng: np.random.Generator) -> Float32Array:
+    """Return one of four wall coverings: pale bricks, plaster, dark bricks, rough wallpaper."""
+    if kind == 0:
+        return tiled("brick", size_m, rng, tile_m=2.0, contrast=1.2, level=0.28)
+    if kind == 1:
+        return strewn("gravel", size_m, rng, piece_m=2.6, contrast=0.35, level=0.45)
+    if kind == 2:
+        return tiled("brick", size_m, rng, tile_m=1.5, contrast=0.9, level=0.12)
+    return strewn("grass", size_m, rng, piece_m=1.7, contrast=0.35, level=0.5)
+
+
 def _pictures(rng: np.random.Generator, lamps: tuple[Lamp, ...], window_side: int) -> tuple[Face, ...]:
-    """Hang framed photographs, painted boards and, where the strong light comes from, a bright window."""
+    """Hang framed photographs and painted boards, and let walls open to the day outside and to an unlit room."""
     faces = []
     names = list(rng.permutation([*_PICTURES, *_PICTURES]))
+    door_side = int(rng.permutation([side for side in range(4) if side != window_side])[0])
     for side in range(4):
         half = _wall(side).size_m[0] / 2
         if side == window_side:
-            view = np.float32(2.2) * single("grass", _WINDOW_M, 0.05) + np.float32(0.3)
+            view = np.float32(5.0) * single("grass", _WINDOW_M, 0.05) + np.float32(0.5)
             faces.append(Face(_on_wall(side, 0.0, 1.6, _WINDOW_M), pyramid(view)))
-            free = [-0.66 * half, 0.66 * half]
-        else:
-            free = [-0.62 * half, 0.0, 0.62 * half]
-        for along in free:
+        if side == door_side:
+            inside = np.float32(0.006) * single("coffee", _DOOR_M, 0.0)
+            faces.append(Face(_on_wall(side, 0.0, _DOOR_M[1] / 2, _DOOR_M), pyramid(inside)))
+        for along in (-0.62 * half, 0.0, 0.62 * half):
             size = (float(rng.uniform(0.7, 1.25)), float(rng.uniform(0.6, 1.0)))
             place = _on_wall(side, along + float(rng.uniform(-0.2, 0.2)), float(rng.uniform(1.2, 1.8)), size)
+            if along == 0.0 and side in (window_side, door_side):
+                continue
             if names and rng.random() < 0.65:
                 faces.append(lit(place, single(str(names.pop()), size, 0.04), lamps))
             else:
@@ -178,7 +186,7 @@ def _furniture(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Solid
     for azimuth_deg in (40, 90, 140, 220, 270, 320):
         azimuth = np.radians(azimuth_deg + rng.uniform(-8, 8))
         width, depth, height = rng.uniform(0.4, 0.75), rng.uniform(0.35, 0.6), rng.uniform(0.6, 1.5)
-        name = str(rng.choice(["brick", "gravel", "camera", "coffee", "chelsea", "grass"]))
+        name = str(rng.choice(["brick", "gravel", "camera", "coffee", "chelsea", "grass", ""]))
         level = float(rng.choice([0.06, 0.2, 0.5]))
         centre = np.array([_RING_M * np.cos(azimuth), _RING_M * np.sin(azimuth), height / 2])
         turn = azimuth + rng.uniform(-0.6, 0.6)
@@ -188,7 +196,7 @@ def _furniture(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Solid
             across, through = (width, depth) if quarter % 2 == 0 else (depth, width)
             forward = np.array([np.cos(look), np.sin(look), 0.0])
             place = Rectangle.upright(centre - forward * through / 2, look, (across, height))
-            coat = tiled(name, place.size_m, rng, tile_m=0.9, contrast=0.8, level=level)
+            coat = _box_coat(name, place.size_m, rng, level)
             faces.append(lit(place, coat, lamps))
         forward, right = np.array([np.cos(turn), np.sin(turn), 0.0]), faces[0].place.across
         corner = centre + UP * height / 2 + forward * depth / 2 - right * width / 2
@@ -196,6 +204,17 @@ def _furniture(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Solid
         faces.append(lit(top, painted((width, depth), rng, 0.6), lamps))
         solids.append(Solid(tuple(faces), centre, float(np.linalg.norm([width, depth, height]) / 2)))
     return tuple(solids)
+
+
+def _box_coat(name: str, size_m: tuple[float, float], rng: np.random.Generator, level: float) -> Float32Array:
+    """Return what a side of a box shows: a picture, rough stuff, or paint where there is no name."""
+    if name in _PICTURES:
+        return single(name, size_m)
+    if name == "brick":
+        return tiled(name, size_m, rng, tile_m=1.0, contrast=0.9, level=level)
+    if name:
+        return strewn(name, size_m, rng, piece_m=1.0, contrast=0.8, level=level)
+    return painted(size_m, rng, level)
 
 
 def _patches(rng: np.random.Generator, count: int, radiance: float) -> tuple[Patch, ...]:

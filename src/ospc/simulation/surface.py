@@ -7,6 +7,7 @@ seen from: the assumption behind every photometric calibration from moving camer
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -42,17 +43,16 @@ class Rectangle:
         across = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
         return cls(centre_m - across * size_m[0] / 2 + UP * size_m[1] / 2, across, -UP, size_m)
 
-    @property
+    @cached_property
     def normal(self) -> FloatArray:
         """Direction to which it shows a texture unmirrored."""
-        turned: FloatArray = np.cross(self.down, self.across)
-        return turned
+        return np.asarray(np.cross(self.down, self.across))
 
     @property
     def corners_m(self) -> FloatArray:
         """Its four corners in order, shape (4, 3)."""
         a, d = self.across * self.size_m[0], self.down * self.size_m[1]
-        return self.corner_m + np.array([0 * a, a, a + d, d])
+        return np.asarray(self.corner_m + np.array([0 * a, a, a + d, d]))
 
     def grid(self, columns: int, rows: int) -> FloatArray:
         """Return the centres of equal cells on it, shape (rows, columns, 3)."""
@@ -107,13 +107,13 @@ class Lamp:
 
 def irradiance(points_m: FloatArray, normal: FloatArray, lamps: tuple[Lamp, ...]) -> FloatArray:
     """Return the light that falls on points, shape (..., 3) -> (...): inverse squares, cosines, some ambient."""
-    total = np.full(points_m.shape[:-1], 0.02)
+    total = np.full(points_m.shape[:-1], 0.008)
     for lamp in lamps:
         towards = lamp.position_m - points_m
         squared = np.sum(towards**2, axis=-1)
         cosine = np.maximum(towards @ normal, 0) / np.sqrt(squared)
         # The part without a cosine stands for light that the other surfaces throw back.
-        total += lamp.strength * (0.10 + 0.90 * cosine) / (squared + 0.15)
+        total += lamp.strength * (0.06 + 0.94 * cosine) / (squared + 0.15)
     return total
 
 

@@ -37,6 +37,7 @@ def single(name: str, size_m: tuple[float, float], border_m: float = 0.0) -> Flo
     columns, rows = min(photo.shape[1], round(width / scale)), min(photo.shape[0], round(height / scale))
     x, y = (photo.shape[1] - columns) // 2, (photo.shape[0] - rows) // 2
     picture = _resized(photo[y : y + rows, x : x + columns], (width, height))
+    picture = picture.copy()
     if border_m > 0:
         edge = max(1, round(border_m / TEXEL_M))
         picture[:edge] = picture[-edge:] = picture[:, :edge] = picture[:, -edge:] = 0.75
@@ -52,7 +53,9 @@ def tiled(
     contrast: float,
     level: float,
 ) -> Float32Array:
-    """Cover an area with mirrored copies of a photograph, with stains that no two places share.
+    """Cover an area with mirrored copies of a photograph, for patterns that repeat in life too.
+
+    Grain and stains that no two places share lie over it.
 
     Parameters
     ----------
@@ -61,31 +64,46 @@ def tiled(
     size_m
         Width and height of the area.
     rng
-        Source of the stains.
+        Source of grain and stains.
     tile_m
         Edge of one copy.
     contrast
-        Exponent on the reflectance relative to its geometric mean.
+        Factor on the logarithm of the reflectance relative to its mean.
     level
         Geometric mean of the reflectance.
     """
     width, height = _texels(size_m)
-    photo = photograph(name)
     edge = max(16, round(tile_m / TEXEL_M))
-    tile = _resized(photo, (edge, edge))
-    tile = level * np.exp(contrast * (np.log(tile) - np.mean(np.log(tile))))
+    tile = _log_contrast(_resized(photograph(name), (edge, edge)))
     pair = np.hstack([tile, tile[:, ::-1]])
     block = np.vstack([pair, pair[::-1]])
     copies = (-(-height // block.shape[0]), -(-width // block.shape[1]))
-    covered = np.tile(block, copies)[:height, :width] * stains((width, height), rng, 0.15)
-    return np.clip(covered, _DARKEST, _BRIGHTEST).astype(np.float32)
+    covered = np.float32(contrast) * np.tile(block, copies)[:height, :width]
+    covered += np.float32(0.3) * _strewn("gravel", (width, height), rng, 256)
+    return _coated(covered, level, rng, 0.15)
+
+
+def strewn(
+    name: str,
+    size_m: tuple[float, float],
+    rng: np.random.Generator,
+    *,
+    piece_m: float,
+    contrast: float,
+    level: float,
+) -> Float32Array:
+    """Cover an area with overlapping pieces of a photograph of loose stuff, so that nothing repeats.
+
+    Parameters are those of :func:`tiled`; ``piece_m`` is the edge of the whole photograph.
+    """
+    covered = np.float32(contrast) * _strewn(name, _texels(size_m), rng, max(32, round(piece_m / TEXEL_M)))
+    return _coated(covered, level, rng, 0.15)
 
 
 def painted(size_m: tuple[float, float], rng: np.random.Generator, level: float) -> Float32Array:
     """Return an evenly painted area that is only a little stained."""
-    size = _texels(size_m)
-    even = np.clip(level * stains(size, rng, 0.08), _DARKEST, _BRIGHTEST)
-    return np.asarray(even, dtype=np.float32)
+    width, height = _texels(size_m)
+    return _coated(np.zeros((height, width), np.float32), level, rng, 0.08)
 
 
 def stains(size: tuple[int, int], rng: np.random.Generator, strength: float) -> Float32Array:
@@ -96,6 +114,46 @@ def stains(size: tuple[int, int], rng: np.random.Generator, strength: float) -> 
         coarse = rng.standard_normal((rows, columns)).astype(np.float32)
         field += np.float32(weight) * cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
     return np.asarray(np.exp(np.float32(strength) * field), dtype=np.float32)
+
+
+def _coated(log_contrast: Float32Array, level: float, rng: np.random.Generator, stained: float) -> Float32Array:
+    size = (log_contrast.shape[1], log_contrast.shape[0])
+    reflectance = np.float32(level) * np.exp(log_contrast) * stains(size, rng, stained)
+    return np.asarray(np.clip(reflectance, _DARKEST, _BRIGHTEST), dtype=np.float32)
+
+
+def _log_contrast(reflectance: Float32Array) -> Float32Array:
+    log = np.log(reflectance)
+    return np.asarray(log - np.mean(log), dtype=np.float32)
+
+
+def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: int) -> Float32Array:
+    """Return overlapping random pieces of a photograph's log contrast, faded into each other, shape (height, width).
+
+    Sums of independent pieces lose contrast; dividing by the root of the summed squares of their weights, not by the
+    sum of the weights, keeps the variance of the photograph everywhere.
+    """
+    source = _log_contrast(_resized(photograph(name), (edge, edge)))
+    piece = edge // 2
+    ramp = np.sin(np.pi * (np.arange(piece, dtype=np.float32) + 0.5) / piece)
+    window = np.outer(ramp, ramp).astype(np.float32)
+    step = max(1, piece // 2)
+    rows, columns = size[1] // step + 2, size[0] // step + 2
+    total = np.zeros(((rows + 1) * step + piece, (columns + 1) * step + piece), np.float32)
+    squares = np.full_like(total, 1e-6)
+    for row in range(rows):
+        for column in range(columns):
+            y, x = rng.integers(0, edge - piece + 1, 2)
+            cut = np.rot90(source[y : y + piece, x : x + piece], int(rng.integers(4)))
+            dy, dx = rng.integers(0, step // 2 + 1, 2)
+            place = (
+                slice(row * step + dy, row * step + dy + piece),
+                slice(column * step + dx, column * step + dx + piece),
+            )
+            total[place] += window * cut
+            squares[place] += window**2
+    kept = (slice(piece, piece + size[1]), slice(piece, piece + size[0]))
+    return np.asarray(total[kept] / np.sqrt(squares[kept]), dtype=np.float32)
 
 
 def _texels(size_m: tuple[float, float]) -> tuple[int, int]:
