@@ -1,0 +1,196 @@
+"""Feature points of one image, and their matches between two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import FloatArray, Image, IntArray
+from ospc.errors import MissingExtraError, SettingError
+from ospc.recording.frame import Frame
+
+
+@dataclass(frozen=True)
+class Features:
+    """Feature points of one frame; all that is kept of its image.
+
+    Attributes
+    ----------
+    frame
+        Index of the frame.
+    exposure_ms
+        Its exposure.
+    points
+        Pixel coordinates (x, y), shape (n, 2).
+    grey
+        Grey levels in [0, 1] at the nearest pixels, shape (n,).
+    descriptors
+        One row a point, shape (n, d); uint8, or float32 for SURF.
+    """
+
+    frame: int
+    exposure_ms: float
+    points: FloatArray
+    grey: FloatArray
+    descriptors: npt.NDArray[Any]
+
+
+class FeatureExtractor(Protocol):
+    """Finds and describes feature points."""
+
+    @property
+    def norm(self) -> int:
+        """OpenCV's norm that compares its descriptors."""
+        ...
+
+    def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
+        """Return points, shape (n, 2), and descriptors, shape (n, d)."""
+        ...
+
+
+class SiftExtractor:
+    """Scale-invariant features (Lowe 2004), OpenCV's implementation.
+
+    Parameters
+    ----------
+    max_features
+        Strongest points to keep.
+    """
+
+    norm = cv2.NORM_L2
+
+    def __init__(self, max_features: int) -> None:
+        self._sift = cv2.SIFT_create(nfeatures=max_features)
+
+    def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
+        """Return points, shape (n, 2), and descriptors, shape (n, 128), as uint8, which SIFT's values fit exactly."""
+        keypoints, descriptors = self._sift.detectAndCompute(image, None)
+        if descriptors is None:
+            return np.empty((0, 2)), np.empty((0, 128), np.uint8)
+        return cv2.KeyPoint_convert(keypoints).astype(np.float64).reshape(-1, 2), descriptors.astype(np.uint8)
+
+
+class OrbExtractor:
+    """Oriented FAST and rotated BRIEF (Rublee et al. 2011), OpenCV's implementation.
+
+    Parameters
+    ----------
+    max_features
+        Strongest points to keep.
+    """
+
+    norm = cv2.NORM_HAMMING
+
+    def __init__(self, max_features: int) -> None:
+        self._orb = cv2.ORB_create(nfeatures=max_features)
+
+    def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
+        """Return points, shape (n, 2), and binary descriptors, shape (n, 32)."""
+        keypoints, descriptors = self._orb.detectAndCompute(image, None)
+        if descriptors is None:
+            return np.empty((0, 2)), np.empty((0, 32), np.uint8)
+        return cv2.KeyPoint_convert(keypoints).astype(np.float64).reshape(-1, 2), np.asarray(descriptors)
+
+
+class SurfExtractor:
+    """Speeded-up robust features (Bay et al. 2006), implementation of the package mahotas.
+
+    Parameters
+    ----------
+    max_features
+        Strongest points to keep.
+
+    Raises
+    ------
+    MissingExtraError
+        If mahotas is not installed.
+    """
+
+    norm = cv2.NORM_L2
+
+    def __init__(self, max_features: int) -> None:
+        try:
+            from mahotas.features import surf
+        except ImportError:
+            raise MissingExtraError("SURF", "surf") from None
+        self._surf = surf.surf
+        self._max_features = max_features
+
+    def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
+        """Return points, shape (n, 2), and descriptors, shape (n, 64)."""
+        # Rows are y, x, scale, score, Laplacian's sign, angle, and the 64 values of the descriptor.
+        rows = np.asarray(self._surf(image, max_points=self._max_features, descriptor_only=False), dtype=np.float64)
+        if rows.size == 0:
+            return np.empty((0, 2)), np.empty((0, 64), np.float32)
+        return rows[:, 1::-1].copy(), rows[:, 6:].astype(np.float32)
+
+
+_EXTRACTORS = {"sift": SiftExtractor, "orb": OrbExtractor, "surf": SurfExtractor}
+
+
+def make_extractor(name: str, max_features: int) -> FeatureExtractor:
+    """Return the extractor called "sift", "orb" or "surf".
+
+    Raises
+    ------
+    SettingError
+        If there is none of that name.
+    """
+    if name not in _EXTRACTORS:
+        raise SettingError(f"no feature extractor is called '{name}'; known: {', '.join(_EXTRACTORS)}")
+    extractor: FeatureExtractor = _EXTRACTORS[name](max_features)
+    return extractor
+
+
+def to_8bit(image: Image, max_grey: int) -> npt.NDArray[np.uint8]:
+    """Return the image with 8 bits, as detectors want it."""
+    if image.dtype == np.uint8 and max_grey == 255:
+        return np.asarray(image, dtype=np.uint8)
+    return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / max_grey), dtype=np.uint8)
+
+
+def extract(frame: Frame, extractor: FeatureExtractor) -> Features:
+    """Return the features of a frame with the grey levels at the pixels nearest to them."""
+    points, descriptors = extractor.detect(to_8bit(frame.image, frame.max_grey))
+    height, width = frame.image.shape
+    column, row = np.rint(points).astype(np.int64).T
+    grey = frame.image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] / frame.max_grey
+    return Features(frame.index, frame.exposure_ms, points, grey.astype(np.float64), descriptors)
+
+
+def match(features0: Features, features1: Features, norm: int, ratio: float) -> tuple[IntArray, IntArray]:
+    """Return the indices of matching features: nearest neighbours that pass Lowe's ratio test.
+
+    Parameters
+    ----------
+    features0, features1
+        Features of the two frames.
+    norm
+        OpenCV's norm for the descriptors.
+    ratio
+        Largest accepted ratio of the nearest to the second nearest distance.
+
+    Returns
+    -------
+    tuple of IntArray
+        Indices into the first and into the second, shape (n,) each; no feature of the second is used twice.
+    """
+    none = np.empty(0, np.int64)
+    if len(features0.points) < 2 or len(features1.points) < 2:
+        return none, none
+    descriptors = [f.descriptors for f in (features0, features1)]
+    if norm != cv2.NORM_HAMMING:
+        descriptors = [d.astype(np.float32) for d in descriptors]
+    found = cv2.BFMatcher(norm).knnMatch(descriptors[0], descriptors[1], k=2)
+    accepted = [(m.distance, m.queryIdx, m.trainIdx) for m, n in found if m.distance < ratio * n.distance]
+    if not accepted:
+        return none, none
+    # Of several features that chose the same partner, the nearest keeps it.
+    table = np.array(sorted(accepted))
+    _, first = np.unique(table[:, 2], return_index=True)
+    kept = table[np.sort(first)].astype(np.int64)
+    return kept[:, 1], kept[:, 2]

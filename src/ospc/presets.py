@@ -1,0 +1,128 @@
+"""Every number of the methods, named, with its source."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from ospc.arrays import ImageSize
+from ospc.errors import SettingError
+
+if TYPE_CHECKING:
+    from ospc.methods.method import Method
+
+
+@dataclass(frozen=True)
+class PaperSettings:
+    """The method of the paper, complete.
+
+    Attributes
+    ----------
+    features
+        "sift" (the paper), "orb" or "surf" (its ablation).
+    max_features
+        Strongest features kept of a frame; the paper gives no limit, this one bounds the matching.
+    match_ratio
+        Lowe's ratio test (Lowe 2004).
+    filter_blocks, filter_bins, filter_min_matches, filter_length_sigmas
+        The direction filter: 15×15 blocks, 10 bins, blocks of more than 5 matches, mean + 2σ (released program).
+    response_window
+        Frames behind one estimate of the response (paper, section 4.1).
+    exposure_ratio_low, exposure_ratio_high
+        Exposure ratios that make a pair worth matching (paper, section 4.1).
+    response_max_radial_displacement
+        Largest |R₀−R₁| of a sample for the response (released program: 0.01; pseudocode: 0.1).
+    response_degree
+        Degree of the polynomial g (paper, section 3.2).
+    response_positivity
+        When to ask for c ≥ 0: "never" is the paper's equation, "always" the released program; "when needed" asks
+        only where the paper's solution does not increase and so is no response.
+    vignette_window
+        Frames behind one estimate of the vignette (paper, section 4.1).
+    vignette_offset
+        Frames between the two of a pair (paper, section 4.1).
+    vignette_min_radial_displacement
+        Smallest |R₀−R₁| of a sample for the vignette (paper, section 5).
+    vignette_solver
+        "l2", "l1" or "m-estimator" (paper, section 5; the M-estimator was its best).
+    huber_tuning
+        Threshold of the M-estimator in standard deviations (Huber 1964).
+    acceptance_tolerance
+        Largest median of |ln k̂ − ln k| over the pairs of an estimate that is accepted; the paper gives no number.
+    min_samples
+        Fewest correspondences an estimate may rest on.
+    """
+
+    features: str = "sift"
+    max_features: int = 2000
+    match_ratio: float = 0.75
+    filter_blocks: int = 15
+    filter_bins: int = 10
+    filter_min_matches: int = 5
+    filter_length_sigmas: float = 2.0
+    response_window: int = 200
+    exposure_ratio_low: float = 0.92
+    exposure_ratio_high: float = 1.08
+    response_max_radial_displacement: float = 0.01
+    response_degree: int = 2
+    response_positivity: str = "when needed"
+    vignette_window: int = 400
+    vignette_offset: int = 30
+    vignette_min_radial_displacement: float = 0.2
+    vignette_solver: str = "m-estimator"
+    huber_tuning: float = 1.345
+    acceptance_tolerance: float = 0.2
+    min_samples: int = 100
+
+    name = "paper"
+
+    def build(self, size: ImageSize, max_grey: int) -> Method:
+        """Return the method for images of a size and bit depth."""
+        from ospc.methods.sequential import SequentialMethod
+
+        return SequentialMethod(self, size, max_grey)
+
+
+Settings: TypeAlias = PaperSettings
+
+_PRESETS: dict[str, Settings] = {"paper": PaperSettings()}
+
+
+def preset(name: str) -> Settings:
+    """Return the settings of the preset called "default" or "paper".
+
+    Raises
+    ------
+    SettingError
+        If there is none of that name.
+    """
+    if name not in _PRESETS:
+        raise SettingError(f"no preset is called '{name}'; known: {', '.join(_PRESETS)}")
+    return _PRESETS[name]
+
+
+def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
+    """Return the settings with some replaced by values given as text.
+
+    Raises
+    ------
+    SettingError
+        If a name is unknown or a value has the wrong type.
+    """
+    changes: dict[str, Any] = {}
+    known = {f.name: type(getattr(settings, f.name)) for f in fields(settings)}
+    for name, text in overrides.items():
+        if name not in known:
+            raise SettingError(
+                f"no setting is called '{name}' in preset '{settings.name}'; known: {', '.join(known)}"
+            )
+        try:
+            changes[name] = known[name](text)
+        except ValueError:
+            raise SettingError(f"setting {name} takes a value of type {known[name].__name__}, not '{text}'") from None
+    return replace(settings, **changes)
+
+
+def as_dict(settings: Settings) -> dict[str, Any]:
+    """Return the name of the preset and every setting as JSON-compatible values."""
+    return {"preset": settings.name, **asdict(settings)}
