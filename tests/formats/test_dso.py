@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from ospc.errors import ExposureError, FormatError, SettingError
 from ospc.formats.dso import (
-    leading_numbers,
     read_pcalib,
     read_vignette,
     strictly_increasing_float32,
@@ -130,12 +129,6 @@ def test_missing_file_is_one_clear_error(tmp_path):
         read_pcalib(tmp_path / "nowhere.txt")
     with pytest.raises(FormatError, match="cannot be written"):
         write_pcalib(Response.gamma(1.0), tmp_path / "no" / "pcalib.txt")
-
-
-def test_leading_numbers_stop_where_a_stream_does():
-    values, rest = leading_numbers(" 1 -2.5\t.5 3. 1e2 +4 inf 6")
-    np.testing.assert_array_equal(values, [1, -2.5, 0.5, 3, 100, 4])
-    assert rest == "inf 6"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ here is read as they would.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 import scipy.optimize
 
-from ospc.arrays import Float32Array, FloatArray
+from ospc.arrays import Float32Array
 from ospc.errors import ExposureError, FormatError, SettingError
 from ospc.formats.files import read_text, write_text
 from ospc.formats.png import read_png, write_png
+from ospc.formats.scanning import leading_numbers
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 
@@ -31,7 +31,6 @@ LARGEST_ID = 2**31 - 1
 """Largest frame id that ``%d`` is defined for."""
 
 _SMALLEST_POSITIVE = np.float32(1e-30)
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)", re.ASCII)
 
 
 def strictly_increasing_float32(values: npt.ArrayLike) -> Float32Array:
@@ -80,19 +79,6 @@ def write_pcalib(response: Response, path: str | Path, values: int = FEWEST_VALU
         raise SettingError(f"a pcalib.txt has {FEWEST_VALUES} to {MOST_VALUES} values, not {values}")
     table = strictly_increasing_float32(255 * response.resampled(values))
     return write_text(path, " ".join(f"{value:.9g}" for value in table) + "\n")
-
-
-def leading_numbers(line: str) -> tuple[FloatArray, str]:
-    """Return the numbers a line begins with, as C++ streams extract them, and the text that stops them.
-
-    ``nan``, ``inf`` and anything else that is no decimal number end the numbers; so does a comma.
-    """
-    numbers: list[float] = []
-    position = 0
-    while match := _NUMBER.match(line, position):
-        numbers.append(float(match.group(1)))
-        position = match.end()
-    return np.array(numbers, dtype=np.float64), line[position:].strip()
 
 
 def read_pcalib(path: str | Path) -> Response:

@@ -1,0 +1,105 @@
+"""``ospc validate``: check parameter files against the rules of the programs that read them."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from ospc.formats.repair import Repair
+    from ospc.formats.validation import Validation
+
+_COLOURS = {"error": "red", "warning": "yellow", "note": "blue"}
+
+
+def parse_size(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[int, int] | None:
+    """Turn ``640x480`` into (640, 480)."""
+    if value is None:
+        return None
+    match = re.fullmatch(r"([1-9]\d{0,5})[x×]([1-9]\d{0,5})", value)
+    if match is None:
+        raise click.BadParameter(f"{value!r} is no size; write WIDTHxHEIGHT, such as 640x480")
+    return int(match.group(1)), int(match.group(2))
+
+
+@click.command("validate")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--for",
+    "program",
+    type=click.Choice(["dso", "mono"]),
+    default="dso",
+    show_default=True,
+    help="Whose rules: DSO and its descendants, or the TUM monocular data set's own tools.",
+)
+@click.option("--size", metavar="WxH", callback=parse_size, help="Size of the images; else taken from camera.txt.")
+@click.option("--repair", "mend", is_flag=True, help="Write a mended copy <name>.repaired.<ext> of what needs it.")
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
+def command(files: tuple[Path, ...], program: Any, size: tuple[int, int] | None, mend: bool, as_json: bool) -> None:
+    """Check pcalib.txt, vignette.png, times.txt and camera.txt, or the folders that hold them.
+
+    Says what the program that reads the files would do with them, and what to do about it. The exit code is 0 if all
+    files are valid, warnings and notes included; 1 if one is not or cannot be read; 2 if the command is misused.
+    """
+    from ospc.errors import FormatError
+    from ospc.formats.repair import repair
+    from ospc.formats.validation import validate
+
+    result = validate(files, program, size)
+    repairs: list[Repair] = []
+    failures: list[str] = []
+    for file in result.files if mend else ():
+        try:
+            repairs.append(repair(file, size))
+        except FormatError as error:
+            failures.append(str(error))
+    if as_json:
+        _print_json(result, repairs, failures)
+    else:
+        _print_text(result, repairs, failures)
+    sys.exit(0 if result.valid else 1)
+
+
+def _print_json(result: Validation, repairs: list[Repair], failures: list[str]) -> None:
+    import json
+
+    content = {
+        "program": result.program,
+        "size": result.size,
+        "valid": result.valid,
+        "files": [{"path": str(file.path), "kind": file.kind} for file in result.files],
+        "findings": [vars(finding) for finding in result.findings],
+        "repairs": [
+            {"source": str(r.source), "path": str(r.path) if r.changes else None, "changes": r.changes}
+            for r in repairs
+        ],
+        "not_repaired": failures,
+    }
+    click.echo(json.dumps(content, indent=1))
+
+
+def _print_text(result: Validation, repairs: list[Repair], failures: list[str]) -> None:
+    reader = {"dso": "DSO", "mono": "the monocular data set's tools"}[result.program]
+    for file in result.files:
+        findings = [finding for finding in result.findings if finding.file == str(file.path)]
+        broken = any(finding.severity == "error" for finding in findings)
+        verdict = click.style("invalid", fg="red") if broken else click.style("valid", fg="green")
+        click.echo(f"{file.path}: {verdict} {file.kind} for {reader}")
+        for finding in findings:
+            click.echo(f"  {click.style(finding.severity, fg=_COLOURS[finding.severity])}: {finding.rule}")
+            click.echo(f"    it {finding.effect}")
+            if finding.remedy:
+                click.echo(f"    remedy: {finding.remedy}")
+    for repair in repairs:
+        if repair.changes:
+            click.echo(f"{repair.path}: mended copy of {repair.source.name}")
+            for change in repair.changes:
+                click.echo(f"  {change}")
+        else:
+            click.echo(f"{repair.source}: nothing to mend")
+    for failure in failures:
+        click.echo(f"not mended: {failure}")

@@ -1,0 +1,50 @@
+"""How C and C++ programs take numbers from a line of text."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+
+_STREAM_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)", re.ASCII)
+_SCANF_ITEM = {
+    "d": re.compile(r"\s*([+-]?\d+)", re.ASCII),
+    "f": re.compile(r"\s*([+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?|nan))", re.ASCII | re.IGNORECASE),
+}
+
+
+def leading_numbers(line: str) -> tuple[FloatArray, str]:
+    """Return the numbers a line begins with, as C++ streams extract them, and the text that stops them.
+
+    ``nan``, ``inf`` and anything else that is no decimal number end the numbers; so does a comma.
+    """
+    numbers: list[float] = []
+    position = 0
+    while match := _STREAM_NUMBER.match(line, position):
+        numbers.append(float(match.group(1)))
+        position = match.end()
+    return np.array(numbers, dtype=np.float64), line[position:].strip()
+
+
+def scanned(line: str, conversions: str) -> list[float]:
+    """Return what ``sscanf`` would convert, up to the first failure.
+
+    Parameters
+    ----------
+    line
+        The text.
+    conversions
+        One letter a conversion, ``d`` or ``f``: ``"dff"`` stands for ``"%d %lf %f"``. As in C, ``nan`` and ``inf``
+        are numbers, and a ``d`` takes the integer a number begins with and leaves the rest to the next conversion.
+    """
+    values: list[float] = []
+    position = 0
+    for letter in conversions:
+        match = _SCANF_ITEM[letter].match(line, position)
+        if match is None:
+            break
+        values.append(float(match.group(1)))
+        position = match.end()
+    return values
