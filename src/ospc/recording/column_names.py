@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ospc.errors import ExposureError, RecordingError
+from ospc.errors import ExposureError
 from ospc.recording.wording import listed, quoted
 
 _IN_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
@@ -101,24 +101,21 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
     Raises
     ------
     ExposureError
-        If several columns could hold the exposure.
-    RecordingError
-        If several could hold the time stamp or name the image.
+        If there are exposures and several columns could hold them, or their time stamps, or name their images.
     """
     parsed = [_word_and_unit(name) for name in header]
     exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
+    if exposure is None:
+        return Columns(len(header))
     stamp = _only(header, parsed, _STAMP_WORDS, place)
     image = _only(header, parsed, _IMAGE_WORDS, place)
     gains = tuple(Gain(i, header[i], _scale(*parsed[i])) for i in _among(parsed, _GAIN_WORDS))
     notes = []
-    to_ms, to_s = 1.0, 1.0
-    if exposure is not None:
-        unit = parsed[exposure][1]
-        if unit not in _IN_SECONDS:
-            notes.append(f"exposures in the column {quoted(header[exposure])} are taken as ms: it names no unit")
-        to_ms = _IN_SECONDS.get(unit, 1e-3) * 1000
-    if stamp is not None:
-        to_s = _IN_SECONDS.get(parsed[stamp][1], 1.0)
+    unit = parsed[exposure][1]
+    if unit not in _IN_SECONDS:
+        notes.append(f"exposures in the column {quoted(header[exposure])} are taken as ms: it names no unit")
+    to_ms = _IN_SECONDS.get(unit, 1e-3) * 1000
+    to_s = 1.0 if stamp is None else _IN_SECONDS.get(parsed[stamp][1], 1.0)
     if gains:
         said = ", ".join(f"{quoted(gain.name)} ({gain.scale})" for gain in gains)
         notes.append(f"exposures are multiplied by the gain in {said}")
@@ -148,10 +145,8 @@ def _only(
     found = next((columns for words in groups if (columns := _among(parsed, words))), [])
     if len(found) > 1:
         names = listed([quoted(header[i]) for i in found])
-        error, good = (RecordingError, groups[0][0])
-        if groups is _EXPOSURE_WORDS:
-            error, good = ExposureError, "exposure_ms"
-        raise error(f"{place}: the columns {names} mean the same; keep one of them and name it '{good}'")
+        good = "exposure_ms" if groups is _EXPOSURE_WORDS else groups[0][0]
+        raise ExposureError(f"{place}: the columns {names} mean the same; keep one of them and name it '{good}'")
     return found[0] if found else None
 
 

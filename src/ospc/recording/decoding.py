@@ -16,7 +16,9 @@ MAX_FILE_BYTES = 256 * 2**20
 """Larger image files are refused before they are read."""
 
 # The orientation noted in a photograph is ignored: response and vignette belong to the sensor's own axes.
-_GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+_STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+_GREY, _COLOUR = cv2.IMREAD_GRAYSCALE | _STORED, cv2.IMREAD_COLOR | _STORED
+_JPEG_START = b"\xff\xd8"
 
 
 def decode_grey(data: bytes, name: str) -> Image:
@@ -47,8 +49,12 @@ def decode_grey(data: bytes, name: str) -> Image:
         )
     if header.bits > 16:
         raise FrameError(f"{name}: has {header.bits} bits a channel; convert it to 8 or 16 bit PNG")
+    # JPEG stores luma. Elsewhere the decoders' own conversions truncate, half a grey value off; OpenCV's rounds.
+    colour = header.channels > 2 and not data.startswith(_JPEG_START)
     try:
-        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _GREY)
+        image: Image | None = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _COLOUR if colour else _GREY)
+        if colour and image is not None and image.ndim == 3:
+            image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     except (cv2.error, MemoryError):
         image = None
     if image is None:

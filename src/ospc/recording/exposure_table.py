@@ -137,7 +137,7 @@ def _separator(line: str) -> str | None:
 def _fields(line: str, separator: str | None, place: str) -> list[str]:
     """Split a line; a header such as ``exposure [ms]`` stays whole unless blanks separate."""
     if separator is None:
-        return re.sub(r"\s+(?=[\[(])", "", line).split()
+        return re.sub(r"\s+(?=[\[(]\w{1,3}[\])])", "", line).split()
     try:
         return [field.strip() for field in next(csv.reader([line], delimiter=separator, strict=True))]
     except csv.Error as error:

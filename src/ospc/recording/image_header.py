@@ -142,7 +142,7 @@ def _bmp(data: bytes) -> ImageHeader:
     height = abs(height)
     if compression == 0 and len(data) < start + (width * bits + 31) // 32 * 4 * height:
         raise _DamagedError("the image is truncated")
-    return ImageHeader(width, height, 3, 8)
+    return ImageHeader(width, height, 1 if bits <= 8 else 3, 8)
 
 
 _TIFF_FORMATS = {1: "B", 3: "H", 4: "I"}
@@ -157,6 +157,7 @@ def _tiff(data: bytes) -> ImageHeader:
     order = "<" if data[:2] == b"II" else ">"
     (start,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, start)
+    struct.unpack_from(order + "I", data, start + 2 + 12 * count)  # the link to a next directory must be there
     tags: dict[int, tuple[int, ...]] = {}
     for place in range(start + 2, start + 2 + 12 * count, 12):
         tag, kind, number = struct.unpack_from(order + "HHI", data, place)

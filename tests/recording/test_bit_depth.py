@@ -1,0 +1,62 @@
+"""Bits used of 16: found wherever they lie, and contradicted by a frame only with an error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from image_samples import encoded, grey
+
+from ospc.errors import FrameError
+from ospc.recording import open_recording
+from ospc.recording.bit_depth import BitDepth, detect_bit_depth
+
+Make = Callable[..., Path]
+
+
+@given(st.sampled_from([8, 10, 12, 14, 16]), st.booleans(), st.integers(0, 1000))
+def test_bits_and_their_place_are_found(bits: int, left: bool, seed: int) -> None:
+    shift = 16 - bits if left else 0
+    image = grey(seed, (40, 30), np.uint16, 2**bits)
+    image[0, :2] = 2**bits - 1, 1
+    assert detect_bit_depth([image << shift]) == BitDepth(bits, shift, 16)
+
+
+def test_eight_bit_images_are_what_they_are() -> None:
+    assert detect_bit_depth([grey()]) == BitDepth(8)
+    assert BitDepth(8).note is None
+
+
+def test_black_images_tell_nothing() -> None:
+    assert detect_bit_depth([np.zeros((2, 2), np.uint16)]).max_grey == 65535
+
+
+@pytest.mark.parametrize("shift", [0, 4])
+def test_twelve_bit_recordings_give_values_up_to_4095(tum_folder: Make, shift: int) -> None:
+    images = {f"{i}.png": encoded(grey(i, dtype=np.uint16, top=4096) << shift) for i in range(3)}
+    recording = open_recording(tum_folder("0 0 1\n1 1 1\n2 2 1\n", images))
+    assert recording.max_grey == 4095
+    assert "12-bit" in recording.notes[-1]
+    for index, frame in enumerate(recording):
+        assert frame.max_grey == 4095
+        np.testing.assert_array_equal(frame.image, grey(index, dtype=np.uint16, top=4096))
+
+
+def test_the_longest_exposures_decide_not_the_dark_beginning(tum_folder: Make) -> None:
+    tops = (300, 300, 300, 300, 300, 4096)
+    images = {f"{i}.png": encoded(grey(i, dtype=np.uint16, top=top)) for i, top in enumerate(tops)}
+    recording = open_recording(tum_folder("".join(f"{i} {i} {i + 1}\n" for i in range(6)), images))
+    assert recording.max_grey == 4095
+
+
+@pytest.mark.parametrize(("shift", "odd"), [(0, 5000), (4, 1)])
+def test_a_frame_beyond_the_bits_found_is_an_error(tum_folder: Make, shift: int, odd: int) -> None:
+    images = {f"{i}.png": encoded(grey(i, dtype=np.uint16, top=4096) << shift) for i in range(5)}
+    images["4.png"] = encoded(np.full((16, 24), odd, np.uint16))
+    recording = open_recording(tum_folder("".join(f"{i} {i} {5 - i}\n" for i in range(5)), images))
+    with pytest.raises(FrameError, match=r"4\.png: has grey values beyond the 12 bits"):
+        _ = list(recording)[4].image

@@ -1,0 +1,262 @@
+"""Folders of images with a list of exposures: columns, units, and what is refused as ambiguous."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from image_samples import encoded, grey
+
+from ospc.errors import ExposureError, OspcError, RecordingError
+from ospc.recording import Recording, open_recording
+from ospc.recording.exposure_table import parse_exposure_table, read_exposure_table
+from ospc.recording.image_list import parse_image_list
+
+Open = Callable[..., Recording]
+
+
+@pytest.fixture
+def opened(tmp_path: Path) -> Open:
+    """Open a folder with three images and the given text files."""
+
+    def make(files: dict[str, str], names: tuple[str, ...] = ("a.png", "b.png", "c.png")) -> Recording:
+        for i, name in enumerate(names):
+            (tmp_path / name).write_bytes(encoded(grey(i)))
+        for name, text in files.items():
+            (tmp_path / name).write_text(text)
+        return open_recording(tmp_path)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("header", "exposure_ms"),
+    [
+        ("file,exposure_ms", 2),
+        ("file,exposure[ms]", 2),
+        ("file,Exposure Time [us]", 0.002),
+        ("file,exposure_time_us", 0.002),
+        ("file,exposure (µs)", 0.002),
+        ("file,exposure_s", 2000),
+        ("file,exposure_ns", 2e-6),
+        ("file,shutter_seconds", 2000),
+        ("Filename,Shutter Time (microseconds)", 0.002),
+        ("image,integration_time_ms", 2),
+    ],
+)
+def test_units_come_from_the_header(opened: Open, header: str, exposure_ms: float) -> None:
+    recording = opened({"exposures.csv": f"{header}\na.png,2\nb.png,4\nc.png,8\n"})
+    assert recording.kind == "image_folder"
+    assert recording.exposures_ms == pytest.approx([exposure_ms, 2 * exposure_ms, 4 * exposure_ms], rel=1e-12)
+    assert not any("taken as ms" in note for note in recording.notes)
+
+
+def test_a_missing_unit_is_stated_as_assumed(opened: Open) -> None:
+    recording = opened({"anything.csv": "file;exposure\na.png;2\nb.png;4\nc.png;8\n"})
+    assert recording.exposures_ms.tolist() == [2, 4, 8]
+    assert any("'exposure' are taken as ms: it names no unit" in note for note in recording.notes)
+
+
+def test_times_as_in_the_tum_datasets(opened: Open) -> None:
+    recording = opened({"times.txt": "# made by hand\na 0.5 2\nb 1.5 4\nc 2.5 8\n"})
+    assert recording.exposures_ms.tolist() == [2, 4, 8]
+    assert recording.stamps_s.tolist() == [0.5, 1.5, 2.5]
+    assert any("taken as id, stamp[s], exposure[ms]" in note for note in recording.notes)
+
+
+def test_a_commented_header_counts(opened: Open) -> None:
+    recording = opened({"times.txt": "# hello\n# filename timestamp [ns] [exposuretime[us]]\na 1 2\nb 2 4\nc 3 8\n"})
+    assert recording.exposures_ms == pytest.approx([0.002, 0.004, 0.008])
+    assert recording.stamps_s == pytest.approx([1e-9, 2e-9, 3e-9])
+    assert recording.notes == ()
+
+
+def test_columns_may_come_in_any_order_among_others(opened: Open) -> None:
+    text = "brightness\texposure_us\tcomment\tfile\ttimestamp_ms\n1\t1000\tx\tc.png\t10\n1\t2000\tx\ta.png\t20\n"
+    recording = opened({"exposures.csv": text}, ("a.png", "c.png"))
+    assert [frame.name for frame in recording] == ["c.png", "a.png"]
+    assert recording.exposures_ms == pytest.approx([1, 2])
+    assert recording.stamps_s == pytest.approx([0.01, 0.02])
+
+
+def test_quotes_and_folders_around_names_are_taken_off(opened: Open) -> None:
+    text = 'file,exposure_ms\n"images/a.png",1\n"C:\\x\\b.png",2\nc,3\n'
+    assert [frame.name for frame in opened({"exposures.csv": text})] == ["a.png", "b.png", "c.png"]
+
+
+def test_bare_exposures_belong_to_the_images_in_order_of_their_numbers(opened: Open) -> None:
+    recording = opened({"exposures.txt": "1\n2\n4\n"}, ("1.png", "10.png", "2.png"))
+    assert [frame.name for frame in recording] == ["1.png", "2.png", "10.png"]
+    assert recording.exposures_ms.tolist() == [1, 2, 4]
+    assert any("order of their names" in note for note in recording.notes)
+    assert any("no time stamps" in note for note in recording.notes)
+
+
+def test_time_stamps_find_images_named_by_them(opened: Open) -> None:
+    stamps = ("1695668703271420672", "1695668703318191104")
+    text = "timestamp,exposure_ms\n" + "".join(f"{stamp},2\n" for stamp in stamps)
+    recording = opened({"exposures.csv": text}, tuple(f"{stamp}.png" for stamp in stamps))
+    assert recording.stamps_s[0] == pytest.approx(1695668703.2714, abs=1e-4)
+    assert any("nanoseconds" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "factor"),
+    [
+        ("gain_db", "20", 10),
+        ("Gain [dB]", "6.0206", 2),
+        ("gain", "3", 3),
+        ("iso", "400", 4),
+        ("analogue_gain", "1.5", 1.5),
+    ],
+)
+def test_exposures_are_multiplied_by_gain(opened: Open, column: str, value: str, factor: float) -> None:
+    text = f"file,exposure_ms,{column}\na.png,1,{value}\nb.png,2,{value}\nc.png,3,{value}\n"
+    recording = opened({"exposures.csv": text})
+    assert recording.exposures_ms == pytest.approx([factor, 2 * factor, 3 * factor], rel=1e-5)
+    assert any("multiplied by the gain" in note for note in recording.notes)
+
+
+def test_two_gains_multiply(opened: Open) -> None:
+    text = "file,exposure_us,analogue_gain,digital_gain\na,1000,2,1.5\nb,1000,1,1\nc,1000,4,1\n"
+    assert opened({"exposures.csv": text}).exposures_ms == pytest.approx([3, 1, 4])
+
+
+def test_lists_without_exposures_are_no_lists_of_exposures(opened: Open) -> None:
+    files = {
+        "imu.csv": "timestamp,ax\n1,2\n",
+        "poses.csv": "1,2,3\n4,5,6\n",
+        "e.csv": "file,exposure_ms\na,1\nb,2\nc,3\n",
+    }
+    assert opened(files).exposures_ms.tolist() == [1, 2, 3]
+
+
+BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
+    "no list": ({}, ExposureError, ("holds images but no list", "exposures.csv")),
+    "two lists": (
+        {"times.txt": "a 1 1\n", "x.csv": "file,exposure\na,1\n"},
+        ExposureError,
+        ("times.txt, x.csv", "keep"),
+    ),
+    "two exposures": (
+        {"e.csv": "file,exposure_ms,exposure_us\na,1,1\n"},
+        ExposureError,
+        ("e.csv, line 1", "'exposure_ms', 'exposure_us'", "name it 'exposure_ms'"),
+    ),
+    "two stamps": (
+        {"e.csv": "stamp_s,timestamp_ns,exposure_ms\n1,1,1\n"},
+        ExposureError,
+        ("e.csv, line 1", "name it 'timestamp'"),
+    ),
+    "two columns of numbers": (
+        {"times.txt": "1 1\n2 2\n3 3\n"},
+        ExposureError,
+        ("times.txt", "which of its 2 columns", "name the columns"),
+    ),
+    "no such column": ({"times.txt": "file,stamp\na,1\n"}, ExposureError, ("times.txt", "which of its 2 columns")),
+    "ragged": ({"e.csv": "file,exposure_ms\na,1\nb\n"}, RecordingError, ("e.csv, line 3", "has 1 columns where")),
+    "text": ({"e.csv": "file,exposure_ms\na,1\nb,soon\n"}, RecordingError, ("e.csv, line 3", "'soon'")),
+    "gain is text": (
+        {"e.csv": "file,exposure_ms,gain\na,1,auto\n"},
+        RecordingError,
+        ("line 2", "the gain", "'auto'"),
+    ),
+    "zero": ({"e.csv": "file,exposure_ms\na,1\nb,0\nc,1\n"}, ExposureError, ("e.csv, line 3", "positive")),
+    "zero gain": ({"e.csv": "file,exposure_ms,gain\na,1,0\n"}, ExposureError, ("e.csv, line 2", "positive")),
+    "absurd gain": ({"e.csv": "file,exposure_ms,gain_db\na,1,1e9\n"}, ExposureError, ("e.csv, line 2", "positive")),
+    "image unnamed": (
+        {"e.csv": "file,exposure_ms\n,1\n"},
+        RecordingError,
+        ("e.csv, line 2", "does not name its image"),
+    ),
+    "quotes": ({"exposures.csv": 'file,exposure_ms\n"a"b,1\n'}, RecordingError, ("exposures.csv, line 2", "quotes")),
+    "empty": ({"exposures.txt": ""}, RecordingError, ("exposures.txt", "holds no frames")),
+    "header only": ({"exposures.csv": "file,exposure_ms\n"}, RecordingError, ("exposures.csv", "holds no frames")),
+    "too few": ({"exposures.txt": "1\n2\n"}, RecordingError, ("exposures.txt", "2 frames", "3 images")),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_list_is_one_error_that_says_what_to_do(opened: Open, case: str) -> None:
+    files, error, parts = BROKEN[case]
+    with pytest.raises(error) as caught:
+        opened(files)
+    assert all(part in str(caught.value) for part in parts), str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_images_folder_of_a_recording_points_to_its_parent(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "0.png").write_bytes(encoded(grey()))
+    (tmp_path / "times.txt").write_text("0 1 1\n")
+    with pytest.raises(ExposureError) as caught:
+        open_recording(tmp_path / "images")
+    assert f"or open {tmp_path} " in str(caught.value)
+
+
+def test_the_kind_given_by_name_says_what_it_needs(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordingError, match="is a folder with images and a list"):
+        open_recording(tmp_path / "file", "image_folder")
+    with pytest.raises(RecordingError, match="holds no images"):
+        open_recording(tmp_path, "image_folder")
+
+
+cells = st.sampled_from(
+    ["", "1", "nan", "a.png", "exposure", "exposure_us", "stamp[ns]", "gain_db", "iso", "#", '"', "\x1b"]
+)
+
+
+@given(st.lists(st.lists(cells, min_size=1, max_size=5), max_size=5), st.sampled_from([",", ";", "\t", " "]))
+def test_any_table_is_parsed_or_refused(rows: list[list[str]], separator: str) -> None:
+    try:
+        table = parse_exposure_table("\n".join(separator.join(row) for row in rows), "list.csv")
+    except OspcError as error:
+        assert str(error).isprintable()  # noqa: PT017
+    else:
+        assert (table.exposures_ms > 0).all()
+
+
+@given(st.text(max_size=100))
+def test_any_text_is_parsed_or_refused_as_an_image_list(text: str) -> None:
+    try:
+        parse_image_list(text, "image_list.txt")
+    except OspcError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+
+
+def test_an_image_list_is_in_seconds_and_checked_against_its_inverse() -> None:
+    table = parse_image_list("# Filename exposure 1/shutter\na.png 32 0.03125\nb.png 0.5 2\n", "image_list.txt")
+    assert table.ids == ("a.png", "b.png")
+    assert table.exposures_ms.tolist() == [32000, 500]
+    with pytest.raises(ExposureError, match=r"image_list\.txt, line 1: exposure 2 s and its inverse 2 contradict"):
+        parse_image_list("a.png 2 2\n", "image_list.txt")
+
+
+def test_an_image_list_with_changing_aperture_is_refused() -> None:
+    with pytest.raises(ExposureError, match="line 2: f-stop, gain or filter differ"):
+        parse_image_list("a.png 1 1 8 0 0\nb.png 0.5 2 11 0 0\n", "image_list.txt")
+
+
+def test_an_image_list_without_exposures_is_refused() -> None:
+    with pytest.raises(ExposureError, match="line 1: has no exposure"):
+        parse_image_list("a.png\n", "image_list.txt")
+
+
+@pytest.mark.parametrize(("name", "frames", "longest_ms"), [("taipei", 10, 32_000), ("memorial", 16, 32_000)])
+def test_real_exposure_series(real_data: Path, name: str, frames: int, longest_ms: float) -> None:
+    recording = open_recording(real_data / "brackets" / name)
+    assert (len(recording), recording.exposures_ms[0]) == (frames, longest_ms)
+    assert recording.exposures_ms[:-1] == pytest.approx(2 * recording.exposures_ms[1:])
+    images = [frame.image.mean() for frame in recording][:10]
+    assert images == sorted(images, reverse=True)
+
+
+def test_real_auto_exposures_of_an_industrial_camera(real_data: Path) -> None:
+    table = read_exposure_table(real_data / "params" / "fomo_basler_exposures.csv")
+    assert (len(table), table.exposures_ms.min(), table.exposures_ms.max()) == (1692, 171, 516)
+    assert any("taken as ms" in note for note in table.notes)
+    assert any("microseconds" in note for note in table.notes)

@@ -1,0 +1,57 @@
+"""Recognition of the kind of a recording from its content."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ospc.errors import RecordingError
+from ospc.recording import open_recording
+from ospc.recording.kinds import kinds
+
+Make = Callable[..., Path]
+
+
+def test_names_are_unique_and_each_says_what_it_needs(tmp_path: Path) -> None:
+    names = [kind.name for kind in kinds()]
+    assert len(set(names)) == len(names)
+    for name in names:
+        with pytest.raises(RecordingError) as caught:
+            open_recording(tmp_path, name)
+        assert str(tmp_path) in str(caught.value)
+
+
+def test_a_kind_nobody_knows_lists_those_known(tum_folder: Make) -> None:
+    with pytest.raises(RecordingError, match="'super8'; known: tum_mono, "):
+        open_recording(tum_folder(), "super8")
+
+
+def test_the_kind_may_be_given(tum_folder: Make) -> None:
+    assert open_recording(str(tum_folder()), "tum_mono").kind == "tum_mono"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda p: p / "missing", "there is no such file or folder"),
+        (lambda p: p, "the folder is empty; expected a folder with images/"),
+        (lambda p: _written(p / "notes.txt", b"hello").parent, "holds no images; expected a folder"),
+        (lambda p: _written(p / "notes.txt", b"hello"), "a file of this kind is not a recording; expected"),
+        (lambda p: _written(p / "blob.bin", bytes(100)), "a file of this kind is not a recording; expected"),
+        (lambda p: p / ("x" * 5000), "cannot be read"),
+    ],
+)
+def test_what_is_no_recording_is_one_error_that_says_what_is(
+    tmp_path: Path, make: Callable[[Path], Path], message: str
+) -> None:
+    path = make(tmp_path)
+    with pytest.raises(RecordingError, match=message) as caught:
+        open_recording(path)
+    assert str(path) in str(caught.value)
+
+
+def _written(path: Path, data: bytes) -> Path:
+    path.write_bytes(data)
+    return path

@@ -1,0 +1,147 @@
+"""times.txt: what is read, and that anything else is an error that names the line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.errors import ExposureError, OspcError, RecordingError
+from ospc.recording.text_file import MAX_LINE_CHARACTERS, lines_of
+from ospc.recording.times_file import parse_times, read_times
+
+
+def test_columns_are_id_stamp_exposure() -> None:
+    table = parse_times("00000 10.5 1.25\n00001 10.75 2.5\n", "times.txt")
+    assert table.ids == ("00000", "00001")
+    assert table.stamps_s.tolist() == [10.5, 10.75]
+    assert table.exposures_ms.tolist() == [1.25, 2.5]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_comments_blank_lines_tabs_and_line_ends_are_no_content(end: str) -> None:
+    text = end.join(["\ufeff# id stamp exposure", "", "1\t0.5\t2", "   ", "# more", "  2 0.75  4e0  "])
+    table = parse_times(text.removeprefix("\ufeff"), "times.txt")
+    assert table.ids == ("1", "2")
+    assert table.exposures_ms.tolist() == [2, 4]
+
+
+def test_a_byte_order_mark_is_no_content(tmp_path: Path) -> None:
+    path = tmp_path / "times.txt"
+    path.write_bytes(b"\xef\xbb\xbf1 0.5 2\n")
+    assert read_times(path).ids == ("1",)
+
+
+def test_the_table_cannot_be_changed() -> None:
+    table = parse_times("1 0.5 2\n", "times.txt")
+    with pytest.raises(ValueError, match="read-only"):
+        table.exposures_ms[0] = 3
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e-3])
+def test_stamps_since_1970_in_finer_units_become_seconds_with_a_note(unit: float) -> None:
+    seconds = 1_520_531_829.25
+    table = parse_times(f"1 {seconds / unit:.0f} 2\n2 {(seconds + 1) / unit:.0f} 2\n", "times.txt")
+    np.testing.assert_allclose(table.stamps_s, [seconds, seconds + 1], atol=1e-3)
+    assert "by their size" in table.notes[0]
+
+
+BROKEN = {
+    "two columns on one line": ("1 0.1 1\n2 0.2\n", ExposureError, "line 2: has no exposure"),
+    "two columns everywhere": ("1 0.1\n2 0.2\n", ExposureError, "no exposures, only ids and time stamps"),
+    "one column": ("1\n", RecordingError, "line 1: has 1 columns, not 3"),
+    "four columns": ("1 0.1 1 9\n", RecordingError, "line 1: has 4 columns, not 3"),
+    "commas": ("1,0.1,1\n", RecordingError, "line 1: has 1 columns"),
+    "text as exposure": (
+        "1 0.1 1\n2 0.2 fast\n",
+        RecordingError,
+        "line 2: the exposure must be a number, not 'fast'",
+    ),
+    "text as stamp": ("1 now 1\n", RecordingError, "line 1: the time stamp must be a number, not 'now'"),
+    "python's digits": ("1 0.1 1_000\n", RecordingError, "line 1: the exposure must be a number"),
+    "other digits": ("1 0.1 ٣\n", RecordingError, "line 1: the exposure must be a number"),
+    "hexadecimal": ("1 0.1 0x10\n", RecordingError, "line 1: the exposure must be a number"),
+    "zero": ("1 0.1 1\n\n2 0.2 0\n", ExposureError, "line 3: the exposure must be a positive number"),
+    "several zeros": ("1 1 0\n2 2 0\n3 3 0\n4 4 0\n5 5 0", ExposureError, "lines 1, 2, 3 and 2 more"),
+    "negative": ("1 0.1 -1\n", ExposureError, "line 1: the exposure must be a positive number"),
+    "nan": ("1 0.1 nan\n", ExposureError, "line 1: the exposure must be a positive number"),
+    "infinite": ("1 0.1 inf\n", ExposureError, "line 1: the exposure must be a positive number"),
+    "too large to be": ("1 0.1 1e300\n", ExposureError, "line 1"),
+    "too small to be": ("1 0.1 1e-300\n", ExposureError, "line 1"),
+    "nan stamp": ("1 nan 1\n", RecordingError, "line 1: nan is no time stamp"),
+    "infinite stamp": ("1 1e999 1\n", RecordingError, "line 1: inf is no time stamp"),
+    "stamp twice": ("1 0.1 1\n# x\n2 0.1 1\n", RecordingError, "lines 1 and 3: the same time stamp"),
+    "time goes back": ("1 0.2 1\n2 0.1 1\n", RecordingError, "lines 1 and 2: time goes back"),
+    "id twice": ("7 0.1 1\n7 0.2 1\n", RecordingError, "lines 1 and 2: both name the image '7'"),
+    "nothing": ("", RecordingError, "holds no frames"),
+    "comments only": ("# 1 2 3\n\n", RecordingError, "holds no frames"),
+    "endless line": ("1 " * MAX_LINE_CHARACTERS, RecordingError, "line 1: longer than"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_line_is_named_with_what_is_wrong(case: str) -> None:
+    text, error, message = BROKEN[case]
+    with pytest.raises(error, match=message) as caught:
+        parse_times(text, "some/times.txt")
+    assert str(caught.value).startswith("some/times.txt")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "data", [b"\x89PNG\r\n\x1a\n\xff\xfe", "1 0.1 1\n".encode("utf-16"), b"1 0.1 1\n\0\0\0", bytes(range(256))]
+)
+def test_a_binary_file_is_not_text(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "times.txt"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=r"times\.txt: not a text file"):
+        read_times(path)
+
+
+def test_a_folder_in_place_of_the_file_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="cannot be read"):
+        read_times(tmp_path)
+
+
+def test_too_many_lines_are_refused_before_they_are_split() -> None:
+    with pytest.raises(RecordingError, match="lines allowed"):
+        lines_of("\n" * 2_000_001, "times.txt")
+
+
+@given(st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=200))
+def test_any_text_is_parsed_or_refused(text: str) -> None:
+    try:
+        table = parse_times(text, "times.txt")
+    except OspcError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert np.all(table.exposures_ms > 0)
+        assert np.all(np.diff(table.stamps_s) > 0)
+
+
+fields = st.one_of(
+    st.from_regex(r"[-+]?[0-9]{1,4}(\.[0-9]{0,3})?(e[-+]?[0-9]{1,3})?", fullmatch=True),
+    st.sampled_from(["nan", "-inf", "0", "1e999", "#", "x", "1_0", "\x1b[31m", "\u2028"]),
+)
+
+
+@given(st.lists(st.lists(fields, min_size=1, max_size=4).map(" ".join), max_size=5).map("\n".join))
+def test_near_misses_are_parsed_or_refused(text: str) -> None:
+    try:
+        table = parse_times(text, "times.txt")
+    except OspcError as error:
+        assert str(error).isprintable()  # noqa: PT017
+    else:
+        assert np.all(np.isfinite(table.exposures_ms) & (table.exposures_ms > 0))
+        assert np.all(np.isfinite(table.stamps_s))
+
+
+def test_a_real_auto_exposure_course(real_data: Path) -> None:
+    table = read_times(real_data / "params" / "tum_vi_times.txt")
+    assert len(table) == 5990
+    assert table.exposures_ms.min() == pytest.approx(0.51, abs=0.005)
+    assert table.exposures_ms.max() == pytest.approx(19.25, abs=0.005)
+    assert table.ids[0] == "1520531829251142058"
