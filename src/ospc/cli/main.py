@@ -13,6 +13,7 @@ from ospc.errors import OspcError
 _COMMANDS = {
     "calibrate": "Calibrate the camera of a recording.",
     "demo": "Simulate a short recording, calibrate it and compare with the truth.",
+    "evaluate": "Evaluate trajectories against the truth.",
     "simulate": "Make a recording with known truth.",
     "validate": "Check parameter files against the rules of the programs that read them.",
 }

@@ -1,0 +1,340 @@
+"""How far a trajectory is from the truth, up to the similarity that a single camera cannot know.
+
+The alignment error e_align is that of the TUM monocular visual odometry data set (Engel, Usenko, Cremers, "A
+photometrically calibrated benchmark for monocular visual odometry", 2016): the truth is known at the beginning and
+the end only, and the drift in between shows as the disagreement of the two alignments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.errors import FormatError, NotObservableError, SettingError
+from ospc.formats.files import read_text
+
+STAMP_TOLERANCE_S = 1e-3
+"""How far a pose's time stamp may be from that of its truth, in seconds."""
+
+_LARGEST_FILE = 2**29
+_FEWEST_POSES = 3
+_COLUMNS = 8
+_DEGENERATE = 1e-9
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses in temporal order.
+
+    Attributes
+    ----------
+    stamps_s
+        Time stamps in seconds, shape (n,), not decreasing.
+    positions
+        Of the camera in the world, shape (n, 3); NaN where unknown.
+    quaternions
+        Orientations (x, y, z, w) that turn camera into world coordinates, shape (n, 4); NaN where unknown.
+    """
+
+    stamps_s: FloatArray
+    positions: FloatArray
+    quaternions: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the shapes."""
+        count = self.stamps_s.shape[0]
+        if self.positions.shape != (count, 3) or self.quaternions.shape != (count, 4):
+            raise FormatError(
+                f"a trajectory has one stamp, position and quaternion a pose, not {self.stamps_s.shape}, "
+                f"{self.positions.shape} and {self.quaternions.shape}"
+            )
+
+    def __len__(self) -> int:
+        """Return the number of poses."""
+        return int(self.stamps_s.size)
+
+    @property
+    def known(self) -> BoolArray:
+        """Which poses have a position, shape (n,)."""
+        return np.asarray(np.isfinite(self.positions).all(axis=1))
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """x ↦ s·R·x + t.
+
+    Attributes
+    ----------
+    scale
+        s, positive.
+    rotation
+        R, shape (3, 3).
+    translation
+        t, shape (3,).
+    """
+
+    scale: float
+    rotation: FloatArray
+    translation: FloatArray
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Return the images of points, shape (n, 3) -> (n, 3)."""
+        return np.asarray(self.scale * points @ self.rotation.T + self.translation)
+
+
+@dataclass(frozen=True)
+class AlignmentError:
+    """Drift of a trajectory from the alignments of its two halves.
+
+    Attributes
+    ----------
+    e_align
+        Root mean square distance, over all poses, of the copies aligned to either half, in units of the truth.
+    e_s
+        Scale by the first half over scale by the second.
+    e_r_deg
+        Angle between the two alignments' rotations, in degrees.
+    rmse
+        Root mean square distance to the truth after one alignment to all of it.
+    poses
+        Number of poses of the trajectory.
+    first, second
+        Number of poses that have a truth in either half.
+    unmatched
+        Number of poses without a row of the truth within the tolerance.
+    """
+
+    e_align: float
+    e_s: float
+    e_r_deg: float
+    rmse: float
+    poses: int
+    first: int
+    second: int
+    unmatched: int
+
+
+@dataclass(frozen=True)
+class RelativeError:
+    """Root mean square errors of relative motions.
+
+    Attributes
+    ----------
+    translation
+        In units of the truth.
+    rotation_deg
+        In degrees.
+    pairs
+        Number of pairs of poses.
+    """
+
+    translation: float
+    rotation_deg: float
+    pairs: int
+
+
+def read_trajectory(path: str | Path) -> Trajectory:
+    """Read rows ``stamp tx ty tz qx qy qz qw``, separated by white space or commas; ``#`` begins a comment.
+
+    Further columns are ignored, NaN is allowed, and the rows are sorted by their stamps.
+
+    Raises
+    ------
+    FormatError
+        If a row is not of this form, a stamp is not finite, or there is no row.
+    """
+    rows: list[list[float]] = []
+    for number, line in enumerate(read_text(path, _LARGEST_FILE).splitlines(), start=1):
+        words = line.split("#", 1)[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            rows.append([float(word) for word in words[:_COLUMNS]])
+        except ValueError:
+            rows.append([])
+        if len(rows[-1]) < _COLUMNS:
+            raise FormatError(f"{path}: line {number} is not 'stamp tx ty tz qx qy qz qw'; {line.strip()[:40]!r}")
+    if not rows:
+        raise FormatError(f"{path}: holds no pose; rows are 'stamp tx ty tz qx qy qz qw'")
+    table = np.array(rows, dtype=np.float64)
+    if not np.all(np.isfinite(table[:, 0])):
+        raise FormatError(f"{path}: has a time stamp that is not finite")
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    return Trajectory(table[:, 0], table[:, 1:4], table[:, 4:8])
+
+
+def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray, tolerance_s: float = STAMP_TOLERANCE_S) -> IntArray:
+    """Return for each stamp the index of the nearest true stamp, or −1 where none is within the tolerance.
+
+    Parameters
+    ----------
+    stamps_s, truth_stamps_s
+        In seconds, shapes (n,) and (m,), m ≥ 1; the true ones not decreasing.
+    tolerance_s
+        In seconds.
+    """
+    right = np.clip(np.searchsorted(truth_stamps_s, stamps_s), 0, truth_stamps_s.size - 1)
+    left = np.maximum(right - 1, 0)
+    nearer = np.abs(truth_stamps_s[left] - stamps_s) <= np.abs(truth_stamps_s[right] - stamps_s)
+    nearest = np.where(nearer, left, right)
+    return np.where(np.abs(truth_stamps_s[nearest] - stamps_s) <= tolerance_s, nearest, -1).astype(np.int64)
+
+
+def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
+    """Return the similarity that takes points to their targets with the least sum of squares (Umeyama 1991).
+
+    Parameters
+    ----------
+    points, target
+        Shape (n, 3) each, n ≥ 3.
+
+    Raises
+    ------
+    NotObservableError
+        If there are fewer than three points, or they lie on a line, so that the rotation is not determined.
+    """
+    if points.shape[0] < _FEWEST_POSES:
+        raise NotObservableError(f"an alignment needs {_FEWEST_POSES} poses with truth; there are {points.shape[0]}")
+    centre, target_centre = points.mean(axis=0), target.mean(axis=0)
+    centred = points - centre
+    left, singular, right = np.linalg.svd((target - target_centre).T @ centred)
+    if singular[1] <= _DEGENERATE * singular[0] or not np.isfinite(singular).all():
+        raise NotObservableError("the poses lie on a line or in a point, so that no alignment is determined")
+    mirror = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    rotation = np.asarray((left * mirror) @ right)
+    scale = float(singular @ mirror / np.sum(centred**2))
+    return Similarity(scale, rotation, np.asarray(target_centre - scale * rotation @ centre))
+
+
+def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
+    """Return e_align, e_s and e_r of a trajectory.
+
+    The truth is split at its middle row, unknown rows included.
+
+    Parameters
+    ----------
+    estimate
+        All poses known.
+    truth
+        Unknown positions are NaN.
+
+    Raises
+    ------
+    FormatError
+        If a position of the estimate is not finite.
+    NotObservableError
+        If one half has too few poses with truth.
+    """
+    matched, true_positions = _matched(estimate, truth)
+    middle = len(truth) // 2
+    halves = (
+        estimate.stamps_s <= truth.stamps_s[max(middle - 1, 0)],
+        estimate.stamps_s >= truth.stamps_s[(len(truth) + 1) // 2 - 1],
+    )
+    alignments: list[Similarity] = []
+    counts: list[int] = []
+    for name, half in zip(("first", "second"), halves, strict=True):
+        chosen = half & matched
+        try:
+            alignments.append(align_similarity(estimate.positions[chosen], true_positions[chosen]))
+        except NotObservableError as error:
+            raise NotObservableError(f"{name} half of the truth: {error}") from None
+        counts.append(int(np.count_nonzero(chosen)))
+    first, second = alignments
+    apart = first(estimate.positions) - second(estimate.positions)
+    turn = Rotation.from_matrix(second.rotation @ first.rotation.T)
+    return AlignmentError(
+        e_align=_rms_length(apart),
+        e_s=first.scale / second.scale,
+        e_r_deg=float(np.degrees(turn.magnitude())),
+        rmse=absolute_trajectory_error(estimate, truth),
+        poses=len(estimate),
+        first=counts[0],
+        second=counts[1],
+        unmatched=int(np.count_nonzero(associate(estimate.stamps_s, truth.stamps_s) < 0)),
+    )
+
+
+def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
+    """Return the root mean square distance of the poses to the truth after the best similarity, in its units.
+
+    Raises
+    ------
+    FormatError
+        If a position of the estimate is not finite.
+    NotObservableError
+        If too few poses have a truth.
+    """
+    matched, true_positions = _matched(estimate, truth)
+    points, target = estimate.positions[matched], true_positions[matched]
+    return _rms_length(align_similarity(points, target)(points) - target)
+
+
+def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: float = 1.0) -> RelativeError:
+    """Return how wrong the motions over an interval of time are, after the best similarity over all poses.
+
+    Parameters
+    ----------
+    estimate, truth
+        Both of the same camera frame.
+    interval_s
+        Time in seconds between the poses of a pair; each pose is paired with the first at least as much later.
+
+    Raises
+    ------
+    SettingError
+        If the interval is not positive.
+    FormatError
+        If a position of the estimate is not finite, or a quaternion is none.
+    NotObservableError
+        If too few poses have a truth, or none are so far apart.
+    """
+    if not interval_s > 0:
+        raise SettingError(f"the interval of relative errors must be positive, not {interval_s}")
+    matched, true_positions = _matched(estimate, truth)
+    points, target = estimate.positions[matched], true_positions[matched]
+    alignment = align_similarity(points, target)
+    partners = associate(estimate.stamps_s, truth.stamps_s)[matched]
+    turned = Rotation.from_matrix(alignment.rotation) * _rotations(estimate.quaternions[matched])
+    true_turned = _rotations(truth.quaternions[partners])
+    stamps = estimate.stamps_s[matched]
+    ends = np.searchsorted(stamps, stamps + interval_s - STAMP_TOLERANCE_S)
+    starts = np.flatnonzero(ends < stamps.size)
+    ends = ends[starts]
+    if starts.size == 0:
+        raise NotObservableError(f"no two poses with truth are {interval_s:g} s apart")
+    moved = alignment(points)
+    local = turned[starts].inv().apply(moved[ends] - moved[starts])
+    true_local = true_turned[starts].inv().apply(target[ends] - target[starts])
+    turn = turned[starts].inv() * turned[ends]
+    true_turn = true_turned[starts].inv() * true_turned[ends]
+    angles = np.degrees((true_turn.inv() * turn).magnitude())
+    return RelativeError(_rms_length(local - true_local), float(np.sqrt(np.mean(angles**2))), int(starts.size))
+
+
+def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, FloatArray]:
+    """Return which poses have a known truth, shape (n,), and the true position of each, shape (n, 3)."""
+    if not estimate.known.all():
+        raise FormatError(
+            f"{np.count_nonzero(~estimate.known)} of {len(estimate)} estimated positions are not finite; "
+            f"the odometry failed"
+        )
+    partner = associate(estimate.stamps_s, truth.stamps_s)
+    true_positions = truth.positions[partner]
+    return np.asarray((partner >= 0) & truth.known[partner]), true_positions
+
+
+def _rotations(quaternions: FloatArray) -> Rotation:
+    length = np.linalg.norm(quaternions, axis=1)
+    if not np.all((length > 0.5) & (length < 2)):
+        raise FormatError("a quaternion of a matched pose is not of length 1")
+    return Rotation.from_quat(quaternions)
+
+
+def _rms_length(vectors: npt.ArrayLike) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.asarray(vectors, dtype=np.float64) ** 2, axis=1))))

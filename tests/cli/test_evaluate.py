@@ -1,0 +1,37 @@
+"""``ospc evaluate``."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.evaluate import command
+
+
+@pytest.fixture
+def files(tmp_path):
+    random = np.random.default_rng(0)
+    truth = np.column_stack([np.arange(50) * 0.1, random.normal(size=(50, 3)), np.tile([0, 0, 0, 1], (50, 1))])
+    estimate = truth.copy()
+    estimate[:, 1:4] = 2 * truth[:, 1:4] + 0.1 * random.normal(size=(50, 3))
+    truth[20:30, 1:] = np.nan
+    for name, table in (("result.txt", estimate), ("truth.txt", truth)):
+        np.savetxt(tmp_path / name, table)
+    return str(tmp_path / "result.txt"), str(tmp_path / "truth.txt")
+
+
+def test_ealign_prints_its_figures_with_units(files):
+    result = CliRunner().invoke(command, ["ealign", *files])
+    assert result.exit_code == 0
+    for word in ("e_align", "e_s", "e_r", "degrees", "50, 20 with truth"):
+        assert word in result.output
+
+
+def test_ealign_as_json(files):
+    content = json.loads(CliRunner().invoke(command, ["ealign", *files, "--json"]).output)
+    assert 0 < content["e_align"] < 0.2
+    assert content["e_s"] == pytest.approx(1, abs=0.1)
+    assert content["poses"] == 50
