@@ -12,6 +12,7 @@ from ospc.errors import OspcError
 
 _COMMANDS = {
     "calibrate": "Calibrate the camera of a recording.",
+    "compare": "Compare two calibrations.",
     "demo": "Simulate a short recording, calibrate it and compare with the truth.",
     "evaluate": "Evaluate trajectories against the truth.",
     "simulate": "Make a recording with known truth.",

@@ -1,0 +1,55 @@
+"""``ospc compare``."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.compare import command
+from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette
+
+
+@pytest.fixture
+def folders(tmp_path):
+    for name, exponent, fall in (("a", 1.8, -0.27), ("b", 2.0, -0.3)):
+        (tmp_path / name).mkdir()
+        write_pcalib(Response.gamma(exponent), tmp_path / name / "pcalib.txt")
+        write_vignette(PolynomialVignette((64, 48), (fall, 0.0, 0.0)), tmp_path / name / "vignette.png")
+    return str(tmp_path / "a"), str(tmp_path / "b")
+
+
+def run(*arguments: str):
+    result = CliRunner().invoke(command, arguments)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_table_states_the_freedoms_and_aligns_nothing_unasked(folders):
+    output = run(*folders)
+    assert "Scale is free" in output
+    assert "unaligned" in output
+    assert "γ =" not in output
+
+
+def test_gamma_alignment_is_labelled_and_shown_beside_the_unaligned_figures(folders):
+    output = run(*folders, "--gamma")
+    assert "unaligned" in output
+    assert "after γ = 1.1" in output
+    assert "exponent" in output
+
+
+def test_json(folders, tmp_path):
+    content = json.loads(run(*folders, "--json", "--gamma"))
+    assert content["unaligned"]["exponent"] == 1
+    assert content["gamma_aligned"]["exponent"] == pytest.approx(2 / 1.8, rel=0.02)
+    assert content["gamma_aligned"]["response_rmse"] < content["unaligned"]["response_rmse"]
+
+
+def test_plot(folders, tmp_path):
+    pytest.importorskip("matplotlib")
+    assert "plot.svg" in run(*folders, "--plot", str(tmp_path / "plot.svg"))
+    assert (tmp_path / "plot.svg").stat().st_size > 1000
