@@ -43,7 +43,7 @@ class ImageFolder:
         source = FolderImages.of(path)
         if not source.names:
             raise RecordingError(f"{path}: holds no images; put the PNG, JPEG, TIFF, BMP, PGM or PPM files there")
-        return open_sequence(path, self.name, source, _read(_only_list(path)))
+        return open_sequence(path, self.name, source, read_exposures(_only_list(path)))
 
 
 def exposure_lists(path: Path) -> list[Path]:
@@ -70,7 +70,8 @@ def _only_list(path: Path) -> Path:
     )
 
 
-def _read(path: Path) -> FrameTable:
+def read_exposures(path: Path) -> FrameTable:
+    """Read a list of exposures, whichever format its name says it is in."""
     return read_image_list(path) if path.name == _IMAGE_LIST else read_exposure_table(path)
 
 
