@@ -1,0 +1,179 @@
+"""A folder of photographs whose exposures are noted in the files themselves, as EXIF.
+
+Exposure is time × ISO/100 / N², N the f-number: what the sensor gets from the same scene, times the gain it is read
+with. EXIF rounds all three, times to the nominal 1/60 of a 1/64, so ratios are good to some per cent.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from ospc.errors import ExposureError, MissingExtraError, RecordingError
+from ospc.recording.frame_table import EXPOSURE_RANGE_MS, FrameTable, Row, make_table
+from ospc.recording.image_folder import exposure_lists
+from ospc.recording.image_sequence import ImageSequence, open_sequence
+from ospc.recording.image_source import FolderImages
+from ospc.recording.wording import listed
+
+_HEAD_BYTES = 256 * 1024
+"""EXIF is one segment of at most 64 KiB near the beginning of a photograph."""
+
+_SIGNATURE = b"Exif\0\0"
+_TIME, _NUMBER, _ISO = "EXIF ExposureTime", "EXIF FNumber", "EXIF ISOSpeedRatings"
+_TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", "Image Model"
+_FORMULA = "exposure is time × ISO/100 / f-number², from EXIF, in ms; its ratios are as good as the rounding in EXIF"
+_LIST_INSTEAD = "add exposures.csv with a header 'file,exposure_s'"
+
+
+@dataclass(frozen=True)
+class ExifPhotos:
+    """The kind of recording that is a folder of photographs with EXIF and no list of exposures."""
+
+    name: str = "exif_photos"
+
+    def recognises(self, path: Path) -> bool:
+        """Tell whether the path is a folder of images, the first of them with EXIF, without a list of exposures."""
+        if not path.is_dir():
+            return False
+        names = FolderImages.of(path).names
+        return bool(names) and _SIGNATURE in _head(path / names[0]) and not exposure_lists(path)
+
+    def open(self, path: Path) -> ImageSequence:
+        """Open the folder; frames are in the order the photographs were taken.
+
+        Raises
+        ------
+        MissingExtraError
+            If the optional dependency that reads EXIF is not installed.
+        ExposureError
+            If a photograph has no exposure in its EXIF.
+        RecordingError
+            If there are no images or they cannot be read.
+        """
+        if not path.is_dir():
+            raise RecordingError(f"{path}: an {self.name} recording is a folder of photographs with EXIF")
+        source = FolderImages.of(path)
+        if not source.names:
+            raise RecordingError(f"{path}: holds no images; put the photographs there")
+        photos = [_photo(path / name) for name in source.names]
+        return open_sequence(path, self.name, source, _table(path, photos), _notes(path, photos))
+
+
+@dataclass(frozen=True)
+class _Photo:
+    """What the EXIF of a photograph says."""
+
+    name: str
+    exposure_ms: float
+    iso: float | None
+    f_number: float | None
+    taken: datetime | None
+    model: str
+
+
+def _photo(path: Path) -> _Photo:
+    tags = _tags(path)
+    time_s = _positive(tags, _TIME)
+    if time_s is None:
+        raise ExposureError(f"{path}: its EXIF holds no exposure time; remove the photograph, or {_LIST_INSTEAD}")
+    iso, f_number = _positive(tags, _ISO), _positive(tags, _NUMBER)
+    exposure_ms = 1000 * time_s * (iso or 100) / 100 / (f_number or 1) ** 2
+    if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
+        raise ExposureError(
+            f"{path}: its EXIF gives an impossible exposure of {exposure_ms:g} ms; remove the photograph, or "
+            f"{_LIST_INSTEAD}"
+        )
+    return _Photo(path.name, exposure_ms, iso, f_number, _taken(tags), str(tags.get(_MODEL, "")))
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
+
+
+def _tags(path: Path) -> Mapping[str, Any]:
+    """Return the tags of a photograph; none where its EXIF is damaged."""
+    try:
+        import exifread
+    except ImportError:
+        raise MissingExtraError("reading exposures from photographs", "exif") from None
+    logger = logging.getLogger("exifread")
+    if not logger.handlers:
+        # Without a handler its remarks on odd files would be printed.
+        logger.addHandler(logging.NullHandler())
+    try:
+        tags: Mapping[str, Any] = exifread.process_file(BytesIO(_head(path)), details=False)
+    except Exception:
+        # Damaged EXIF makes the parser fail in ways it does not name.
+        return {}
+    return tags
+
+
+def _positive(tags: Mapping[str, Any], name: str) -> float | None:
+    """Return the number of a tag, None where it is absent or no positive number."""
+    try:
+        value = float(tags[name].values[0])
+    except (KeyError, IndexError, AttributeError, TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    return value if math.isfinite(value) and value > 0 else None
+
+
+def _taken(tags: Mapping[str, Any]) -> datetime | None:
+    try:
+        return datetime.strptime(f"{tags[_TAKEN]}.{_fraction(tags)}", "%Y:%m:%d %H:%M:%S.%f")
+    except (KeyError, ValueError):
+        return None
+
+
+def _fraction(tags: Mapping[str, Any]) -> str:
+    digits = str(tags.get(_FRACTION, "0")).strip()[:6]
+    return digits if digits.isascii() and digits.isdigit() else "0"
+
+
+def _table(path: Path, photos: list[_Photo]) -> FrameTable:
+    """Order the photographs by the time they were taken; a burst shares its second, and then the name decides."""
+    stamps = [photo.taken for photo in photos if photo.taken is not None]
+    if len(stamps) < len(photos) or len(set(stamps)) < len(stamps):
+        rows = [Row(i + 1, photo.name, float(i), photo.exposure_ms) for i, photo in enumerate(photos)]
+        return make_table(str(path), rows, (f"{path}: frames are in the order of their names, one a second",))
+    first = min(stamps)
+    seconds = [(taken - first).total_seconds() for taken in stamps]
+    order = sorted(range(len(photos)), key=seconds.__getitem__)
+    rows = [Row(n + 1, photos[i].name, seconds[i], photos[i].exposure_ms) for n, i in enumerate(order)]
+    return make_table(str(path), rows, (f"{path}: time stamps count from the first photograph",))
+
+
+def _notes(path: Path, photos: list[_Photo]) -> list[str]:
+    """State the formula, and what it could not be fed with or does not cover."""
+    notes = [f"{path}: {_FORMULA}"]
+    without = {
+        "ISO": [p.name for p in photos if p.iso is None],
+        "f-number": [p.name for p in photos if p.f_number is None],
+    }
+    for what, names in without.items():
+        if 0 < len(names) < len(photos):
+            raise ExposureError(
+                f"{path}: EXIF states the {what} of some photographs but not of {listed(names)}; "
+                f"remove these, or {_LIST_INSTEAD}"
+            )
+        if names:
+            notes.append(f"{path}: EXIF states no {what}; it is taken as the same in all photographs")
+    if len({p.f_number for p in photos}) > 1:
+        notes.append(f"{path}: the f-number changes, and the vignette changes with it; better keep it fixed")
+    models = sorted({p.model for p in photos})
+    if len(models) > 1:
+        raise RecordingError(f"{path}: photographs of several cameras ({listed(models)}); keep those of one")
+    return notes
+
+
+KIND = ExifPhotos()

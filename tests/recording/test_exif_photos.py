@@ -1,0 +1,176 @@
+"""Folders of photographs with EXIF."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from image_samples import encoded, grey
+
+from ospc.errors import ExposureError, MissingExtraError, OspcError, RecordingError
+from ospc.recording import open_recording
+
+pytest.importorskip("exifread", reason="needs the extra 'exif'")
+
+Fraction = tuple[int, int]
+Folder = Callable[..., Path]
+
+
+def exif(
+    time: Fraction | None = (1, 100),
+    f_number: Fraction | None = (8, 1),
+    iso: int | None = 100,
+    taken: str | None = "2020:01:02 03:04:05",
+    model: str = "M1",
+) -> bytes:
+    """A JPEG segment with the given EXIF."""
+    entries: list[tuple[int, int, int, bytes]] = []
+    if time is not None:
+        entries.append((0x829A, 5, 1, struct.pack("<II", *time)))
+    if f_number is not None:
+        entries.append((0x829D, 5, 1, struct.pack("<II", *f_number)))
+    if iso is not None:
+        entries.append((0x8827, 3, 1, struct.pack("<HH", iso, 0)))
+    if taken is not None:
+        entries.append((0x9003, 2, len(taken) + 1, taken.encode() + b"\0"))
+    camera = (0x110, 2, len(model) + 1, model.encode() + b"\0")
+    inner = 8 + len(_directory([camera, (0x8769, 4, 1, b"")], 8))
+    main = _directory([camera, (0x8769, 4, 1, struct.pack("<I", inner))], 8)
+    body = b"Exif\0\0II*\0" + struct.pack("<I", 8) + main + _directory(entries, inner)
+    return b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body
+
+
+def _directory(entries: list[tuple[int, int, int, bytes]], start: int) -> bytes:
+    """A TIFF directory at the given offset, its longer values after it."""
+    place = start + 2 + 12 * len(entries) + 4
+    rows, values = b"", b""
+    for tag, kind, count, value in entries:
+        stored = value.ljust(4, b"\0")
+        if len(value) > 4:
+            stored = struct.pack("<I", place + len(values))
+            values += value
+        rows += struct.pack("<HHI", tag, kind, count) + stored
+    return struct.pack("<H", len(entries)) + rows + bytes(4) + values
+
+
+def photograph(seed: int, segment: bytes) -> bytes:
+    data = encoded(grey(seed), ".jpg")
+    return data[:2] + segment + data[2:]
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> Folder:
+    """Make a folder with one photograph for each EXIF segment."""
+
+    def make(*segments: bytes) -> Path:
+        for i, segment in enumerate(segments):
+            (tmp_path / f"IMG_{i}.JPG").write_bytes(photograph(i, segment))
+        return tmp_path
+
+    return make
+
+
+def test_exposure_is_time_times_iso_over_f_number_squared(photos: Folder) -> None:
+    recording = open_recording(
+        photos(
+            exif((1, 100), (8, 1), 100, "2020:01:02 03:04:05"),
+            exif((1, 50), (8, 1), 100, "2020:01:02 03:04:06"),
+            exif((1, 100), (8, 1), 400, "2020:01:02 03:04:08"),
+            exif((1, 100), (4, 1), 100, "2020:01:02 03:04:09"),
+        )
+    )
+    assert recording.kind == "exif_photos"
+    assert recording.exposures_ms == pytest.approx(np.array([1, 2, 4, 4]) * 10 / 64)
+    assert recording.stamps_s.tolist() == [0, 1, 3, 4]
+    assert any("time × ISO/100 / f-number²" in note for note in recording.notes)
+    assert any("the f-number changes" in note for note in recording.notes)
+
+
+def test_the_order_is_that_in_which_they_were_taken(photos: Folder) -> None:
+    place = photos(exif(taken="2020:01:02 03:04:09"), exif(taken="2020:01:02 03:04:05"))
+    assert [frame.name for frame in open_recording(place)] == ["IMG_1.JPG", "IMG_0.JPG"]
+
+
+@pytest.mark.parametrize("taken", [None, "2020:01:02 03:04:05", "0000:00:00 00:00:00"])
+def test_bursts_and_missing_times_are_ordered_by_name(photos: Folder, taken: str | None) -> None:
+    recording = open_recording(photos(exif(taken=taken), exif(taken=taken)))
+    assert [frame.name for frame in recording] == ["IMG_0.JPG", "IMG_1.JPG"]
+    assert any("order of their names" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(("what", "segment"), [("ISO", exif(iso=None)), ("f-number", exif(f_number=(0, 1)))])
+def test_what_no_photograph_states_is_taken_as_constant_with_a_note(
+    photos: Folder, what: str, segment: bytes
+) -> None:
+    recording = open_recording(photos(segment, segment))
+    assert any(f"EXIF states no {what}" in note for note in recording.notes)
+
+
+def test_a_list_of_exposures_wins_over_exif(photos: Folder) -> None:
+    place = photos(exif(), exif())
+    (place / "exposures.csv").write_text("file,exposure_s\nIMG_0.JPG,1\nIMG_1.JPG,2\n")
+    recording = open_recording(place)
+    assert (recording.kind, recording.exposures_ms.tolist()) == ("image_folder", [1000, 2000])
+
+
+BROKEN = {
+    "no time": ([exif(), exif(time=None)], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
+    "time is no number": ([exif(), exif(time=(1, 0))], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
+    "time is zero": ([exif(), exif(time=(0, 1))], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
+    "time is absurd": (
+        [exif(time=(2**32 - 1, 1))],
+        ExposureError,
+        "IMG_0.JPG: its EXIF gives an impossible exposure",
+    ),
+    "no EXIF": ([exif(), b""], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
+    "damaged EXIF": ([exif(), exif()[:40]], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
+    "some ISO": ([exif(), exif(iso=None)], ExposureError, "EXIF states the ISO of some .* not of IMG_1.JPG"),
+    "two cameras": ([exif(), exif(model="M2")], RecordingError, r"several cameras \(M1, M2\)"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_photographs_without_a_common_exposure_are_one_error(photos: Folder, case: str) -> None:
+    segments, error, message = BROKEN[case]
+    with pytest.raises(error, match=message):
+        open_recording(photos(*segments))
+
+
+def test_the_extra_is_named_where_it_is_missing(photos: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "exifread", None)
+    with pytest.raises(MissingExtraError, match=r"ospc\[exif\]"):
+        open_recording(photos(exif()))
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(st.tuples(st.integers(10, 200), st.integers(0, 255)), min_size=1, max_size=6))
+def test_changed_exif_is_read_or_refused(tmp_path: Path, changes: list[tuple[int, int]]) -> None:
+    segment = bytearray(exif())
+    for place, value in changes:
+        segment[place % (len(segment) - 10) + 10] = value
+    (tmp_path / "a.jpg").write_bytes(photograph(0, bytes(segment)))
+    try:
+        recording = open_recording(tmp_path, "exif_photos")
+    except OspcError:
+        return
+    assert np.isfinite(recording.exposures_ms[0])
+    assert recording.exposures_ms[0] > 0
+
+
+def test_real_photographs_three_stops_apart(real_data: Path) -> None:
+    recording = open_recording(real_data / "brackets" / "frobisher")
+    assert recording.kind == "exif_photos"
+    assert recording.exposures_ms == pytest.approx(np.array([125, 1000, 8000]) / 64)
+    assert recording.size == (640, 426)
+
+
+def test_real_overlapping_photographs(real_data: Path) -> None:
+    recording = open_recording(real_data / "brackets" / "sceaux_exif")
+    assert recording.exposures_ms == pytest.approx(800 / np.array([400, 640, 640, 400]) / 2.8**2)
+    assert recording.stamps_s.tolist() == [0, 23, 44, 81]
