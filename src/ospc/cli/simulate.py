@@ -101,14 +101,16 @@ def command(out: Path, force: bool, **options: Any) -> None:
     from rich.progress import Progress
 
     from ospc.simulation import simulate
-    from ospc.simulation.files import remove_recording
 
     settings = _settings(options)
-    if force:
-        remove_recording(out)
     with Progress(transient=True) as bar:
         task = bar.add_task("simulating", total=settings.frames)
-        made = simulate(out, settings, progress=lambda done, total: bar.update(task, completed=done, total=total))
+        made = simulate(
+            out,
+            settings,
+            overwrite=force,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
     exposures = made.exposures_ms
     click.echo(
         f"{out}: {settings.frames} frames {settings.size[0]}×{settings.size[1]}, exposures {exposures.min():.3g} to "

@@ -13,7 +13,7 @@ from ospc.errors import SettingError
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.recording.frame import Frame
-from ospc.simulation.files import ImageWriter, write_truth
+from ospc.simulation.files import ImageWriter, remove_recording, write_truth
 from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import radiance
 from ospc.simulation.scene import Scene
@@ -93,6 +93,7 @@ def simulate(
     out: str | Path,
     settings: SimulationSettings = _DEFAULT,
     *,
+    overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> SimulatedRecording:
     """Write a simulated recording and its truth.
@@ -100,9 +101,11 @@ def simulate(
     Parameters
     ----------
     out
-        Folder to make; it must not exist or be empty.
+        Folder to make; it must not exist or be empty, or else hold an earlier simulated recording to overwrite.
     settings
         What to simulate.
+    overwrite
+        Whether to remove an earlier simulated recording; anything else is never removed.
     progress
         Called with the number of frames written and of all frames.
 
@@ -119,11 +122,13 @@ def simulate(
         If response or vignette come from a file that does not hold them.
     """
     place = Path(out)
-    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+    if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise SettingError(f"{place}: is not an empty folder; choose another, or remove what is there")
     scene = Scene.of(settings)
     known = plan(settings, scene)
     try:
+        if overwrite:
+            remove_recording(place)
         place.mkdir(parents=True, exist_ok=True)
         write_truth(place, known)
         with ImageWriter(place, settings) as writer:

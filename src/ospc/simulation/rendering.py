@@ -22,7 +22,6 @@ _NEAR_M = 0.02
 _MARGIN_PX = 2.0
 _CELL_PX = 32
 """Edge of the cells on which the level of detail is computed before it is interpolated."""
-_POLYGON_SHIFT = 4
 
 
 @dataclass(frozen=True)
@@ -120,12 +119,31 @@ def _drawn(face: Face, view: View) -> Iterable[_Piece]:
     if x1 <= x0 or y1 <= y0:
         return
     shape = (int(y1 - y0), int(x1 - x0))
-    mask = np.zeros(shape, np.uint8)
-    fixed = np.rint((outline - (x0, y0)) * 2**_POLYGON_SHIFT).astype(np.int32)
-    cv2.fillConvexPoly(mask, fixed, (255,), cv2.LINE_AA, _POLYGON_SHIFT)
-    shifted = np.array([[1.0, 0, -x0], [0, 1, -y0], [0, 0, 1]]) @ to_image
-    alpha = mask * np.float32(1 / 255)
-    yield (slice(y0, y1), slice(x0, x1)), _sampled(face, shifted, shape, outline - (x0, y0)), alpha
+    to_metres = np.asarray(
+        np.linalg.inv(to_image) @ np.array([[1.0, 0, x0], [0, 1, y0], [0, 0, 1]]), dtype=np.float64
+    )
+    colour = _sampled(face, to_metres, shape, outline - (x0, y0))
+    yield (slice(y0, y1), slice(x0, x1)), colour, _coverage(face.place.size_m, to_metres, shape)
+
+
+def _coverage(size_m: tuple[float, float], to_metres: FloatArray, shape: tuple[int, int]) -> Float32Array:
+    """Return the share of each pixel that a rectangle covers, shape ``shape``.
+
+    An edge's share is its distance from the pixel's centre plus one half, between 0 and 1: exact for upright edges,
+    and complementary for two faces with a common edge in any direction.
+    """
+    height, width = shape
+    alpha = np.ones(shape, np.float32)
+    across, down, depth = to_metres
+    for edge in (across, size_m[0] * depth - across, down, size_m[1] * depth - down):
+        a, b, c = edge / max(float(np.hypot(edge[0], edge[1])), 1e-12)
+        at_corners = np.array([0.0, a * (width - 1)])[:, None] + np.array([0.0, b * (height - 1)]) + c
+        if at_corners.min() < 0.5:
+            x = (a * np.arange(width) + c + 0.5).astype(np.float32)
+            y = (b * np.arange(height)).astype(np.float32)
+            share = np.add.outer(y, x)
+            alpha *= np.clip(share, 0, 1, out=share)
+    return alpha
 
 
 def _outline(size_m: tuple[float, float], to_image: FloatArray, size: ImageSize) -> FloatArray | None:
@@ -157,14 +175,13 @@ def _outline(size_m: tuple[float, float], to_image: FloatArray, size: ImageSize)
     return np.asarray(points[:, :2] / points[:, 2:])
 
 
-def _sampled(face: Face, to_image: FloatArray, shape: tuple[int, int], outline: FloatArray) -> Float32Array:
+def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline: FloatArray) -> Float32Array:
     """Return a face's radiance over an area of the image, blended between levels of its pyramid, shape ``shape``."""
     height, width = shape
     rows, columns = max(2, -(-height // _CELL_PX)), max(2, -(-width // _CELL_PX))
     x = (np.arange(columns) + 0.5) * width / columns - 0.5
     y = (np.arange(rows) + 0.5) * height / rows - 0.5
     cells = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).astype(np.float64)
-    to_metres: FloatArray = np.linalg.inv(to_image).astype(np.float64)
     last = len(face.mips) - 1
     texel_m = face.place.size_m[0] / face.mips[0].shape[1]
     bounds = np.clip(_detail(to_metres, outline, texel_m), 0, last)

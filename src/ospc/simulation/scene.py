@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -78,23 +79,33 @@ class Scene:
     @classmethod
     def of(cls, settings: SimulationSettings) -> Scene:
         """Furnish and light the room that the settings ask for."""
-        seed = settings.seed if settings.scene_seed is None else settings.scene_seed
-        rng = np.random.default_rng([seed, 2])
-        window_side = int(rng.choice([0, 2]))
-        lamps = _lamps(rng, window_side)
-        walls = _walls(rng, lamps)
-        radiance = np.concatenate([face.mips[4].ravel() for face in walls])
-        return cls(
-            walls,
-            _pictures(rng, lamps, window_side),
-            _furniture(rng, lamps),
-            _patches(rng, settings.moving_objects, float(np.median(radiance))),
-            float(REFERENCE_IRRADIANCE / np.median(radiance) / settings.reference_exposure_ms),
-        )
+        room = _room(settings.seed if settings.scene_seed is None else settings.scene_seed)
+        scale = REFERENCE_IRRADIANCE / room.median_radiance / settings.reference_exposure_ms
+        patches = _patches(settings.seed, settings.moving_objects, room.median_radiance)
+        return cls(room.walls, room.pictures, room.solids, patches, scale)
 
     def solids_at(self, time_s: float) -> tuple[Solid, ...]:
         """Return the furniture and the moving patches at an instant in seconds."""
         return self.solids + tuple(patch.at(time_s) for patch in self.patches)
+
+
+@dataclass(frozen=True)
+class _Room:
+    walls: tuple[Face, ...]
+    pictures: tuple[Face, ...]
+    solids: tuple[Solid, ...]
+    median_radiance: float
+
+
+@lru_cache(maxsize=2)
+def _room(seed: int) -> _Room:
+    """Build a room; the last two are kept, since a comparison of cameras films one room again and again."""
+    rng = np.random.default_rng([seed, 2])
+    window_side = int(rng.choice([0, 2]))
+    lamps = _lamps(rng, window_side)
+    walls = _walls(rng, lamps)
+    median = float(np.median(np.concatenate([face.mips[4].ravel() for face in walls])))
+    return _Room(walls, _pictures(rng, lamps, window_side), _furniture(rng, lamps), median)
 
 
 def _wall(side: int) -> Rectangle:
@@ -217,7 +228,8 @@ def _box_coat(name: str, size_m: tuple[float, float], rng: np.random.Generator, 
     return painted(size_m, rng, level)
 
 
-def _patches(rng: np.random.Generator, count: int, radiance: float) -> tuple[Patch, ...]:
+def _patches(seed: int, count: int, radiance: float) -> tuple[Patch, ...]:
+    rng = np.random.default_rng([seed, 5])
     names = ("chelsea", "coffee", "brick", "camera", "gravel", "grass")
     made = []
     for number in range(count):

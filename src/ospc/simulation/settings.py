@@ -228,7 +228,7 @@ class SimulationSettings:
                 )
         if not 0 < self.auto_target < 1:
             raise SettingError(f"auto_target is {self.auto_target}; give a grey level between 0 and 1")
-        if self.gain_max < self.gain:
+        if self.exposure == "auto" and self.gain_max < self.gain:
             raise SettingError(f"gain_max {self.gain_max} is below gain {self.gain}; raise it")
         if not self.flicker < 1:
             raise SettingError(f"flicker is {self.flicker}; the light's amplitude must be below 1")

@@ -37,7 +37,6 @@ def single(name: str, size_m: tuple[float, float], border_m: float = 0.0) -> Flo
     columns, rows = min(photo.shape[1], round(width / scale)), min(photo.shape[0], round(height / scale))
     x, y = (photo.shape[1] - columns) // 2, (photo.shape[0] - rows) // 2
     picture = _resized(photo[y : y + rows, x : x + columns], (width, height))
-    picture = picture.copy()
     if border_m > 0:
         edge = max(1, round(border_m / TEXEL_M))
         picture[:edge] = picture[-edge:] = picture[:, :edge] = picture[:, -edge:] = 0.75

@@ -1,0 +1,76 @@
+"""``ospc simulate`` as a user calls it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.simulate import command
+from ospc.errors import SettingError
+from ospc.recording import open_recording
+
+SMALL = ["--frames", "4", "--size", "64x48"]
+
+
+def run(*arguments):
+    return CliRunner().invoke(command, [str(a) for a in arguments], catch_exceptions=True)
+
+
+def test_it_makes_a_recording_and_says_where_the_truth_is(tmp_path):
+    result = run(tmp_path / "r", *SMALL, "--response", "srgb", "--lag", "1", "--noise", "high")
+    assert result.exit_code == 0, result.output
+    lines = result.output.strip().splitlines()
+    assert "4 frames 64×48" in lines[-1]
+    assert "truth.json" in lines[-1]
+    assert len(open_recording(tmp_path / "r")) == 4
+    settings = json.loads((tmp_path / "r" / "truth.json").read_text())["settings"]
+    assert (settings["response"], settings["lag"], settings["noise"]) == ("srgb", 1, "high")
+
+
+def test_it_replaces_only_with_force(tmp_path):
+    assert run(tmp_path / "r", *SMALL).exit_code == 0
+    before = (tmp_path / "r" / "images" / "00000.png").read_bytes()
+    refused = run(tmp_path / "r", *SMALL, "--seed", "3")
+    assert isinstance(refused.exception, SettingError)
+    assert (tmp_path / "r" / "images" / "00000.png").read_bytes() == before
+    assert run(tmp_path / "r", *SMALL, "--seed", "3", "--force").exit_code == 0
+    assert (tmp_path / "r" / "images" / "00000.png").read_bytes() != before
+
+
+def test_exposures_come_from_a_list_a_range_or_a_file(tmp_path):
+    def exposures(name, *options):
+        result = run(tmp_path / name, *SMALL, *options)
+        assert result.exit_code == 0, result.output
+        return open_recording(tmp_path / name).exposures_ms
+
+    np.testing.assert_allclose(exposures("a", "--exposure", "cycle", "--exposures", "1,3"), [1, 3, 1, 3])
+    np.testing.assert_allclose(exposures("b", "--exposure", "constant", "--exposures", "2.5"), 2.5)
+    np.testing.assert_allclose(exposures("c", "--exposure", "sweep", "--exposure-range", 1, 8), [1, 2, 4, 8])
+    again = exposures("d", "--exposure", "file", "--exposure-file", tmp_path / "c" / "times.txt")
+    np.testing.assert_allclose(again, [1, 2, 4, 8])
+
+
+@pytest.mark.parametrize("options", [["--size", "big"], ["--exposures", "1,x"], ["--motion", "flying"]])
+def test_wrong_usage_is_explained(tmp_path, options):
+    result = run(tmp_path / "r", *options)
+    assert result.exit_code == 2
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--frames", "0"], ["--response", "nothing"], ["--vignette", "nothing"], ["--exposure", "file"]],
+)
+def test_impossible_settings_are_one_error_and_leave_nothing(tmp_path, options):
+    result = run(tmp_path / "r", *options)
+    assert isinstance(result.exception, SettingError)
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_wrong_call_with_force_leaves_the_old_recording(tmp_path):
+    run(tmp_path / "r", *SMALL)
+    assert isinstance(run(tmp_path / "r", "--response", "nothing", "--force").exception, SettingError)
+    assert len(open_recording(tmp_path / "r")) == 4
