@@ -49,7 +49,7 @@ class Row(NamedTuple):
     exposure_ms: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrameTable:
     """A list of frames as a file gives it, checked.
 

@@ -8,23 +8,17 @@ from functools import partial
 from pathlib import Path
 from types import TracebackType
 
-import numpy as np
-
 from ospc.arrays import FloatArray, Image, ImageSize
-from ospc.errors import FrameError, RecordingError
-from ospc.recording.bit_depth import BitDepth, detect_bit_depth
+from ospc.errors import RecordingError
 from ospc.recording.decoding import decode_grey
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, match_images
-from ospc.recording.image_header import read_header
 from ospc.recording.image_source import ImageSource
+from ospc.recording.pixel_layout import PixelLayout, find_layout
 from ospc.recording.wording import escaped
 
-_DEPTH_SAMPLES = 4
-"""Frames looked at for the bit depth: the first readable and those with the longest exposures, which use all bits."""
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImageSequence:
     """Frames in temporal order, each decoded when its image is asked for.
 
@@ -42,10 +36,8 @@ class ImageSequence:
         Exposures in milliseconds, shape (frames,).
     stamps_s
         Time stamps in seconds, shape (frames,).
-    size
-        Width and height of the first readable image; a frame of another size is an unreadable one.
-    depth
-        Bit depth of the grey values.
+    layout
+        Size and bit depth of the first readable image; a frame of another size is an unreadable one.
     notes
         What a user should know about how it was read.
     """
@@ -56,14 +48,18 @@ class ImageSequence:
     names: tuple[str, ...] = field(repr=False)
     exposures_ms: FloatArray = field(repr=False)
     stamps_s: FloatArray = field(repr=False)
-    size: ImageSize
-    depth: BitDepth
+    layout: PixelLayout
     notes: tuple[str, ...] = ()
 
     @property
     def max_grey(self) -> int:
         """Largest grey value the sensor delivers."""
-        return self.depth.max_grey
+        return self.layout.depth.max_grey
+
+    @property
+    def size(self) -> ImageSize:
+        """Width and height of its frames in pixels."""
+        return self.layout.size
 
     def __len__(self) -> int:
         """Return the number of frames, unreadable ones included."""
@@ -101,33 +97,17 @@ class ImageSequence:
 
     def _load(self, name: str) -> Image:
         label = self.source.label(name)
-        image = decode_grey(self.source.read(name), label)
-        size = (image.shape[1], image.shape[0])
-        if size != self.size:
-            raise FrameError(
-                f"{label}: is {size[0]}x{size[1]} pixels where the recording has {self.size[0]}x{self.size[1]}; "
-                f"remove it or bring all images to one size"
-            )
-        return _aligned(image, self.depth, label)
-
-
-def _aligned(image: Image, depth: BitDepth, label: str) -> Image:
-    """Return the values with the empty bits below them taken away; values outside the depth are an error."""
-    if image.dtype != (np.uint8 if depth.stored_bits == 8 else np.uint16):
-        raise FrameError(f"{label}: is not of {depth.stored_bits} bit like the others; bring all images to one type")
-    if depth.bits == depth.stored_bits:
-        return image
-    shifted: Image = image >> depth.shift
-    if int(shifted.max()) > depth.max_grey or (depth.shift and np.any(image & (2**depth.shift - 1))):
-        raise FrameError(
-            f"{label}: has grey values beyond the {depth.bits} bits that others use; convert the recording to "
-            f"images that all use the same bits"
-        )
-    return shifted
+        return self.layout.grey(decode_grey(self.source.read(name), label), label)
 
 
 def open_sequence(
-    path: Path, kind: str, source: ImageSource, table: FrameTable, notes: Sequence[str] = ()
+    path: Path,
+    kind: str,
+    source: ImageSource,
+    table: FrameTable,
+    notes: Sequence[str] = (),
+    *,
+    take_green: bool = False,
 ) -> ImageSequence:
     """Put a list of frames and their image files together; closes the source where that fails.
 
@@ -143,6 +123,8 @@ def open_sequence(
         The frames with their exposures.
     notes
         What is known about it so far.
+    take_green
+        Whether to take the green pixels where the images are a Bayer mosaic.
 
     Raises
     ------
@@ -151,47 +133,9 @@ def open_sequence(
     """
     try:
         names, matching = match_images(table, source.names, str(source.place))
-        size, depth, pixels = _probe(source, names, table.exposures_ms)
+        layout, pixels = find_layout(source, names, table.exposures_ms, take_green=take_green)
     except RecordingError:
         source.close()
         raise
     said = (*notes, *table.notes, *matching, *pixels)
-    return ImageSequence(path, kind, source, names, table.exposures_ms, table.stamps_s, size, depth, said)
-
-
-def _probe(
-    source: ImageSource, names: Sequence[str], exposures_ms: FloatArray
-) -> tuple[ImageSize, BitDepth, list[str]]:
-    """Find size, bit depth and colour from a few images."""
-    order = iter(range(len(names)))
-    problem: FrameError | None = None
-    for index in order:
-        try:
-            data = source.read(names[index])
-            first = decode_grey(data, source.label(names[index]))
-            break
-        except FrameError as error:
-            problem = problem or error
-    else:
-        raise RecordingError(f"{source.place}: none of its {len(names)} images can be read; the first: {problem}")
-    notes = []
-    if read_header(data, names[index]).channels > 2:
-        notes.append("colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B")
-    depth = detect_bit_depth(_samples(first, source, names, exposures_ms))
-    if depth.note:
-        notes.append(depth.note)
-    return (first.shape[1], first.shape[0]), depth, notes
-
-
-def _samples(first: Image, source: ImageSource, names: Sequence[str], exposures_ms: FloatArray) -> Iterator[Image]:
-    """Give the first image and, where there is more than 8 bit to find out about, those of longest exposure."""
-    yield first
-    if first.dtype == np.uint8:
-        return
-    for index in np.argsort(-exposures_ms, kind="stable")[: _DEPTH_SAMPLES - 1]:
-        try:
-            image = decode_grey(source.read(names[index]), source.label(names[index]))
-        except FrameError:
-            continue
-        if image.dtype == first.dtype:
-            yield image
+    return ImageSequence(path, kind, source, names, table.exposures_ms, table.stamps_s, layout, said)

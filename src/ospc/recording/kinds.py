@@ -11,7 +11,7 @@ from ospc.errors import RecordingError
 from ospc.recording.recording import Recording
 from ospc.recording.wording import quoted
 
-_MODULES = ("tum_mono", "euroc", "exif_photos", "image_folder")
+_MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder")
 """Modules of this package, in the order in which they are asked; each has a ``KIND``."""
 
 

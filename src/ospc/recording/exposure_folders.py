@@ -1,0 +1,97 @@
+"""Folders named by exposure, images in them named by time stamp, as cameras that bracket are recorded.
+
+``2.0/1695668703271420672.png`` was exposed for 2 ms. Images are often the raw mosaic of a colour sensor: of a mosaic
+the green pixels are taken, at half the width and height.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from ospc.errors import RecordingError
+from ospc.recording.frame_table import FrameTable, Row, make_table
+from ospc.recording.image_sequence import ImageSequence, open_sequence
+from ospc.recording.image_source import FolderImages
+from ospc.recording.text_file import is_number
+
+_NAME = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)[ _]?(ns|us|ms|s)?", re.ASCII)
+_IN_MS = {"ns": 1e-6, "us": 1e-3, "ms": 1.0, "s": 1e3, None: 1.0}
+_LEAST_FOLDERS = 2
+
+
+@dataclass(frozen=True)
+class ExposureFolders:
+    """The kind of recording with one folder of images for each exposure."""
+
+    name: str = "exposure_folders"
+
+    def recognises(self, path: Path) -> bool:
+        """Tell whether the path holds several folders of images whose names are exposures."""
+        return len(_folders(path)) >= _LEAST_FOLDERS
+
+    def open(self, path: Path) -> ImageSequence:
+        """Open all folders as one recording, in the order of the time stamps.
+
+        Raises
+        ------
+        RecordingError
+            If there are no such folders, an image is not named by its time stamp, or two by the same.
+        """
+        folders = _folders(path)
+        if not folders:
+            raise RecordingError(
+                f"{path}: an {self.name} recording has folders of images named by their exposure in ms, such as 2.0"
+            )
+        exposures_ms = {f"{inner.place.name}/{name}": ms for inner, ms in folders for name in inner.names}
+        notes = []
+        if any(_unit(inner.place.name) is None for inner, _ in folders):
+            notes.append(f"{path}: names of folders are taken as exposures in ms")
+        source = FolderImages(path, tuple(exposures_ms))
+        return open_sequence(path, self.name, source, _table(path, exposures_ms), notes, take_green=True)
+
+
+def _folders(path: Path) -> list[tuple[FolderImages, float]]:
+    """Return the folders of images whose name is an exposure, with the exposure in ms."""
+    found = []
+    for inner in sorted(path.iterdir()) if path.is_dir() else ():
+        exposure_ms = _exposure_ms(inner.name)
+        if exposure_ms > 0 and inner.is_dir():
+            images = FolderImages.of(inner)
+            if images.names:
+                found.append((images, exposure_ms))
+    return found
+
+
+def _exposure_ms(name: str) -> float:
+    """Return the exposure a folder is named by; 0 where its name is none."""
+    match = _NAME.fullmatch(name)
+    return float(match[1]) * _IN_MS[match[2]] if match else 0.0
+
+
+def _unit(name: str) -> str | None:
+    match = _NAME.fullmatch(name)
+    return match[2] if match else None
+
+
+def _table(path: Path, exposures_ms: dict[str, float]) -> FrameTable:
+    stamps: dict[str, float] = {}
+    named: dict[float, str] = {}
+    for name in exposures_ms:
+        stem = PurePosixPath(name).stem
+        if not is_number(stem) or not math.isfinite(float(stem)):
+            raise RecordingError(f"{path / name}: images must be named by their time stamp; rename or remove it")
+        stamps[name] = float(stem)
+        other = named.setdefault(stamps[name], name)
+        if other != name:
+            raise RecordingError(
+                f"{path / name}: has the time stamp of {other}; images must be named by their own time stamp"
+            )
+    order = sorted(stamps, key=stamps.__getitem__)
+    rows = [Row(n, name, stamps[name], exposures_ms[name]) for n, name in enumerate(order, start=1)]
+    return make_table(str(path), rows)
+
+
+KIND = ExposureFolders()

@@ -1,0 +1,80 @@
+"""Bayer mosaics: told from grey images, and their green pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from image_samples import encoded, grey
+
+from ospc.arrays import Image
+from ospc.recording import open_recording
+from ospc.recording.bayer import GreenPixels, find_green
+from ospc.recording.decoding import decode_grey
+
+
+def smooth(seed: int, dtype: type = np.uint16) -> Image:
+    """A scene whose neighbouring pixels resemble each other."""
+    noise = np.random.default_rng(seed).random((60, 80)).astype(np.float32)
+    scene = cv2.GaussianBlur(noise, (0, 0), 2)
+    return (50 + 150 * (scene - scene.min()) / np.ptp(scene)).astype(dtype)
+
+
+def mosaic(scene: Image, green: GreenPixels, red: float = 0.8, blue: float = 0.4) -> Image:
+    """The scene behind red, green and blue filters."""
+    weights = np.ones((2, 2))
+    others = [place for place in np.ndindex(2, 2) if place not in green.value]
+    weights[others[0]], weights[others[1]] = red, blue
+    return (scene * np.tile(weights, (30, 40))).astype(scene.dtype)
+
+
+@given(st.sampled_from(GreenPixels), st.integers(0, 10_000), st.sampled_from([np.uint8, np.uint16]))
+def test_a_mosaic_is_recognised_with_its_green_pixels(green: GreenPixels, seed: int, dtype: type) -> None:
+    assert find_green(mosaic(smooth(seed, dtype), green)) is green
+
+
+@given(st.integers(0, 10_000))
+def test_grey_scenes_noise_and_blackness_are_no_mosaic(seed: int) -> None:
+    assert find_green(smooth(seed)) is None
+    assert find_green(grey(seed, (80, 60))) is None
+    assert find_green(np.zeros((60, 80), np.uint8)) is None
+
+
+def test_stripes_of_a_sensor_are_no_mosaic() -> None:
+    scene = smooth(0)
+    scene[:, ::2] += 20
+    assert find_green(scene) is None
+    assert find_green(scene.T) is None
+
+
+def test_odd_sizes_are_no_mosaic() -> None:
+    assert find_green(mosaic(smooth(0), GreenPixels.RISING)[:-1]) is None
+
+
+@pytest.mark.parametrize("green", GreenPixels)
+def test_green_is_the_rounded_mean_of_its_two_pixels(green: GreenPixels) -> None:
+    image = np.full((2, 4), 9, np.uint8)
+    (first, second) = green.value
+    image[first], image[second] = 255, 254
+    taken = green.of(image)
+    assert taken.dtype == np.uint8
+    assert taken.tolist() == [[255, 9]]
+
+
+def test_other_kinds_only_tell_of_a_mosaic(tum_folder: Callable[..., Path]) -> None:
+    data = encoded(mosaic(smooth(0, np.uint8), GreenPixels.RISING))
+    recording = open_recording(tum_folder("0 1 1\n", {"0.png": data}))
+    assert recording.size == (80, 60)
+    assert "look like a Bayer mosaic" in recording.notes[0]
+
+
+def test_real_images_of_a_mosaic_and_of_its_green(real_data: Path) -> None:
+    for path in real_data.glob("borealhdr_left_raw12/*/*.png"):
+        assert find_green(decode_grey(path.read_bytes(), path.name)) is GreenPixels.RISING
+    for path in sorted(real_data.glob("borealhdr_left/images/*.png"))[:6]:
+        assert find_green(decode_grey(path.read_bytes(), path.name)) is None
