@@ -27,9 +27,6 @@ _STAMP_WORDS = (("timestamp", "stamp"), ("time",))
 _IMAGE_WORDS = (("file", "filename"), ("image", "imagename", "imagefile", "path", "name"), ("id", "frameid"))
 _GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
 
-NO_STAMPS = "it has no time stamps; frames are numbered, one a second"
-"""Note on a list without time stamps."""
-
 
 @dataclass(frozen=True)
 class Gain:
@@ -119,8 +116,6 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
     if gains:
         said = ", ".join(f"{quoted(gain.name)} ({gain.scale})" for gain in gains)
         notes.append(f"exposures are multiplied by the gain in {said}")
-    if stamp is None:
-        notes.append(NO_STAMPS)
     return Columns(len(header), image, stamp, exposure, gains, to_ms, to_s, tuple(notes))
 
 

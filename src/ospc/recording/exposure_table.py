@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ospc.errors import ExposureError, RecordingError
-from ospc.recording.column_names import NO_STAMPS, Columns, name_columns
+from ospc.recording.column_names import Columns, name_columns
 from ospc.recording.frame_table import FrameTable, Row, make_table
 from ospc.recording.text_file import is_number, lines_of, parse_number, read_text
 
@@ -84,7 +84,8 @@ def parse_exposure_table(text: str, source: str) -> FrameTable:
             if not image:
                 raise RecordingError(f"{place}: does not name its image; correct the line")
         rows.append(Row(line, image, stamp_s, exposure_ms))
-    return make_table(source, rows, [f"{source}: {note}" for note in columns.notes])
+    notes = [f"{source}: {note}" for note in columns.notes]
+    return make_table(source, rows, notes, stamped=columns.stamp is not None)
 
 
 @dataclass(frozen=True)
@@ -124,9 +125,9 @@ def _unnamed(fields: list[str], source: str) -> Columns:
             count, image=0, stamp=1, exposure=2, notes=("columns are taken as id, stamp[s], exposure[ms]",)
         )
     if count == 2 and not is_number(fields[0]):
-        return Columns(count, image=0, exposure=1, notes=("columns are taken as file, exposure[ms]", NO_STAMPS))
+        return Columns(count, image=0, exposure=1, notes=("columns are taken as file, exposure[ms]",))
     if count == 1:
-        return Columns(count, exposure=0, notes=("its numbers are taken as exposures in ms", NO_STAMPS))
+        return Columns(count, exposure=0, notes=("its numbers are taken as exposures in ms",))
     return Columns(count)
 
 

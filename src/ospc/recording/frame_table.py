@@ -65,6 +65,8 @@ class FrameTable:
         Exposures in milliseconds, finite and positive, shape (frames,).
     notes
         What was inferred.
+    stamped
+        Whether the file gives time stamps; otherwise the frames are numbered, one a second.
     """
 
     source: str
@@ -72,13 +74,14 @@ class FrameTable:
     stamps_s: FloatArray
     exposures_ms: FloatArray
     notes: tuple[str, ...] = ()
+    stamped: bool = True
 
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.exposures_ms)
 
 
-def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = ()) -> FrameTable:
+def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = (), *, stamped: bool = True) -> FrameTable:
     """Check the rows of a list of frames and put them together.
 
     Parameters
@@ -90,6 +93,8 @@ def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = ()) -> F
         be seconds are scaled by what they must be.
     notes
         What was inferred so far.
+    stamped
+        Whether the stamps are those of the file.
 
     Raises
     ------
@@ -114,7 +119,7 @@ def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = ()) -> F
             break
     stamps.setflags(write=False)
     exposures.setflags(write=False)
-    return FrameTable(source, ids, stamps, exposures, tuple(said))
+    return FrameTable(source, ids, stamps, exposures, tuple(said), stamped)
 
 
 def _check_exposures(source: str, rows: Sequence[Row]) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from ospc.errors import ExposureError
-from ospc.recording.column_names import NO_STAMPS
 from ospc.recording.frame_table import FrameTable, Row, make_table
 from ospc.recording.text_file import lines_of, parse_number, read_text
 
@@ -54,4 +53,4 @@ def parse_image_list(text: str, source: str) -> FrameTable:
                 f"shutter time only, or list their exposures in a CSV file 'file,exposure_s'"
             )
         rows.append(Row(line, fields[0], float(len(rows)), exposure_s * 1000))
-    return make_table(source, rows, (f"{source}: exposures are in seconds", f"{source}: {NO_STAMPS}"))
+    return make_table(source, rows, (f"{source}: exposures are in seconds",), stamped=False)

@@ -137,5 +137,6 @@ def open_sequence(
     except RecordingError:
         source.close()
         raise
-    said = (*notes, *table.notes, *matching, *pixels)
+    numbered = () if table.stamped else (f"{table.source}: has no time stamps; frames are numbered, one a second",)
+    said = (*notes, *table.notes, *numbered, *matching, *pixels)
     return ImageSequence(path, kind, source, names, table.exposures_ms, table.stamps_s, layout, said)

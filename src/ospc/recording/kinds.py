@@ -11,7 +11,7 @@ from ospc.errors import RecordingError
 from ospc.recording.recording import Recording
 from ospc.recording.wording import quoted
 
-_MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder")
+_MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder", "video")
 """Modules of this package, in the order in which they are asked; each has a ``KIND``."""
 
 
@@ -85,8 +85,8 @@ def open_recording(path: str | Path, kind: str | None = None) -> Recording:
 
 
 _EXPECTED = (
-    "expected a folder with images/ or images.zip and times.txt (lines 'id stamp[s] exposure[ms]'), or a folder of "
-    "images with a list of their exposures"
+    "expected a folder with images/ or images.zip and times.txt (lines 'id stamp[s] exposure[ms]'), a folder of "
+    "images with a list of their exposures or with EXIF, a EuRoC folder, folders named by exposure, or a video file"
 )
 
 

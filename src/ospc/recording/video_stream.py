@@ -1,0 +1,121 @@
+"""The decoder of a video: one frame after the other, in bounded memory."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+
+from ospc.arrays import Image
+from ospc.errors import FrameError, RecordingError
+from ospc.recording.decoding import MAX_DECODED_BYTES
+
+
+class VideoStream:
+    """Grey frames of a video by their number; asking for an earlier one starts the video anew.
+
+    Threads may read at the same time, one after the other.
+
+    Parameters
+    ----------
+    path
+        The video file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be decoded or its frames are too large.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = threading.Lock()
+        self._next = 0
+        self._capture = _capture(path)
+
+    def __enter__(self) -> VideoStream:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Let go of the file."""
+        self._capture.release()
+
+    @property
+    def stated_frames(self) -> int:
+        """Number of frames as the container states it, which may be an estimate; 0 where it does not."""
+        stated = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        return int(stated) if 0 < stated < 2**31 else 0
+
+    @property
+    def fps(self) -> float:
+        """Frames a second as the container states it."""
+        return float(self._capture.get(cv2.CAP_PROP_FPS))
+
+    def read(self, index: int) -> Image:
+        """Return a frame as luma, shape (height, width), uint8.
+
+        Raises
+        ------
+        FrameError
+            If the video ends before or is damaged.
+        """
+        with self._lock:
+            if index < self._next:
+                self._capture.release()
+                self._capture = _capture(self._path)
+                self._next = 0
+            while self._next <= index:
+                if not self._capture.grab():
+                    raise FrameError(f"{self._path}[{index}]: the video is damaged before this frame; cut it there")
+                self._next += 1
+            done, image = self._capture.retrieve()
+        if not done or image is None:
+            raise FrameError(f"{self._path}[{index}]: the frame cannot be decoded; leave it out")
+        grey: Image = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        return grey
+
+    def skip(self) -> bool:
+        """Go on by one frame; False at the end."""
+        with self._lock:
+            self._next += 1
+            return bool(self._capture.grab())
+
+
+def count_frames(path: Path) -> int:
+    """Count the frames of a video by going through it.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be decoded or its frames are too large.
+    """
+    frames = 0
+    with VideoStream(path) as stream:
+        while stream.skip():
+            frames += 1
+    return frames
+
+
+def _capture(path: Path) -> cv2.VideoCapture:
+    try:
+        # A full path is never taken for an address, and one decoder for all systems gives the same pixels on all.
+        capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
+    except cv2.error:
+        capture = cv2.VideoCapture()
+    if not capture.isOpened():
+        raise RecordingError(f"{path}: the video is damaged or of an unknown codec; convert it to MJPEG or H.264")
+    width, height = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
+    if width * height * 3 > MAX_DECODED_BYTES:
+        capture.release()
+        raise RecordingError(
+            f"{path}: frames of {width:.0f}x{height:.0f} pixels need more than the {MAX_DECODED_BYTES} bytes "
+            f"allowed; scale the video down"
+        )
+    # Response and vignette belong to the sensor's own axes.
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+    return capture

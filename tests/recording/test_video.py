@@ -1,0 +1,155 @@
+"""Videos with a list of exposures beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from image_samples import grey
+
+from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
+from ospc.recording import identity, open_recording, video_stream
+from ospc.recording.video_stream import VideoStream, count_frames
+
+LIST = "timestamp_s,exposure_ms\n" + "".join(f"{i / 10},{i + 1}\n" for i in range(6))
+SIZE = (64, 48)
+
+
+def write_video(path: Path, frames: int = 6) -> None:
+    """A lossless video of noise."""
+    code = cv2.VideoWriter.fourcc(*"FFV1")
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, 25.0, SIZE, [cv2.VIDEOWRITER_PROP_IS_COLOR, 0])
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no lossless video")
+    for i in range(frames):
+        writer.write(grey(i, SIZE))
+    writer.release()
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Callable[..., Path]:
+    """Make a video with the given text files beside it."""
+
+    def make(files: dict[str, str] | None = None, name: str = "walk.mkv", frames: int = 6) -> Path:
+        write_video(tmp_path / name, frames)
+        for other, text in (files if files is not None else {"walk.csv": LIST}).items():
+            (tmp_path / other).write_text(text)
+        return tmp_path / name
+
+    return make
+
+
+@pytest.mark.parametrize("name", ["walk.mkv", "walk.avi"])
+@pytest.mark.parametrize("beside", ["walk.csv", "exposures.csv", "times.txt"])
+def test_frames_are_those_that_were_written(video: Callable[..., Path], name: str, beside: str) -> None:
+    recording = open_recording(video({beside: LIST}, name))
+    assert (recording.kind, recording.size, recording.max_grey, len(recording)) == ("video", SIZE, 255, 6)
+    assert recording.exposures_ms.tolist() == [1, 2, 3, 4, 5, 6]
+    assert recording.stamps_s == pytest.approx(np.arange(6) / 10)
+    for index, frame in enumerate(recording):
+        assert frame.name == f"{name}[{index}]"
+        np.testing.assert_array_equal(frame.image, grey(index, SIZE))
+
+
+def test_frames_may_be_read_in_any_order_and_only_some(video: Callable[..., Path]) -> None:
+    frames = list(open_recording(video()))
+    for index in (4, 1, 5, 0):
+        np.testing.assert_array_equal(frames[index].image, grey(index, SIZE))
+
+
+def test_frames_are_decoded_only_when_looked_at(video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = open_recording(video())
+    read: list[int] = []
+    real = VideoStream.read
+    monkeypatch.setattr(VideoStream, "read", lambda self, index: (read.append(index), real(self, index))[1])
+    frames = list(recording)
+    assert read == []
+    _ = frames[3].image
+    assert read == [3]
+
+
+def test_iterating_twice_at_once_gives_the_same(video: Callable[..., Path]) -> None:
+    recording = open_recording(video())
+    for one, other in zip(recording, recording, strict=True):
+        np.testing.assert_array_equal(one.image, other.image)
+
+
+def test_without_time_stamps_the_frame_rate_gives_them(video: Callable[..., Path]) -> None:
+    recording = open_recording(video({"walk.csv": "exposure_us\n" + "100\n" * 6}))
+    assert recording.stamps_s == pytest.approx(np.arange(6) / 25)
+    assert recording.exposures_ms == pytest.approx(0.1)
+    assert any("25 frames a second" in note for note in recording.notes)
+
+
+BROKEN: dict[str, tuple[dict[str, str], type[OspcError], tuple[str, ...]]] = {
+    "no list": ({}, ExposureError, ("walk.mkv", "walk.csv", "holds no exposures")),
+    "two lists": ({"walk.csv": LIST, "walk.txt": LIST}, ExposureError, ("walk.csv, walk.txt", "keep one")),
+    "too few": ({"walk.csv": LIST.rsplit("\n", 2)[0]}, RecordingError, ("walk.csv", "5 frames", "walk.mkv has 6")),
+    "too many": ({"walk.csv": LIST + "9,9\n"}, RecordingError, ("walk.csv", "7 frames", "walk.mkv has 6")),
+    "zero": ({"walk.csv": LIST.replace(",3", ",0")}, ExposureError, ("walk.csv, line 4",)),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_list_that_does_not_belong_to_the_video_is_one_error(video: Callable[..., Path], case: str) -> None:
+    files, error, parts = BROKEN[case]
+    with pytest.raises(error) as caught:
+        open_recording(video(files))
+    assert all(part in str(caught.value) for part in parts), str(caught.value)
+
+
+def test_a_wrong_count_stated_by_the_container_does_not_matter(
+    video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = video()
+    monkeypatch.setattr(VideoStream, "stated_frames", 1000)
+    assert count_frames(path) == 6
+    assert len(open_recording(path)) == 6
+
+
+def test_frames_missing_at_the_end_are_unreadable(
+    video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(VideoStream, "stated_frames", 6)
+    frames = list(open_recording(video(frames=4)))
+    np.testing.assert_array_equal(frames[3].image, grey(3, SIZE))
+    for index in (4, 5):
+        with pytest.raises(FrameError, match=rf"walk\.mkv\[{index}\]"):
+            _ = frames[index].image
+
+
+def test_a_file_that_only_begins_like_a_video_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "walk.avi").write_bytes(b"RIFF\0\0\0\0AVI " + bytes(100))
+    (tmp_path / "walk.csv").write_text(LIST)
+    with pytest.raises(RecordingError, match=r"walk\.avi: the video is damaged or of an unknown codec"):
+        open_recording(tmp_path / "walk.avi")
+
+
+def test_a_playlist_is_no_video_whatever_its_name(tmp_path: Path) -> None:
+    (tmp_path / "walk.mp4").write_text("#EXTM3U\n/etc/passwd\n")
+    (tmp_path / "walk.csv").write_text(LIST)
+    with pytest.raises(RecordingError, match="not a recording"):
+        open_recording(tmp_path / "walk.mp4")
+    with pytest.raises(RecordingError, match="is no MP4"):
+        open_recording(tmp_path / "walk.mp4", "video")
+
+
+def test_large_frames_are_refused_before_they_are_decoded(
+    video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(video_stream, "MAX_DECODED_BYTES", 1000)
+    with pytest.raises(RecordingError, match="frames of 64x48 pixels need more"):
+        open_recording(video())
+
+
+def test_its_identity_follows_the_file(video: Callable[..., Path], tmp_path: Path) -> None:
+    path = video()
+    before = identity(open_recording(path))
+    assert before == identity(open_recording(path))
+    data = bytearray(path.read_bytes())
+    data[-200] ^= 1
+    (tmp_path / "walk.mkv").write_bytes(data)
+    assert identity(open_recording(path))["images_sha256"] != before["images_sha256"]
