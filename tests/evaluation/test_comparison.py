@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.errors import FormatError, MissingExtraError, NotObservableError
-from ospc.evaluation.comparison import Photometry, aligning_exponent, compare, open_photometry
+from ospc.evaluation.comparison import aligning_exponent, compare
 from ospc.evaluation.comparison_plot import plot_photometries
 from ospc.evaluation.metrics import log_ratio_error, response_rmse, vignette_rmse
 from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette

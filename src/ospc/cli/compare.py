@@ -32,9 +32,11 @@ _FREEDOMS = (
 def command(a: str, b: str, gamma: bool, plot: Path | None, as_json: bool) -> None:
     """Compare calibration A with B, which is taken for the truth.
 
-    Each is a calibration.json, a pcalib.txt, a vignette.png, a pair 'pcalib.txt,vignette.png', or a folder with them.
+    Each is a calibration.json, a pcalib.txt, a vignette.png, a pair 'pcalib.txt,vignette.png', a folder with them, or
+    a .pto, .lcp or OpenCV .yml file.
     """
-    from ospc.evaluation.comparison import aligning_exponent, compare, open_photometry
+    from ospc.evaluation.comparison import aligning_exponent, compare
+    from ospc.formats.opening import open_photometry
 
     first, second = open_photometry(a), open_photometry(b)
     results = [compare(first, second)]

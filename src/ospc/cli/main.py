@@ -15,6 +15,7 @@ _COMMANDS = {
     "compare": "Compare two calibrations.",
     "demo": "Simulate a short recording, calibrate it and compare with the truth.",
     "evaluate": "Evaluate trajectories against the truth.",
+    "export": "Write a calibration for another program.",
     "simulate": "Make a recording with known truth.",
     "validate": "Check parameter files against the rules of the programs that read them.",
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -20,29 +19,11 @@ from ospc.evaluation.metrics import (
     vignette_pixel_rmse,
     vignette_rmse,
 )
-from ospc.formats.dso import read_pcalib, read_vignette
-from ospc.photometry.calibration import Calibration
+from ospc.formats.opening import Photometry
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette, radial_profile
 
 _EXPONENTS = (0.1, 10.0)
-
-
-@dataclass(frozen=True)
-class Photometry:
-    """What a calibration says, whatever it was stored as.
-
-    Attributes
-    ----------
-    name
-        Where it was read from.
-    response, vignette
-        None where the source does not have it.
-    """
-
-    name: str
-    response: Response | None
-    vignette: Vignette | None
 
 
 @dataclass(frozen=True)
@@ -66,42 +47,6 @@ class Comparison:
     vignette_rmse: float | None = None
     vignette_pixel_rmse: float | None = None
     response_coverage: Coverage | None = None
-
-
-def open_photometry(path: str | Path) -> Photometry:
-    """Open a calibration.json, a pcalib.txt, a vignette.png, two of them joined by a comma, or a folder with any.
-
-    A folder's calibration.json goes before its pcalib.txt and vignette.png.
-
-    Raises
-    ------
-    FormatError
-        If there is nothing of the kind, or it cannot be read.
-    """
-    place = Path(path)
-    parts = str(path).split(",")
-    if not place.exists() and len(parts) == 2:
-        first, second = (open_photometry(part.strip()) for part in parts)
-        if (first.response is None) == (second.response is None) or (first.vignette is None) == (
-            second.vignette is None
-        ):
-            raise FormatError(f"{path}: of a pair, one is a pcalib.txt and the other a vignette.png")
-        return Photometry(str(path), first.response or second.response, first.vignette or second.vignette)
-    if place.is_dir() and not (place / "calibration.json").exists():
-        table, picture = place / "pcalib.txt", place / "vignette.png"
-        if not table.exists() and not picture.exists():
-            raise FormatError(f"{place}: holds no calibration.json, pcalib.txt or vignette.png")
-        return Photometry(
-            str(path),
-            read_pcalib(table) if table.exists() else None,
-            read_vignette(picture) if picture.exists() else None,
-        )
-    if place.is_dir() or place.suffix.lower() == ".json":
-        calibration = Calibration.load(place)
-        return Photometry(str(path), calibration.response, calibration.vignette)
-    if place.suffix.lower() == ".png":
-        return Photometry(str(path), None, read_vignette(place))
-    return Photometry(str(path), read_pcalib(place), None)
 
 
 def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> Comparison:

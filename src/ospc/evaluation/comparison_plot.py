@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.errors import FormatError, MissingExtraError
-from ospc.evaluation.comparison import Photometry
+from ospc.formats.opening import Photometry
 from ospc.photometry.vignette import radial_profile
 
 
@@ -45,7 +45,12 @@ def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> P
         if photometry.vignette is not None:
             profile = radial_profile(photometry.vignette)
             right.plot((np.arange(profile.size) + 0.5) / profile.size, profile, label=photometry.name)
-    left.set(title="Inverse response (±2σ)", xlabel="grey value", ylabel="g, relative irradiance", xlim=(0, 255))
+    left.set(
+        title="Inverse response, with ±2σ where known",
+        xlabel="grey value",
+        ylabel="g, relative irradiance",
+        xlim=(0, 255),
+    )
     right.set(title="Vignette", xlabel="R (1 = corner)", ylabel="V, relative to the centre", xlim=(0, 1))
     for axes in (left, right):
         axes.grid(alpha=0.3)

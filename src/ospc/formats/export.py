@@ -1,0 +1,220 @@
+"""Write a calibration for another program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from ospc.arrays import ImageSize
+from ospc.errors import FormatError, NotObservableError, SettingError
+from ospc.formats.adobe import write_lcp
+from ospc.formats.dso import FEWEST_VALUES, write_pcalib, write_vignette
+from ospc.formats.hugin import EmorBasis, write_pto
+from ospc.formats.lensfun import write_lensfun
+from ospc.formats.opencv import write_opencv
+from ospc.formats.opening import Photometry
+from ospc.formats.radial import Optics
+from ospc.formats.resize import crop_calibration, resize_calibration
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.vignette import RasterVignette, Vignette
+
+Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]
+"""Where a calibration can go."""
+
+
+@dataclass(frozen=True)
+class ExportSettings:
+    """What some programs need to know besides the calibration.
+
+    Attributes
+    ----------
+    optics
+        For lensfun and Adobe.
+    lensfun_model
+        ``pa`` for radii in half diagonals, ``acm`` for focal lengths.
+    emor
+        For hugin's response.
+    values
+        Number of grey levels in pcalib.txt.
+    """
+
+    optics: Optics = field(default_factory=Optics)
+    lensfun_model: Literal["pa", "acm"] = "pa"
+    emor: EmorBasis | None = None
+    values: int = FEWEST_VALUES
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written.
+
+    Attributes
+    ----------
+    files
+        Paths.
+    notes
+        What a user should know: residuals of fits, parts the format cannot hold, parts that are not known.
+    """
+
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def adapted(
+    photometry: Photometry, crop: tuple[int, int, int, int] | None = None, size: ImageSize | None = None
+) -> Photometry:
+    """Return the photometry for images that were first cropped and then scaled.
+
+    Parameters
+    ----------
+    photometry
+        As calibrated.
+    crop
+        Column, row, width and height of the part that is left.
+    size
+        Width and height after scaling.
+
+    Raises
+    ------
+    SettingError
+        If the part is not inside the image, scaling changes the aspect ratio, or the size of the images is unknown.
+    """
+    if crop is None and size is None:
+        return photometry
+    calibration = as_calibration(photometry)
+    if crop is not None:
+        calibration = crop_calibration(calibration, crop[:2], crop[2:])
+    if size is not None:
+        calibration = resize_calibration(calibration, size)
+    whole = calibration if photometry.calibration is not None else None
+    return Photometry(photometry.name, calibration.response, calibration.vignette, whole)
+
+
+def as_calibration(photometry: Photometry) -> Calibration:
+    """Return the photometry as a calibration.
+
+    Raises
+    ------
+    SettingError
+        If the size of the images is unknown.
+    """
+    if photometry.calibration is not None:
+        return photometry.calibration
+    if photometry.size is None:
+        raise SettingError(f"{photometry.name}: does not say for which image size it is; add the vignette")
+    return Calibration(
+        photometry.size, photometry.response, photometry.vignette, source={"imported_from": photometry.name}
+    )
+
+
+def export(
+    photometry: Photometry, program: Program, out: str | Path, settings: ExportSettings | None = None
+) -> Exported:
+    """Write a calibration for another program.
+
+    Parameters
+    ----------
+    photometry
+        What is known.
+    program
+        Where it goes.
+    out
+        A folder for ``dso``, which holds two files; the file for all others.
+    settings
+        What the program needs besides.
+
+    Raises
+    ------
+    NotObservableError
+        If nothing the program can take is known.
+    SettingError
+        If the program needs something that ``settings`` lack.
+    FormatError
+        If the format cannot hold it, or a file cannot be written.
+    """
+    chosen = settings or ExportSettings()
+    place = Path(out)
+    if program == "dso":
+        return _to_dso(photometry, place, chosen)
+    if program == "json":
+        return _to_json(photometry, place)
+    if program == "opencv":
+        if photometry.response is None and photometry.vignette is None:
+            raise NotObservableError(f"{photometry.name}: knows neither response nor vignette")
+        write_opencv(place, photometry.response, photometry.vignette)
+        return Exported((place,), _unknown(photometry))
+    if program == "hugin":
+        return _to_hugin(photometry, place, chosen)
+    vignette = _vignette(photometry, program)
+    if program == "lensfun":
+        fit = write_lensfun(vignette, place, chosen.optics, chosen.lensfun_model)
+    else:
+        fit = write_lcp(vignette, place, chosen.optics)
+    left_out = () if photometry.response is None else (f"{program} has no response; only the vignette was written",)
+    return Exported((place,), _notes(fit.note, *left_out))
+
+
+def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> Exported:
+    if photometry.response is None and photometry.vignette is None:
+        raise NotObservableError(f"{photometry.name}: knows neither response nor vignette")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FormatError(f"{folder}: the folder cannot be made ({error.strerror})") from None
+    files: list[Path] = []
+    if photometry.response is not None:
+        files.append(write_pcalib(photometry.response, folder / "pcalib.txt", settings.values))
+    if photometry.vignette is not None:
+        files.append(write_vignette(photometry.vignette, folder / "vignette.png"))
+    return Exported(tuple(files), _unknown(photometry))
+
+
+def _to_json(photometry: Photometry, place: Path) -> Exported:
+    calibration = as_calibration(photometry)
+    try:
+        calibration.save(place)
+    except OSError as error:
+        raise FormatError(f"{place}: cannot be written ({error.strerror})") from None
+    beside = (place.with_suffix(".vignette.npz"),) if isinstance(calibration.vignette, RasterVignette) else ()
+    return Exported((place, *beside), _unknown(photometry))
+
+
+def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> Exported:
+    if photometry.vignette is None and (photometry.response is None or settings.emor is None):
+        raise NotObservableError(
+            f"{photometry.name}: knows no vignette, and a response goes to hugin only with the base curves emor.txt"
+        )
+    size = photometry.size
+    if size is None:
+        raise SettingError(f"{photometry.name}: does not say for which image size it is; add the vignette")
+    fit, residual = write_pto(place, photometry.vignette, photometry.response, settings.emor, size)
+    notes = [] if fit is None else [fit.note]
+    if residual is not None:
+        notes.append(
+            f"response fitted by five EMoR coefficients: residual {residual:.2g} of f in the root mean square"
+        )
+    elif photometry.response is not None:
+        notes.append("the response was not written: hugin's model needs the base curves emor.txt")
+    return Exported((place,), _notes(*notes, *_unknown(photometry)))
+
+
+def _vignette(photometry: Photometry, program: str) -> Vignette:
+    if photometry.vignette is None:
+        raise NotObservableError(f"{photometry.name}: knows no vignette, and {program} takes nothing else")
+    return photometry.vignette
+
+
+def _unknown(photometry: Photometry) -> tuple[str, ...]:
+    """Return sentences about what is not known, with the remedy where the calibration has one."""
+    notes: list[str] = []
+    for name in ("response", "vignette"):
+        if getattr(photometry, name) is None:
+            verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(name)
+            reason = "" if verdict is None else f": {verdict.reason} {verdict.remedy}".rstrip()
+            notes.append(f"the {name} is not known and was not written{reason}")
+    return tuple(notes)
+
+
+def _notes(*sentences: str) -> tuple[str, ...]:
+    return tuple(filter(None, sentences))

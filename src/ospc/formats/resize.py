@@ -1,0 +1,194 @@
+"""Calibrations for images that were cropped, scaled or binned after the calibration.
+
+The response stays; the vignette moves with the pixels. What cannot be carried over is left out of the result rather
+than kept wrong: the noise of averaged pixels, and uncertainties of a profile about another centre.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.errors import SettingError
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.geometry import half_diagonal, pixel_grid
+from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+
+_ASPECT_TOLERANCE = 0.01
+_CENTRED = 1.0
+_HARMONIC_DEGREES = (2, 2, 3, 3)
+
+
+def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
+    """Return the vignette of the same view at another resolution.
+
+    Parameters
+    ----------
+    vignette
+        For the images as calibrated.
+    size
+        Width and height in pixels after scaling.
+
+    Raises
+    ------
+    SettingError
+        If the aspect ratio differs by more than 1 %, for then part of the view was cut off; crop first.
+    """
+    width, height = vignette.size
+    _check_size(size)
+    if abs(math.log(size[0] * height / (size[1] * width))) > _ASPECT_TOLERANCE:
+        raise SettingError(
+            f"{width}x{height} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop first"
+        )
+    if isinstance(vignette, RasterVignette):
+        smaller = size[0] < width
+        values = cv2.resize(vignette.values, size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)
+        return RasterVignette(np.asarray(values, dtype=np.float32), vignette.source)
+    scale = math.hypot(width, height) / math.hypot(*size)
+    unit = scale * half_diagonal(size) / half_diagonal(vignette.size)
+    if isinstance(vignette, LogVignette):
+        centre = (vignette.centre[0] / unit, vignette.centre[1] / unit)
+        return _in_unit(vignette, size, unit, centre)
+    if isinstance(vignette, PolynomialVignette):
+        return PolynomialVignette(size, _powers(vignette.coefficients, unit))
+    at = (pixel_grid(size) + 0.5) * scale - 0.5
+    return RasterVignette(vignette.at(at).astype(np.float32), vignette.as_dict())
+
+
+def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
+    """Return the vignette of a part of the image.
+
+    Parameters
+    ----------
+    vignette
+        For the whole images.
+    offset
+        Column and row of the part's first pixel.
+    size
+        Width and height of the part in pixels.
+
+    Returns
+    -------
+    Vignette
+        Its fall-off keeps its place in the scene, and so its centre moves in the image. A polynomial about the image
+        centre becomes a map of pixels unless the part is centred.
+
+    Raises
+    ------
+    SettingError
+        If the part is not inside the image.
+    """
+    _check_size(size)
+    inside = all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, vignette.size, strict=True))
+    if not inside:
+        raise SettingError(
+            f"{size[0]}x{size[1]} pixels from ({offset[0]}, {offset[1]}) are not inside "
+            f"{vignette.size[0]}x{vignette.size[1]}"
+        )
+    half, new_half = half_diagonal(vignette.size), half_diagonal(size)
+    shift = [(w - 1) / 2 - o - (s - 1) / 2 for w, o, s in zip(vignette.size, offset, size, strict=True)]
+    if isinstance(vignette, LogVignette):
+        centre = tuple((c * half + move) / new_half for c, move in zip(vignette.centre, shift, strict=True))
+        return _in_unit(vignette, size, new_half / half, (centre[0], centre[1]))
+    if isinstance(vignette, PolynomialVignette) and math.hypot(*shift) == 0:
+        return PolynomialVignette(size, _powers(vignette.coefficients, new_half / half))
+    values = vignette.at(pixel_grid(size) + np.array(offset, dtype=np.float64))
+    return RasterVignette(values.astype(np.float32), {**vignette.as_dict(), "crop": [*offset, *size]})
+
+
+def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration:
+    """Return the calibration for images scaled to another resolution; the noise of scaled pixels is not known.
+
+    Raises
+    ------
+    SettingError
+        If the aspect ratio differs by more than 1 %.
+    """
+    _check_size(size)
+    vignette = None if calibration.vignette is None else resize_vignette(calibration.vignette, size)
+    return _changed(calibration, size, vignette, calibration.vignette_sigma, {"resized_to": list(size)})
+
+
+def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> Calibration:
+    """Return the calibration for a part of the images.
+
+    The profile's uncertainty is kept where the part is centred, for the radii that remain.
+
+    Raises
+    ------
+    SettingError
+        If the part is not inside the image.
+    """
+    vignette = None if calibration.vignette is None else crop_vignette(calibration.vignette, offset, size)
+    sigma = _cropped_sigma(calibration, offset, size)
+    changed = _changed(calibration, size, vignette, sigma, {"cropped_to": [*offset, *size]})
+    return replace(changed, noise=calibration.noise)
+
+
+def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
+    """Return the calibration for images in which blocks of ``factor`` × ``factor`` pixels are averaged.
+
+    Columns and rows that fill no block are taken to be cut off at the right and the bottom. With the blocks' grey
+    values averaged, the response stays right where they are nearly equal.
+
+    Raises
+    ------
+    SettingError
+        If the factor is less than 1 or leaves no pixel.
+    """
+    width, height = calibration.size
+    if factor < 1 or min(width, height) // max(factor, 1) < 2:
+        raise SettingError(f"{width}x{height} pixels cannot be binned by {factor}")
+    size = (width // factor, height // factor)
+    whole = (size[0] * factor, size[1] * factor)
+    cut = calibration if whole == calibration.size else crop_calibration(calibration, (0, 0), whole)
+    return cut if factor == 1 else resize_calibration(cut, size)
+
+
+def _in_unit(vignette: LogVignette, size: ImageSize, unit: float, centre: tuple[float, float]) -> LogVignette:
+    """Return a log-polynomial for a radius in units ``unit`` times as long."""
+    harmonics = zip(vignette.non_radial, _HARMONIC_DEGREES, strict=False)
+    return LogVignette(
+        size, _powers(vignette.coefficients, unit), centre, tuple(c * unit**degree for c, degree in harmonics)
+    )
+
+
+def _powers(coefficients: tuple[float, ...], unit: float) -> tuple[float, ...]:
+    return tuple(c * unit ** (2 * n) for n, c in enumerate(coefficients, start=1))
+
+
+def _cropped_sigma(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> FloatArray | None:
+    if calibration.vignette_sigma is None:
+        return None
+    ends = [w - o - s - o for w, o, s in zip(calibration.size, offset, size, strict=True)]
+    if max(map(abs, ends)) > _CENTRED:
+        return None
+    unit = half_diagonal(size) / half_diagonal(calibration.size)
+    return np.interp(PROFILE_RADII * unit, PROFILE_RADII, calibration.vignette_sigma)
+
+
+def _changed(
+    calibration: Calibration,
+    size: ImageSize,
+    vignette: Vignette | None,
+    sigma: FloatArray | None,
+    change: dict[str, list[int]],
+) -> Calibration:
+    return replace(
+        calibration,
+        size=size,
+        vignette=vignette,
+        vignette_sigma=sigma,
+        noise=None,
+        covariance={name: part for name, part in calibration.covariance.items() if name == "response"},
+        source={**calibration.source, **change},
+    )
+
+
+def _check_size(size: ImageSize) -> None:
+    if min(size) < 2:
+        raise SettingError(f"an image of {size[0]}x{size[1]} pixels has no vignette")

@@ -1,0 +1,75 @@
+"""XML from strangers: no entities, bounded size and depth, nothing fetched."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from ospc.errors import FormatError
+from ospc.formats.files import read_bytes
+
+_DEEPEST = 64
+_LARGEST = 2**24
+
+
+def read_xml(path: str | Path) -> ElementTree.Element:
+    """Return the root of an XML file.
+
+    A document type that only names an external definition, as lensfun's files do, is passed over and not fetched; one
+    with definitions of its own is refused, for entities can grow without bound.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read, is no XML, defines entities, or is nested too deeply.
+    """
+    content = read_bytes(path, _LARGEST)
+    _refuse_declarations(content, path)
+    try:
+        return ElementTree.fromstring(content)  # noqa: S314
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise FormatError(f"{path}: not readable as XML ({error})") from None
+
+
+def write_xml(root: ElementTree.Element) -> str:
+    """Return an element as the text of an XML file, indented."""
+    ElementTree.indent(root, " ")
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=False) + "\n"
+
+
+def local_name(tag: str) -> str:
+    """Return a tag or attribute name without its name space."""
+    return tag.rsplit("}", 1)[-1]
+
+
+def _refuse_declarations(content: bytes, path: str | Path) -> None:
+    depth = 0
+
+    def begin(_name: str, _attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise FormatError(f"{path}: elements are nested more than {_DEEPEST} deep")
+
+    def end(_name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def doctype(_name: str, _system: str | None, _public: str | None, internal: int) -> None:
+        if internal:
+            raise FormatError(f"{path}: defines a document type of its own, which is not accepted; remove <!DOCTYPE>")
+
+    def entity(*_arguments: Any) -> None:
+        raise FormatError(f"{path}: defines entities, which is not accepted")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = begin
+    parser.EndElementHandler = end
+    parser.StartDoctypeDeclHandler = doctype
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(content, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise FormatError(f"{path}: not readable as XML ({error})") from None

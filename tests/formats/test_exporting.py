@@ -1,0 +1,108 @@
+"""Exports go where they should, come back as they were, and say what they could not take along."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ospc.errors import FormatError, NotObservableError, SettingError
+from ospc.evaluation.metrics import response_rmse, vignette_pixel_rmse
+from ospc.formats.export import ExportSettings, adapted, as_calibration, export
+from ospc.formats.opening import Photometry, open_photometry
+from ospc.formats.radial import Optics
+from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
+
+SIZE = (96, 72)
+RESPONSE = Response.gamma(1.9)
+VIGNETTE = PolynomialVignette(SIZE, (-0.3, 0.1, -0.1))
+FULL = Photometry("full", RESPONSE, VIGNETTE)
+OPTICS = ExportSettings(optics=Optics(focal_mm=4, crop_factor=6, aperture=2))
+FILES = {"dso": "folder", "hugin": "a.pto", "opencv": "a.yml", "adobe": "a.lcp", "json": "calibration.json"}
+
+
+@pytest.mark.parametrize("program", FILES)
+def test_what_is_exported_can_be_opened_again(tmp_path, program):
+    written = export(FULL, program, tmp_path / FILES[program], OPTICS)
+    assert all(path.exists() for path in written.files)
+    back = open_photometry(tmp_path / FILES[program])
+    assert vignette_pixel_rmse(back.vignette, VIGNETTE) < 1e-5
+    if back.response is not None:
+        assert response_rmse(back.response, RESPONSE) < 1e-6
+    else:
+        assert any("response" in note for note in written.notes)
+
+
+@pytest.mark.parametrize("program", ["lensfun", "hugin", "adobe"])
+def test_residual_of_a_fit_is_stated(tmp_path, program):
+    curved = Photometry("curved", None, LogVignette(SIZE, (-0.9, -0.8)))
+    notes = " ".join(export(curved, program, tmp_path / "out", OPTICS).notes)
+    assert "residual" in notes
+    exact = Photometry("exact", None, VIGNETTE)
+    assert "residual" not in " ".join(export(exact, program, tmp_path / "out", OPTICS).notes)
+
+
+def test_json_of_a_map_names_both_files(tmp_path):
+    mapped = Photometry("map", RESPONSE, RasterVignette(VIGNETTE.image()))
+    written = export(mapped, "json", tmp_path / "calibration.json")
+    assert [path.name for path in written.files] == ["calibration.json", "calibration.vignette.npz"]
+    assert vignette_pixel_rmse(open_photometry(tmp_path).vignette, VIGNETTE) < 1e-6
+
+
+def test_unknown_parts_are_not_invented_and_the_verdict_is_told(tmp_path):
+    verdict = Verdict("not identifiable", "Radial motion is at most 0.07.", "Turn the camera.")
+    calibration = Calibration(SIZE, RESPONSE, None, verdicts={"vignette": verdict})
+    known = Photometry("half", RESPONSE, None, calibration)
+    written = export(known, "dso", tmp_path / "dso")
+    assert [path.name for path in written.files] == ["pcalib.txt"]
+    assert "at most 0.07. Turn the camera." in written.notes[0]
+    for program in ("lensfun", "adobe", "hugin"):
+        with pytest.raises(NotObservableError):
+            export(known, program, tmp_path / "out", OPTICS)
+    for program in ("dso", "opencv"):
+        with pytest.raises(NotObservableError):
+            export(Photometry("nothing", None, None), program, tmp_path / "out.yml")
+
+
+def test_missing_knowledge_of_the_optics_is_named(tmp_path):
+    for program in ("lensfun", "adobe"):
+        with pytest.raises(SettingError, match=r"focal|crop"):
+            export(FULL, program, tmp_path / "out")
+
+
+def test_size_of_a_bare_table_is_not_guessed(tmp_path):
+    bare = Photometry("pcalib.txt", RESPONSE, None)
+    for action in (
+        lambda: as_calibration(bare),
+        lambda: adapted(bare, size=(48, 36)),
+        lambda: export(bare, "json", tmp_path / "a.json"),
+    ):
+        with pytest.raises(SettingError, match="image size"):
+            action()
+
+
+def test_crop_comes_before_scaling():
+    changed = adapted(FULL, (8, 6, 80, 60), (40, 30))
+    assert changed.vignette.size == (40, 30)
+    assert changed.calibration is None
+    blocks = VIGNETTE.image()[6:66, 8:88].reshape(30, 2, 40, 2).mean(axis=(1, 3))
+    np.testing.assert_allclose(
+        changed.vignette.image() / changed.vignette.image().max(), blocks / blocks.max(), atol=1e-3
+    )
+    assert adapted(FULL) is FULL
+
+
+def test_files_that_cannot_be_written_are_one_clear_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    for program, out in (("dso", "file"), ("json", "no/a.json"), ("hugin", "no/a.pto"), ("opencv", "no/a.yml")):
+        with pytest.raises(FormatError):
+            export(FULL, program, tmp_path / out)
+
+
+def test_files_with_several_vignettes_are_not_chosen_from(tmp_path):
+    export(FULL, "hugin", tmp_path / "a.pto")
+    second = 'i w96 h72 Vb-0.9 Vc0 Vd0 n"b.jpg"\n'
+    (tmp_path / "a.pto").write_text((tmp_path / "a.pto").read_text() + second)
+    with pytest.raises(FormatError, match="2 different"):
+        open_photometry(tmp_path / "a.pto")

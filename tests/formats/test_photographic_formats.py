@@ -1,0 +1,226 @@
+"""lensfun, Adobe and hugin: what is written is read back within the format's nine digits, in the right unit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ospc.errors import FormatError, SettingError
+from ospc.formats.adobe import read_lcp, write_lcp
+from ospc.formats.hugin import EmorBasis, read_emor, read_pto, write_pto
+from ospc.formats.lensfun import read_lensfun, write_lensfun
+from ospc.formats.radial import Optics
+from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette, PolynomialVignette
+
+SIZE = (96, 72)
+POLYNOMIAL = PolynomialVignette(SIZE, (-0.31, 0.12, -0.07))
+OPTICS = Optics(focal_mm=4.0, crop_factor=6.0, aperture=2.0, maker="A & B", lens='4 mm "wide" <f/2>')
+DECENTRED = LogVignette(SIZE, (-0.3, -0.05), (0.15, -0.08))
+
+triples = st.tuples(st.floats(-0.3, 0.1), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
+
+
+@settings(max_examples=20, deadline=None)
+@given(triples)
+def test_every_format_keeps_the_coefficients(tmp_path_factory, coefficients):
+    folder = tmp_path_factory.mktemp("formats")
+    vignette = PolynomialVignette(SIZE, coefficients)
+    write_lensfun(vignette, folder / "pa.xml", OPTICS, "pa")
+    write_lensfun(vignette, folder / "acm.xml", OPTICS, "acm")
+    write_lcp(vignette, folder / "a.lcp", OPTICS)
+    write_pto(folder / "a.pto", vignette)
+    for back in (
+        read_lensfun(folder / "pa.xml")[0].vignette(SIZE),
+        read_lensfun(folder / "acm.xml")[0].vignette(SIZE),
+        read_lcp(folder / "a.lcp")[0].vignette(),
+        read_pto(folder / "a.pto")[0].vignette(),
+    ):
+        assert isinstance(back, PolynomialVignette)
+        assert back.size == SIZE
+        np.testing.assert_allclose(back.coefficients, coefficients, atol=1e-7)
+
+
+def test_lensfun_acm_and_adobe_measure_the_radius_in_focal_lengths(tmp_path):
+    unit = 4.0 * 6.0 / (np.hypot(36, 24) / 2)
+    expected = [v * unit ** (2 * n) for n, v in enumerate(POLYNOMIAL.coefficients, 1)]
+    write_lensfun(POLYNOMIAL, tmp_path / "acm.xml", OPTICS, "acm")
+    write_lcp(POLYNOMIAL, tmp_path / "a.lcp", OPTICS)
+    np.testing.assert_allclose(read_lensfun(tmp_path / "acm.xml")[0].terms, expected, rtol=1e-7)
+    entry = read_lcp(tmp_path / "a.lcp")[0]
+    np.testing.assert_allclose(entry.terms, expected, rtol=1e-7)
+    assert entry.focal_ratio == pytest.approx(unit * half_diagonal(SIZE) / 96)
+    # the value at the corner, spelt out in the other program's units
+    corner = half_diagonal(SIZE) / (entry.focal_ratio * 96)
+    value = 1 + sum(a * corner ** (2 * n) for n, a in enumerate(entry.terms, 1))
+    assert value == pytest.approx(float(POLYNOMIAL.profile(1.0)), rel=1e-6)
+
+
+def test_lensfun_keeps_what_the_entry_holds_for(tmp_path):
+    write_lensfun(POLYNOMIAL, tmp_path / "a.xml", OPTICS)
+    (entry,) = read_lensfun(tmp_path / "a.xml")
+    assert (entry.lens, entry.focal_mm, entry.aperture, entry.crop_factor) == (OPTICS.lens, 4.0, 2.0, 6.0)
+    assert entry.distance_m == 1000
+    assert "<aspect-ratio>4:3</aspect-ratio>" in (tmp_path / "a.xml").read_text()
+
+
+def test_a_database_with_many_lenses_is_read(tmp_path):
+    (tmp_path / "db.xml").write_text(
+        '<!DOCTYPE lensdatabase SYSTEM "lensfun-database.dtd">\n'
+        '<lensdatabase version="2"><mount><name>M</name></mount>'
+        "<lens><maker>X</maker><model>One</model><cropfactor>1.5</cropfactor><calibration>"
+        '<distortion model="poly3" focal="18" k1="0.1"/>'
+        '<vignetting model="pa" focal="18" aperture="3.5" distance="0.25" k1="-0.5" k2="0.1" k3="-0.1"/>'
+        '<vignetting model="pa" focal="18" aperture="8" distance="0.25" k1="-0.2" k2="0.1" k3="-0.1"/>'
+        "</calibration></lens><lens><model>Two</model><cropfactor>1</cropfactor><calibration>"
+        '<vignetting model="acm" focal="50" aperture="2" distance="10" alpha1="-0.9" alpha2="0.3" alpha3="0"/>'
+        "</calibration></lens></lensdatabase>"
+    )
+    entries = read_lensfun(tmp_path / "db.xml")
+    assert [(e.lens, e.model, e.aperture) for e in entries] == [
+        ("One", "pa", 3.5),
+        ("One", "pa", 8),
+        ("Two", "acm", 2),
+    ]
+    assert entries[1].vignette(SIZE).coefficients == (-0.2, 0.1, -0.1)
+    ratio = 50 / (np.hypot(36, 24) / 2)
+    assert entries[2].vignette(SIZE).coefficients == pytest.approx((-0.9 / ratio**2, 0.3 / ratio**4, 0))
+
+
+def test_lensfun_needs_the_camera():
+    for optics in (Optics(focal_mm=4.0), Optics(crop_factor=2.0, aperture=2.0)):
+        with pytest.raises(SettingError):
+            write_lensfun(POLYNOMIAL, "unused.xml", optics)
+
+
+def test_adobe_and_hugin_keep_a_centre_of_its_own(tmp_path):
+    fit = write_lcp(DECENTRED, tmp_path / "a.lcp", OPTICS)
+    assert fit.centre == DECENTRED.centre
+    assert read_lcp(tmp_path / "a.lcp")[0].fit(SIZE).centre == pytest.approx(DECENTRED.centre)
+    write_pto(tmp_path / "a.pto", DECENTRED)
+    hugin = read_pto(tmp_path / "a.pto")[0]
+    assert hugin.fit.centre == pytest.approx(DECENTRED.centre)
+    expected = DECENTRED.image() / DECENTRED.image().max()
+    for back in (read_lcp(tmp_path / "a.lcp")[0].vignette(), hugin.vignette()):
+        assert np.abs(back.image() - expected).max() < fit.worst + 0.002
+
+
+def test_lcp_in_attribute_form_and_without_its_own_focal_length_is_read(tmp_path):
+    (tmp_path / "a.lcp").write_text(
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/" xmlns:r="http://www.w3.org/1999/02/22-rdf-syntax-ns#" '
+        'xmlns:c="http://ns.adobe.com/photoshop/1.0/camera-profile"><r:RDF><r:Seq><r:li>'
+        '<r:Description c:Lens="Zoom" c:SensorFormatFactor="1.5" c:FocalLength="18" c:ApertureValue="4" '
+        'c:ImageWidth="96" c:ImageLength="72"><c:PerspectiveModel><r:Description c:Version="2">'
+        '<c:VignetteModel c:VignetteModelParam1="-0.4" c:VignetteModelParam2="0.2"/>'
+        "</r:Description></c:PerspectiveModel></r:Description></r:li></r:Seq></r:RDF></x:xmpmeta>"
+    )
+    (entry,) = read_lcp(tmp_path / "a.lcp")
+    assert (entry.lens, entry.size, entry.focal_mm, entry.aperture) == ("Zoom", SIZE, 18, 4)
+    ratio = 18 * 1.5 / (np.hypot(36, 24) / 2)
+    assert entry.vignette().coefficients == pytest.approx((-0.4 / ratio**2, 0.2 / ratio**4, 0))
+
+
+def test_lcp_without_a_focal_length_or_size_is_not_guessed(tmp_path):
+    write_lcp(POLYNOMIAL, tmp_path / "a.lcp", OPTICS)
+    text = (tmp_path / "a.lcp").read_text()
+    (tmp_path / "b.lcp").write_text(text.replace("ImageWidth", "Nothing"))
+    with pytest.raises(SettingError, match="size"):
+        read_lcp(tmp_path / "b.lcp")[0].vignette()
+    (tmp_path / "c.lcp").write_text(text.replace("FocalLengthX", "Nothing").replace("FocalLength>", "Nothing>"))
+    with pytest.raises(FormatError, match="focal length"):
+        read_lcp(tmp_path / "c.lcp")
+    (tmp_path / "d.lcp").write_text(text.replace("VignetteModel", "Nothing"))
+    with pytest.raises(FormatError, match="no vignette"):
+        read_lcp(tmp_path / "d.lcp")
+    (tmp_path / "e.lcp").write_text(text.replace("<stCamera:VignetteModelParam1>", "<stCamera:VignetteModelParam1>x"))
+    with pytest.raises(FormatError, match="not a number"):
+        read_lcp(tmp_path / "e.lcp")
+
+
+def test_hugin_links_between_images_are_followed(tmp_path):
+    write_pto(tmp_path / "a.pto", POLYNOMIAL)
+    linked = 'i w96 h72 f0 v=0 Ra=0 Rb=0 Rc=0 Rd=0 Re=0 Eev1.5 Va=0 Vb=0 Vc=0 Vd=0 Vx=0 Vy=0 Vm5 n"Vb9.jpg"\n'
+    (tmp_path / "a.pto").write_text((tmp_path / "a.pto").read_text() + linked)
+    first, second = read_pto(tmp_path / "a.pto")
+    assert second.fit == first.fit
+    assert (first.exposure_value, second.exposure_value) == (0, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "no image line"),
+        ("i w0 h72 Vb0\n", "size 0x72"),
+        ("i w999999 h72 Vb0\n", "size 999999x72"),
+        ("i w96 h72 Vb=7\n", "Vb"),
+        ("i w96 h72 Vb1e\n", "Vb"),
+    ],
+)
+def test_damaged_projects_are_refused(tmp_path, text, reason):
+    (tmp_path / "a.pto").write_text(text)
+    with pytest.raises(FormatError, match=reason):
+        read_pto(tmp_path / "a.pto")
+
+
+@pytest.fixture(scope="module")
+def basis() -> EmorBasis:
+    irradiance = np.linspace(0, 1, 1024)
+    waves = [np.sin(np.pi * n * irradiance) for n in range(1, 6)]
+    return EmorBasis(irradiance, irradiance**0.5, np.array(waves))
+
+
+def write_emor(path, basis: EmorBasis) -> None:
+    names = ["E", "f0", *(f"h({i})" for i in range(1, 6))]
+    curves = [basis.irradiance, basis.mean, *basis.components]
+    lines: list[str] = []
+    for name, curve in zip(names, curves, strict=True):
+        lines.append(f"{name} =")
+        lines += [" ".join(f"{value:.9e}" for value in row) for row in curve.reshape(-1, 4)]
+    path.write_text("\n".join(lines))
+
+
+def test_base_curves_are_read(tmp_path, basis):
+    write_emor(tmp_path / "emor.txt", basis)
+    read = read_emor(tmp_path / "emor.txt")
+    np.testing.assert_allclose(read.mean, basis.mean, atol=1e-8)
+    np.testing.assert_allclose(read.components, basis.components, atol=1e-8)
+    for text in ("", "E =\n1 2 3\n", "E =\na\n"):
+        (tmp_path / "other.txt").write_text(text)
+        with pytest.raises(FormatError, match=r"emor\.txt"):
+            read_emor(tmp_path / "other.txt")
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.tuples(*[st.floats(-0.02, 0.02)] * 5))
+def test_response_survives_as_five_coefficients(tmp_path_factory, basis, coefficients):
+    place = tmp_path_factory.mktemp("hugin") / "a.pto"
+    response = basis.response(coefficients)
+    _, residual = write_pto(place, None, response, basis, SIZE)
+    assert residual < 2e-3
+    back = basis.response(read_pto(place)[0].response)
+    assert np.abs(back.resampled(256) - response.resampled(256)).max() < 0.01
+
+
+def test_response_with_knees_is_fitted_with_an_increasing_curve(basis):
+    knees = Response(np.interp(np.arange(256), [0, 88, 188, 255], [0, 0.068, 0.464, 1]))
+    coefficients, residual = basis.fit(knees)
+    assert np.all(np.diff(basis.mean + np.array(coefficients) @ basis.components) > 0)
+    assert 0 < residual < 0.1
+    free = np.linalg.lstsq(basis.components.T, knees(basis.irradiance) - basis.mean, rcond=None)[0]
+    assert residual >= np.sqrt(np.mean((knees(basis.irradiance) - basis.mean - free @ basis.components) ** 2))
+
+
+def test_coefficients_that_fall_are_no_response(basis):
+    with pytest.raises(FormatError, match="increase"):
+        basis.response((-5.0, 0, 0, 0, 0))
+
+
+def test_real_base_curves_fit_real_responses(real_data):
+    emor = read_emor(real_data / "responses" / "emor.txt")
+    for exponent in (1.0, 1.8, 2.2, 3.0):
+        coefficients, residual = emor.fit(Response.gamma(exponent))
+        assert residual < 0.006
+        assert np.abs(emor.response(coefficients).resampled(256) - np.linspace(0, 1, 256) ** exponent).max() < 0.02

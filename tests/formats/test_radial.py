@@ -1,0 +1,93 @@
+"""The shared polynomial: fitted where need be, converted between units of radius without changing a pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ospc.errors import FormatError, SettingError
+from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled, vignette_of
+from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
+
+SIZE = (64, 48)
+coefficient = st.floats(-0.2, 0.2)
+
+
+def test_a_polynomial_needs_no_fit():
+    fit = fit_radial(PolynomialVignette(SIZE, (-0.3, 0.1)))
+    assert fit.coefficients == (-0.3, 0.1, 0.0)
+    assert (fit.rms, fit.worst, fit.note) == (0, 0, "")
+
+
+@settings(max_examples=20, deadline=None)
+@given(coefficient, coefficient, coefficient)
+def test_a_map_of_a_polynomial_gives_it_back(v1, v2, v3):
+    polynomial = PolynomialVignette(SIZE, (v1, v2, v3))
+    fit = fit_radial(RasterVignette(polynomial.image() * np.float32(0.7)))
+    assert fit.worst < 1e-5
+    assert np.abs(vignette_of(fit).image() - polynomial.image()).max() < 1e-5
+
+
+def test_fit_is_the_least_squares_and_states_its_residual():
+    vignette = LogVignette(SIZE, (-0.6, -0.5))
+    fit = fit_radial(vignette)
+    image = vignette.image().astype(float)
+    radius = np.hypot(*np.meshgrid(np.arange(64) - 31.5, np.arange(48) - 23.5)) / half_diagonal(SIZE)
+    matrix = np.stack([radius ** (2 * n) for n in range(4)], axis=-1).reshape(-1, 4)
+    solution, square, *_ = np.linalg.lstsq(matrix, image.ravel(), rcond=None)
+    np.testing.assert_allclose(fit.coefficients, solution[1:] / solution[0], rtol=1e-4)
+    assert fit.rms == pytest.approx(float(np.sqrt(square[0] / image.size) / solution[0]), rel=1e-3)
+    assert fit.rms < fit.worst
+    assert "residual" in fit.note
+
+
+def test_own_centre_is_kept_on_demand():
+    vignette = LogVignette(SIZE, (-0.3,), (0.2, -0.1))
+    own, image_centre = fit_radial(vignette, about_its_centre=True), fit_radial(vignette)
+    assert own.centre == (0.2, -0.1)
+    assert own.rms < 0.001 < image_centre.rms
+    back = vignette_of(own).image()
+    expected = vignette.image() / vignette.image().max()
+    assert np.abs(back - expected).max() < 0.003
+
+
+def test_dark_surround_does_not_count():
+    values = PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)).image().copy()
+    values[:, :8] = 0
+    assert fit_radial(RasterVignette(values)).coefficients == pytest.approx((-0.3, 0, 0), abs=1e-4)
+
+
+def test_polynomials_that_reach_zero_are_no_vignettes():
+    for coefficients in ((-1.2, 0.0, 0.0), (-4.1, 4.0, 0.0), (float("nan"), 0.0, 0.0)):
+        with pytest.raises(FormatError, match="not positive"):
+            fit_radial(PolynomialVignette(SIZE, coefficients))
+        with pytest.raises(FormatError, match="not positive"):
+            vignette_of(RadialFit(SIZE, coefficients, (0.1, 0.0)))
+
+
+@given(coefficient, coefficient, coefficient, st.floats(0.3, 5))
+def test_change_of_unit_keeps_the_value_at_every_place(v1, v2, v3, unit):
+    changed = rescaled((v1, v2, v3), unit)
+    for radius in (0.0, 0.3, 1.0):
+        before = 1 + sum(v * radius ** (2 * n) for n, v in enumerate((v1, v2, v3), start=1))
+        after = 1 + sum(v * (radius / unit) ** (2 * n) for n, v in enumerate(changed, start=1))
+        assert before == pytest.approx(after)
+    assert rescaled(changed, 1 / unit) == pytest.approx((v1, v2, v3), abs=1e-12)
+
+
+def test_focal_length_in_either_unit():
+    size = (1280, 1024)
+    half = half_diagonal(size)
+    by_pixels = Optics(focal_px=700.0, crop_factor=5.0)
+    focal_mm = by_pixels.focal_in_mm(size)
+    assert focal_mm == pytest.approx(700 / half * np.hypot(36, 24) / 2 / 5)
+    assert Optics(focal_mm=focal_mm, crop_factor=5.0).focal_ratio(size) == pytest.approx(700 / half)
+    with pytest.raises(SettingError, match="focal length"):
+        Optics(focal_mm=4.0).focal_ratio(size)
+    with pytest.raises(SettingError, match="millimetres"):
+        Optics(focal_px=700.0).focal_in_mm(size)
+    with pytest.raises(SettingError, match="aperture must be positive"):
+        Optics(aperture=-1.0)
