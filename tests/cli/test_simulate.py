@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from ospc.cli.simulate import command
-from ospc.errors import SettingError
+from ospc.errors import OspcError, SettingError
 from ospc.recording import open_recording
 
 SMALL = ["--frames", "4", "--size", "64x48"]
@@ -74,3 +74,12 @@ def test_a_wrong_call_with_force_leaves_the_old_recording(tmp_path):
     run(tmp_path / "r", *SMALL)
     assert isinstance(run(tmp_path / "r", "--response", "nothing", "--force").exception, SettingError)
     assert len(open_recording(tmp_path / "r")) == 4
+
+
+@pytest.mark.parametrize("content", ["frame,exposure\n0,1.5\n", ",,\n", "", "1\n2\n", "1\n-2\n3\n4\n"])
+def test_a_file_without_an_exposure_a_frame_is_refused(tmp_path, content):
+    listed = tmp_path / "exposures.csv"
+    listed.write_text(content)
+    result = run(tmp_path / "r", *SMALL, "--exposure", "file", "--exposure-file", listed)
+    assert isinstance(result.exception, OspcError)
+    assert not (tmp_path / "r").exists()

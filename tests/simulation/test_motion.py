@@ -19,7 +19,7 @@ def test_poses_are_rigid_and_clear_of_the_furniture(kind, seed):
     np.testing.assert_allclose(products, np.broadcast_to(np.eye(3), products.shape), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(poses.rotation), 1)
     x, y, z = poses.position_m.T
-    assert np.all((np.hypot(x, y) < 1.05) | ((np.abs(y) < 0.3) & (np.abs(x) < 2.2)))
+    assert np.all(np.hypot(x, y) < 1.11)
     assert np.all((z > 0.9) & (z < 1.8))
 
 

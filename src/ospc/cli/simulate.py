@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ospc.errors import SettingError
+
+if TYPE_CHECKING:
+    from ospc.simulation import SimulationSettings
 
 
 def _numbers(_context: click.Context, _parameter: click.Parameter, value: str | None) -> tuple[float, ...] | None:
@@ -28,14 +32,12 @@ def _size(_context: click.Context, _parameter: click.Parameter, value: str) -> t
 
 def _exposures_of(path: Path) -> tuple[float, ...]:
     """Read exposures in milliseconds: the last column of a text file, such as times.txt."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        rows = [line.replace(",", " ").split() for line in lines if line.strip() and not line.startswith("#")]
-        return tuple(float(row[-1]) for row in rows)
-    except (OSError, ValueError) as error:
-        raise SettingError(
-            f"{path}: not readable as exposures ({error}); give one in ms at each line's end"
-        ) from None
+    from ospc.recording.text_file import lines_of, parse_number, read_text
+
+    lines = [(n, line) for n, line in lines_of(read_text(path), str(path)) if not line.startswith("#")]
+    return tuple(
+        parse_number(re.split(r"[\s,;]+", line)[-1], "the exposure", f"{path}, line {n}") for n, line in lines
+    )
 
 
 @click.command()
@@ -88,6 +90,7 @@ def _exposures_of(path: Path) -> tuple[float, ...]:
 @click.option("--metadata-error", default=0.0, show_default=True, help="Relative error of the metadata (sigma).")
 @click.option("--flicker", default=0.0, show_default=True, help="Relative amplitude of the light's flicker.")
 @click.option("--moving-objects", default=0, show_default=True, help="Patches that move in front of the scene.")
+@click.option("--motion-blur", "motion_blur_samples", default=1, show_default=True, help="Instants averaged a frame.")
 @click.option("--bit-depth", default=8, show_default=True, help="Bits per grey value, 8 to 16.")
 @click.option("--jpg", is_flag=True, help="Store JPEG instead of PNG.")
 @click.option("--archive", is_flag=True, help="Store images.zip instead of the folder images.")
@@ -118,7 +121,7 @@ def command(out: Path, force: bool, **options: Any) -> None:
     )
 
 
-def _settings(options: dict[str, Any]) -> Any:
+def _settings(options: dict[str, Any]) -> SimulationSettings:
     """Turn the command's options into settings of the simulation."""
     from ospc.simulation import SimulationSettings
 

@@ -15,8 +15,8 @@ from ospc.arrays import FloatArray
 from ospc.simulation.settings import SimulationSettings
 
 EYE_HEIGHT_M = 1.35
-REACH_M = 1.0
-"""Largest horizontal distance of the walking camera from the middle of the room; the furniture stands further out."""
+REACH_M = 1.1
+"""Largest horizontal distance of the camera from the middle of the room; everything else is further out."""
 
 _Waves = tuple[tuple[float, float], ...]
 
@@ -34,7 +34,7 @@ _PAN: dict[str, _Waves] = {
     "roll": ((2.0, 7.0),),
 }
 _FORWARD: dict[str, _Waves] = {
-    "x": ((1.7, 16.0),),
+    "x": ((0.95, 9.0),),
     "y": ((0.10, 5.3), (0.02, 1.1)),
     "z": ((0.06, 4.7), (0.02, 0.9)),
     "yaw": ((5.0, 7.1), (0.5, 0.9)),
@@ -108,10 +108,9 @@ class Motion:
         time = np.atleast_1d(np.asarray(time_s, dtype=np.float64)) * (1.0 if self.moving else 0.0)
         angle = 2 * np.pi * time[:, None, None] / self.period_s + self.phase
         x, y, z, yaw, pitch, roll = np.sum(self.amplitude * np.sin(angle), axis=-1).T
-        if self.period_s.shape and np.hypot(*self.amplitude[:2, 0]) < 1.5:
-            # Squash the horizontal position smoothly into a disc that the furniture leaves free.
-            shrink = 1 / np.sqrt(1 + (x**2 + y**2) / REACH_M**2)
-            x, y = x * shrink, y * shrink
+        # Squash the horizontal position smoothly into a disc in front of everything there is.
+        shrink = (1 + ((x**2 + y**2) / REACH_M**2) ** 4) ** (-1 / 8)
+        x, y = x * shrink, y * shrink
         position = np.stack([x, y, z + EYE_HEIGHT_M], axis=-1)
         return Poses(position, _rotation(yaw, pitch, roll))
 

@@ -80,29 +80,30 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
             covered[area] += alpha
     # Neighbouring walls share the pixels of their common edge; together they cover each exactly once.
     canvas /= np.maximum(covered, np.float32(1e-3))
-    for face in _in_order(scene, view, time_s):
-        for area, colour, alpha in _drawn(face, view):
-            canvas[area] += (colour - canvas[area]) * alpha
+    for faces in _in_order(scene, view, time_s):
+        # Faces of one body complement each other at their common edge too: each replaces its share of what was there.
+        pieces = [piece for face in faces for piece in _drawn(face, view)]
+        changes = [(area, (colour - canvas[area]) * alpha) for area, colour, alpha in pieces]
+        for area, change in changes:
+            canvas[area] += change
     canvas *= np.float32(scene.scale)
     return canvas
 
 
-def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[Face]:
-    """Give pictures and visible faces of solids so that none is hidden by one that came earlier.
+def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, ...]]:
+    """Give pictures, visible faces of each solid, and patches so that none is hidden by one that came earlier.
 
-    Solids are sorted by the power of the camera's position to the spheres around them, d² − r². Of two spheres that
-    do not meet, the one of smaller power never hides behind the other.
+    Solids are sorted by the power of the camera's position to the spheres around them, d² − r²: where it is equal
+    for two spheres lies their radical plane, which parts the two bodies, and the nearer body is on the camera's side.
     """
-    yield from scene.pictures
+    yield from ((picture,) for picture in scene.pictures)
 
     def power(solid: Solid) -> float:
         return float(np.sum((solid.centre_m - view.position_m) ** 2)) - solid.radius_m**2
 
-    for solid in sorted(scene.solids_at(time_s), key=power, reverse=True):
-        for face in solid.faces:
-            towards = face.place.normal @ (view.position_m - face.place.corner_m)
-            if towards > 0 or solid.two_sided:
-                yield face
+    for solid in sorted(scene.solids, key=power, reverse=True):
+        yield tuple(f for f in solid.faces if f.place.normal @ (view.position_m - f.place.corner_m) > 0)
+    yield from ((patch.at(time_s),) for patch in scene.patches)
 
 
 _Piece = tuple[tuple[slice, slice], Float32Array, Float32Array]

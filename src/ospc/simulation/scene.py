@@ -21,6 +21,8 @@ REFERENCE_IRRADIANCE = 0.12
 _RING_M = 2.35
 """Distance of the furniture from the middle; the camera stays within a metre of it."""
 _PATCH_M = (0.42, 0.34)
+_NEAREST_PATCH_M, _PATCH_SPACING_M = 1.4, 0.027
+"""A flat patch reaches 0.026 m further out at its corners than in its middle."""
 _WINDOW_M = (1.5, 1.1)
 _DOOR_M = (0.95, 2.05)
 _PICTURES = ("camera", "coffee", "chelsea")
@@ -28,7 +30,11 @@ _PICTURES = ("camera", "coffee", "chelsea")
 
 @dataclass(frozen=True)
 class Patch:
-    """A patch that floats along a smooth path of its own, facing the middle of the room."""
+    """A patch that floats along a smooth path of its own, facing the middle of the room.
+
+    Its distance from the middle stays, and is its own: patches never cut through each other, and the one further in
+    is always in front of the one further out, seen from where the camera may be.
+    """
 
     mips: tuple[Float32Array, ...]
     azimuth: float
@@ -37,7 +43,7 @@ class Patch:
     phase: float
     distance_m: float
 
-    def at(self, time_s: float) -> Solid:
+    def at(self, time_s: float) -> Face:
         """Return it as it hangs at an instant in seconds."""
         turn = 2 * np.pi * time_s / self.period_s + self.phase
         azimuth = self.azimuth + self.swing * np.sin(turn)
@@ -48,8 +54,7 @@ class Patch:
         across = np.cos(tilt) * level.across + np.sin(tilt) * level.down
         down = np.cos(tilt) * level.down - np.sin(tilt) * level.across
         corner = centre - across * _PATCH_M[0] / 2 - down * _PATCH_M[1] / 2
-        face = Face(Rectangle(corner, across, down, _PATCH_M), self.mips)
-        return Solid((face,), centre, float(np.hypot(*_PATCH_M) / 2), two_sided=True)
+        return Face(Rectangle(corner, across, down, _PATCH_M), self.mips)
 
 
 @dataclass(frozen=True)
@@ -63,9 +68,9 @@ class Scene:
     pictures
         Flush on the walls.
     solids
-        In front of the walls; the spheres around them do not meet.
+        In front of the walls; of any two, the spheres around them part them (their radical plane cuts neither).
     patches
-        Move on their own, between camera and furniture.
+        Move on their own between camera and furniture; the outermost comes first.
     scale
         What the radiance of the faces is to be multiplied with to be in saturations per millisecond.
     """
@@ -83,10 +88,6 @@ class Scene:
         scale = REFERENCE_IRRADIANCE / room.median_radiance / settings.reference_exposure_ms
         patches = _patches(settings.seed, settings.moving_objects, room.median_radiance)
         return cls(room.walls, room.pictures, room.solids, patches, scale)
-
-    def solids_at(self, time_s: float) -> tuple[Solid, ...]:
-        """Return the furniture and the moving patches at an instant in seconds."""
-        return self.solids + tuple(patch.at(time_s) for patch in self.patches)
 
 
 @dataclass(frozen=True)
@@ -242,7 +243,7 @@ def _patches(seed: int, count: int, radiance: float) -> tuple[Patch, ...]:
                 float(rng.uniform(0.4, 0.9)),
                 float(rng.uniform(4.0, 9.0)),
                 float(rng.uniform(0, 2 * np.pi)),
-                1.55,
+                _NEAREST_PATCH_M + _PATCH_SPACING_M * number,
             )
         )
-    return tuple(made)
+    return tuple(reversed(made))

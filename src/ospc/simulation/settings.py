@@ -120,7 +120,7 @@ class SimulationSettings:
     flicker_hz
         Frequency of that oscillation in Hz.
     moving_objects
-        Number of textured patches that move on their own in front of the scene.
+        Number of textured patches, up to 16, that move on their own in front of the scene.
     image_format
         ``"png"`` or ``"jpg"`` (8 bit only).
     jpg_quality
@@ -195,7 +195,7 @@ class SimulationSettings:
             ("bit_depth", 8, 16),
             ("jpg_quality", 1, 100),
             ("motion_blur_samples", 1, 64),
-            ("moving_objects", 0, 32),
+            ("moving_objects", 0, 16),
         ):
             value = getattr(self, name)
             if not isinstance(value, int) or not low <= value <= high:

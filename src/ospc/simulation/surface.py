@@ -79,22 +79,19 @@ class Face:
 
 @dataclass(frozen=True)
 class Solid:
-    """Faces of a convex body, or one patch that is seen from both sides.
+    """The faces of a convex body.
 
     Attributes
     ----------
     faces
-        Its faces; those that look away from the camera are not drawn unless ``two_sided``.
+        Its faces; those that look away from the camera are not drawn.
     centre_m, radius_m
         A sphere around it.
-    two_sided
-        Whether its faces show from behind.
     """
 
     faces: tuple[Face, ...]
     centre_m: FloatArray
     radius_m: float
-    two_sided: bool = False
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, SettingError
+from ospc.errors import FormatError, FrameError, SettingError
 from ospc.photometry.geometry import half_diagonal, normalised, pixel_grid
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
+from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
+from ospc.recording.image_header import read_header
 from ospc.simulation.settings import SimulationSettings
 
 VIGNETTES = ("none", "polynomial", "cos4", "decentred")
@@ -56,11 +57,13 @@ def read_vignette(path: str | Path) -> RasterVignette:
     """
     place = Path(path)
     try:
-        image = cv2.imread(str(place), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        image = None
-    if image is None or image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
-        raise FormatError(f"{place}: not a grey image of 8 or 16 bit; give one with values proportional to V")
+        with place.open("rb") as file:
+            data = file.read(MAX_FILE_BYTES + 1)
+        if len(data) > MAX_FILE_BYTES or read_header(data, str(place)).channels != 1:
+            raise FormatError(f"{place}: not a grey image of reasonable size; give one with values proportional to V")
+        image = decode_grey(data, str(place))
+    except (OSError, FrameError) as error:
+        raise FormatError(f"{place}: not readable as a vignette ({error})") from None
     return RasterVignette(image.astype(np.float32), {"file": place.name})
 
 
