@@ -83,9 +83,82 @@ class PaperSettings:
         return SequentialMethod(self, size, max_grey)
 
 
-Settings: TypeAlias = PaperSettings
+@dataclass(frozen=True)
+class JointSettings:
+    """The default method: dense registration, flat sampling, one robust maximum likelihood for everything.
 
-_PRESETS: dict[str, Settings] = {"paper": PaperSettings()}
+    Attributes
+    ----------
+    frames_per_slowdown
+        After so many compared pairs, one more frame is passed over between looks: the work grows with the square
+        root of a recording's length.
+    views
+        Most earlier views kept to compare with.
+    max_log_ratio
+        Changes of exposure beyond this, in ln, add nothing to what a pair can tell.
+    longest_side_px
+        Images are reduced to at most this long before they are compared.
+    smoothing_px
+        Standard deviation of the smoothing of grey levels before they are sampled.
+    grid_spacing_px
+        Distance between places asked for.
+    max_gradient
+        Largest grey gradient of a flat place, in full scale per pixel.
+    max_mismatch_px
+        Largest distance between a place and where registration there and back ends.
+    points_per_pair
+        Most scene points taken from a pair.
+    max_points
+        Most scene points kept in all.
+    response_intervals
+        Intervals between the knots of the response.
+    radial_terms
+        Radial terms of ln V.
+    rounds
+        Rounds of the final fit after the convex first one.
+    still_px
+        Median displacement up to which a camera counts as standing still.
+    series_pixels
+        Most pixels kept of a camera that stands still.
+    min_points
+        Fewest scene points an estimate may rest on.
+    min_log_exposure_change
+        Smallest ln ratio of the extreme exposures from which a response is estimated.
+    min_radial_reach
+        Radial displacement, in half diagonals, that a tenth of the scene points must exceed for a vignette.
+    """
+
+    frames_per_slowdown: int = 60
+    views: int = 20
+    max_log_ratio: float = 1.2
+    longest_side_px: int = 800
+    smoothing_px: float = 1.5
+    grid_spacing_px: int = 8
+    max_gradient: float = 0.006
+    max_mismatch_px: float = 2.0
+    points_per_pair: int = 400
+    max_points: int = 60_000
+    response_intervals: int = 32
+    radial_terms: int = 4
+    rounds: int = 8
+    still_px: float = 0.3
+    series_pixels: int = 3_000
+    min_points: int = 200
+    min_log_exposure_change: float = 0.05
+    min_radial_reach: float = 0.1
+
+    name = "default"
+
+    def build(self, size: ImageSize, max_grey: int) -> Method:
+        """Return the method for images of a size and bit depth."""
+        from ospc.methods.joint import JointMethod
+
+        return JointMethod(self, size, max_grey)
+
+
+Settings: TypeAlias = PaperSettings | JointSettings
+
+_PRESETS: dict[str, Settings] = {"default": JointSettings(), "paper": PaperSettings()}
 
 
 def preset(name: str) -> Settings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -129,7 +130,11 @@ class SurfExtractor:
         return rows[:, 1::-1].copy(), rows[:, 6:].astype(np.float32)
 
 
-_EXTRACTORS = {"sift": SiftExtractor, "orb": OrbExtractor, "surf": SurfExtractor}
+_EXTRACTORS: dict[str, Callable[[int], FeatureExtractor]] = {
+    "sift": SiftExtractor,
+    "orb": OrbExtractor,
+    "surf": SurfExtractor,
+}
 
 
 def make_extractor(name: str, max_features: int) -> FeatureExtractor:
@@ -142,8 +147,7 @@ def make_extractor(name: str, max_features: int) -> FeatureExtractor:
     """
     if name not in _EXTRACTORS:
         raise SettingError(f"no feature extractor is called '{name}'; known: {', '.join(_EXTRACTORS)}")
-    extractor: FeatureExtractor = _EXTRACTORS[name](max_features)
-    return extractor
+    return _EXTRACTORS[name](max_features)
 
 
 def to_8bit(image: Image, max_grey: int) -> npt.NDArray[np.uint8]:

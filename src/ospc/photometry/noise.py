@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import ndtr
 
 from ospc.arrays import FloatArray
 
@@ -32,3 +33,20 @@ class NoiseModel:
         """Return the variance of one pixel at grey levels in [0, 1]."""
         level = np.clip(np.asarray(grey, dtype=np.float64), 0.0, 1.0)
         return np.asarray(self.read_variance + self.shot_variance * level)
+
+    def clipping_bias(self, grey: npt.ArrayLike) -> FloatArray:
+        """Return by how much clipping at black and white shifts the mean of noisy pixels, shape (n,) -> (n,).
+
+        Parameters
+        ----------
+        grey
+            Grey level without noise, in [0, 1].
+        """
+        level = np.clip(np.asarray(grey, dtype=np.float64), 0.0, 1.0)
+        sigma = np.sqrt(np.maximum(self.variance(level), 1e-18))
+        return np.asarray(_mean_excess(-level / sigma) * sigma - _mean_excess((level - 1) / sigma) * sigma)
+
+
+def _mean_excess(z: FloatArray) -> FloatArray:
+    """Return E[max(x + z, 0)] of a standard normal x: what clipping adds, z standard deviations past the end."""
+    return np.asarray(np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi) + z * ndtr(z))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import map_coordinates
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.errors import FormatError
@@ -92,7 +92,11 @@ class LogVignette:
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
         """Return the attenuation at pixel coordinates, shape (..., 2) -> (...)."""
-        offsets = normalised(np.asarray(points, dtype=np.float64), self.size) - np.array(self.centre)
+        return self.at_normalised(normalised(np.asarray(points, dtype=np.float64), self.size))
+
+    def at_normalised(self, position: FloatArray) -> FloatArray:
+        """Return the attenuation at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
+        offsets = position - np.array(self.centre)
         squared = np.sum(offsets**2, axis=-1)
         log_v = np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])
         if self.non_radial:
@@ -154,12 +158,9 @@ class RasterVignette:
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
         """Return the attenuation at pixel coordinates, bilinear, shape (..., 2) -> (...)."""
-        xy = np.asarray(points, dtype=np.float32)
-        flat = np.ascontiguousarray(xy.reshape(-1, 1, 2))
-        sampled = cv2.remap(
-            self.values, flat, np.empty(0), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        ).reshape(xy.shape[:-1])
-        return sampled.astype(np.float64)
+        xy = np.asarray(points, dtype=np.float64)
+        sampled = map_coordinates(self.values, (xy[..., 1], xy[..., 0]), order=1, mode="nearest")
+        return np.asarray(sampled, dtype=np.float64)
 
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""

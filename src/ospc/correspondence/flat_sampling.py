@@ -1,0 +1,155 @@
+"""Grey values of the same scene points in two views, read where the image is flat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from ospc.correspondence.registration import Registration, displacement_at
+from ospc.correspondence.sightings import Sightings
+from ospc.correspondence.view import View
+from ospc.photometry.geometry import normalised
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What comparing two views gave.
+
+    Attributes
+    ----------
+    sightings
+        Two sightings for each scene point.
+    overlap
+        Share of the places asked for that the registration found again.
+    radial_motion
+        Root mean square of R₀ − R₁ of the places found again.
+    motion_px
+        Median displacement in pixels of the frame, at places with enough structure to tell; NaN where there are none.
+    """
+
+    sightings: Sightings
+    overlap: float
+    radial_motion: float
+    motion_px: float
+
+
+@dataclass(frozen=True)
+class FlatSampler:
+    """Chooses places on a grid by their flatness, in both frames alike, and reads smoothed grey values there.
+
+    A registration is wrong by a fraction of a pixel at the best; where the image is flat that does no harm. Corners
+    would do the opposite: they are extreme grey values, and any error leads to a less extreme one.
+
+    Attributes
+    ----------
+    spacing_px
+        Distance between places asked for, in reduced pixels.
+    margin_px
+        Places nearer to the border are not used.
+    max_gradient
+        Largest grey gradient, in full scale per reduced pixel, of a flat place.
+    max_mismatch_px
+        Largest distance between a place and where going there and back ends, in reduced pixels.
+    max_points
+        Most scene points taken from one pair, spread evenly over mean grey level and radius.
+    """
+
+    spacing_px: int = 8
+    margin_px: int = 8
+    max_gradient: float = 0.006
+    max_mismatch_px: float = 2.0
+    max_points: int = 400
+
+    def __call__(self, view0: View, view1: View, registration: Registration, group: int) -> Samples:
+        """Compare two views.
+
+        Parameters
+        ----------
+        view0, view1
+            The views.
+        registration
+            Displacements from the first to the second.
+        group
+            Number of the pair.
+        """
+        places0 = self._grid(view0)
+        scale = view0.grey.shape[1] / registration.forward.shape[1]
+        displacement, mismatch = displacement_at(registration, places0, scale)
+        places1 = places0 + displacement
+        found = (mismatch < self.max_mismatch_px) & self._inside(view1, places1)
+        flat = found & self._usable(view0, places0) & self._usable(view1, places1)
+        position0, position1 = (normalised(v.to_frame(p), v.size) for v, p in ((view0, places0), (view1, places1)))
+        radial = np.linalg.norm(position0[found], axis=1) - np.linalg.norm(position1[found], axis=1)
+        edges = found & (_at(view0.gradient, places0) > self.max_gradient)
+        motion = np.linalg.norm(displacement[edges], axis=1) * view0.reduction
+        index = np.flatnonzero(flat)
+        # Both greys count alike: choosing by one of them would choose by its noise.
+        grey = np.sqrt(np.clip(_at(view0.grey, places0[index]) * _at(view1.grey, places1[index]), 0, 1))
+        chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
+        ends = [(view0, places0[chosen], position0[chosen]), (view1, places1[chosen], position1[chosen])]
+        return Samples(
+            _interleaved(ends, group),
+            float(found.mean()),
+            float(np.sqrt(np.mean(radial**2))) if radial.size else 0.0,
+            float(np.median(motion)) if motion.size >= 20 else float("nan"),
+        )
+
+    def _grid(self, view: View) -> FloatArray:
+        height, width = view.grey.shape
+        x, y = np.meshgrid(
+            np.arange(self.margin_px, width - self.margin_px, self.spacing_px, dtype=np.float64),
+            np.arange(self.margin_px, height - self.margin_px, self.spacing_px, dtype=np.float64),
+        )
+        return np.stack([x.ravel(), y.ravel()], axis=1)
+
+    def _inside(self, view: View, places: FloatArray) -> BoolArray:
+        far = np.array(view.grey.shape[::-1]) - 1 - self.margin_px
+        return np.asarray(np.all((places >= self.margin_px) & (places <= far), axis=1))
+
+    def _usable(self, view: View, places: FloatArray) -> BoolArray:
+        clipped = _at(view.clipped.view(np.uint8).astype(np.float32), places)
+        return np.asarray((_at(view.gradient, places) < self.max_gradient) & (clipped == 0))
+
+    def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
+        """Return which places to take: as many as allowed, evenly over cells of grey level and radius."""
+        n = len(grey)
+        if n <= self.max_points:
+            return np.arange(n)
+        cell = np.minimum((np.sqrt(grey) * 8).astype(int), 7) * 4 + np.minimum((radius * 4).astype(int), 3)
+        random = np.random.default_rng(seed).random(n)
+        # The second of its cell comes after the first of all others, and so on.
+        order = np.lexsort((random, cell))
+        _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
+        rank = np.empty(n, np.int64)
+        rank[order] = np.arange(n) - np.repeat(start, count)
+        return np.sort(np.lexsort((random, rank))[: self.max_points])
+
+
+def _at(image: Float32Array, places: FloatArray) -> FloatArray:
+    flat = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
+    if len(flat) == 0:
+        return np.empty(0)
+    values = cv2.remap(image, flat, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(values, dtype=np.float64).reshape(-1)
+
+
+def _interleaved(ends: list[tuple[View, FloatArray, FloatArray]], group: int) -> Sightings:
+    """Return the two sightings of each point one after the other."""
+    n = len(ends[0][1])
+
+    def alternate(columns: list[FloatArray]) -> FloatArray:
+        return np.stack(columns, axis=1).reshape(2 * n, *columns[0].shape[1:])
+
+    return Sightings(
+        grey=alternate([_at(view.grey, places) for view, places, _ in ends]),
+        log_exposure=alternate([np.full(n, view.log_exposure) for view, _, _ in ends]),
+        position=alternate([position for _, _, position in ends]),
+        gradient=alternate([_at(view.gradient, places) for view, places, _ in ends]),
+        pixels_averaged=alternate([np.full(n, view.pixels_averaged) for view, _, _ in ends]),
+        frame=np.tile([view.frame for view, _, _ in ends], n).astype(np.int64),
+        point=np.repeat(np.arange(n), 2),
+        group=np.full(2 * n, group, np.int64),
+    )

@@ -1,0 +1,84 @@
+"""Which earlier view the new one is compared with: the one from which most can be learned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.correspondence.flat_sampling import Samples
+from ospc.correspondence.view import View
+
+_AGES = 16
+
+
+@dataclass
+class _Kept:
+    view: View
+    order: int
+    uses: int = 0
+
+
+@dataclass
+class Partners:
+    """Keeps recent views, at ages that grow geometrically, and chooses among them.
+
+    What a comparison is worth is known before it is made: exposures are given, and overlap and radial motion after so
+    many views are learned from the comparisons made so far. Choices alternate between what serves the response
+    (change of exposure) and what serves the vignette (radial motion).
+
+    Attributes
+    ----------
+    capacity
+        Most views kept.
+    max_log_ratio
+        Changes of exposure beyond this, in ln, add nothing: most places are then clipped in one of the two.
+    """
+
+    capacity: int = 20
+    max_log_ratio: float = 1.2
+    _kept: list[_Kept] = field(default_factory=list, repr=False)
+    _seen: int = field(default=0, repr=False)
+    _choices: int = field(default=0, repr=False)
+    # A comparison and a half of optimism: ages never tried are worth a try.
+    _overlap: FloatArray = field(default_factory=lambda: np.full(_AGES, 0.8), repr=False)
+    _motion: FloatArray = field(default_factory=lambda: np.minimum(0.01 * 2.0 ** np.arange(_AGES), 0.3), repr=False)
+    _trials: FloatArray = field(default_factory=lambda: np.full(_AGES, 1.5), repr=False)
+
+    def choose(self, view: View) -> View | None:
+        """Return the view to compare a new one with; None where there is none yet."""
+        if not self._kept:
+            return None
+        self._choices += 1
+        for_response = self._choices % 2 == 0
+        best = max(self._kept, key=lambda kept: self._worth(kept, view, for_response))
+        best.uses += 1
+        return best.view
+
+    def learn(self, view0: View, samples: Samples) -> None:
+        """Take note of what comparing the newest view with an earlier one gave."""
+        age = self._age_class(next((k.order for k in self._kept if k.view is view0), self._seen))
+        self._trials[age] += 1
+        self._overlap[age] += (samples.overlap - self._overlap[age]) / self._trials[age]
+        self._motion[age] += (samples.radial_motion - self._motion[age]) / self._trials[age]
+
+    def add(self, view: View) -> None:
+        """Keep a view, and drop one that is hardly missed if there are too many."""
+        self._kept.append(_Kept(view, self._seen))
+        self._seen += 1
+        if len(self._kept) > self.capacity:
+            ages = self._seen - np.array([k.order for k in self._kept], dtype=np.float64)
+            # Without a view its neighbours stand next to each other: the smallest step in ln age is missed least.
+            # The newest stay: they are the only ones that can still become old.
+            step = np.log(np.append(ages[0] * 1.5, ages[:-2])) - np.log(ages[1:])
+            del self._kept[int(np.argmin(step[: self.capacity // 2]))]
+
+    def _worth(self, kept: _Kept, view: View, for_response: bool) -> float:
+        age = self._age_class(kept.order)
+        change = min(abs(kept.view.log_exposure - view.log_exposure), self.max_log_ratio)
+        gain = change**2 if for_response else self._motion[age] ** 2 + 0.01 * change**2
+        return float((gain + 1e-6) * self._overlap[age] ** 1.5 / (1 + kept.uses))
+
+    def _age_class(self, order: int) -> int:
+        return min(int(2 * np.log2(max(self._seen - order, 1))), _AGES - 1)

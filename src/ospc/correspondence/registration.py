@@ -1,0 +1,118 @@
+"""Where every place of one frame is in another: dense registration of frames brought to equal brightness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.correspondence.view import View
+from ospc.photometry.geometry import pixel_grid
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+
+_DISPLAY_GAMMA = 2.2
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Displacements between two views.
+
+    Attributes
+    ----------
+    forward
+        Displacement (x, y) from each place of the first to the second, in small pixels, shape (h, w, 2).
+    mismatch
+        How far going there and back ends from where it began, in the same pixels, shape (h, w).
+    """
+
+    forward: Float32Array
+    mismatch: Float32Array
+
+
+class Equaliser:
+    """Brings small images to what they would show at one exposure, without vignette, on a display's scale.
+
+    Parameters
+    ----------
+    response
+        What is known of the response; the typical display gamma where nothing is.
+    vignette
+        What is known of the vignette; None for V ≡ 1.
+    """
+
+    def __init__(self, response: Response | None = None, vignette: Vignette | None = None) -> None:
+        known = response if response is not None else Response.gamma(_DISPLAY_GAMMA)
+        self._root = known.inverse(np.arange(256) / 255) ** (1 / _DISPLAY_GAMMA)
+        self._vignette = vignette
+        self._lift: dict[tuple[int, ...], Float32Array] = {}
+
+    def __call__(self, view: View, log_exposure: float) -> npt.NDArray[np.uint8]:
+        """Return the small image of a view as it would be at another exposure, shape (h, w)."""
+        gain = np.exp((log_exposure - view.log_exposure) / _DISPLAY_GAMMA) * 255
+        table = (self._root * gain).astype(np.float32)
+        if self._vignette is None:
+            # The look-up of bytes gives bytes: clipped here, as the multiplication below clips by itself.
+            return np.asarray(cv2.LUT(view.small, np.clip(table, 0, 255).astype(np.uint8)))
+        bright = cv2.LUT(view.small, table) * self._lift_of(view.small.shape, view.size)
+        return np.asarray(cv2.convertScaleAbs(bright), dtype=np.uint8)
+
+    def _lift_of(self, shape: tuple[int, ...], size: ImageSize) -> Float32Array:
+        if shape not in self._lift and self._vignette is not None:
+            scale = np.array(size) / np.array(shape[::-1])
+            places = (pixel_grid((shape[1], shape[0])) + 0.5) * scale - 0.5
+            self._lift[shape] = (self._vignette.at(places) ** (-1 / _DISPLAY_GAMMA)).astype(np.float32)
+        return self._lift[shape]
+
+
+class DenseRegistration:
+    """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on equalised images.
+
+    The variational refinement weighs the constancy of the gradient only. Constancy of brightness, weighed too by
+    default, pulls flat places to where the brightness agrees: with the vignette not yet known that is a wrong place,
+    and grey values sampled there have lost the very difference they were meant to show.
+    """
+
+    def __init__(self) -> None:
+        self._flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+        self._flow.setVariationalRefinementDelta(0.0)
+        self._flow.setVariationalRefinementGamma(20.0)
+
+    def __call__(self, view0: View, view1: View, equaliser: Equaliser) -> Registration:
+        """Register two views in both directions."""
+        # At the longer exposure both images clip at the same radiance, and no edge of a clipped area misleads.
+        target = max(view0.log_exposure, view1.log_exposure)
+        image0, image1 = equaliser(view0, target), equaliser(view1, target)
+        forward = self._flow.calc(image0, image1, None)
+        backward = self._flow.calc(image1, image0, None)
+        return Registration(forward, _mismatch(forward, backward))
+
+
+def _mismatch(forward: Float32Array, backward: Float32Array) -> Float32Array:
+    height, width = forward.shape[:2]
+    there = pixel_grid((width, height)).astype(np.float32) + forward
+    # Outside the image there is no way back: a far displacement says so.
+    away = (1e4, 1e4, 0.0, 0.0)
+    back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
+    return np.asarray(np.linalg.norm(forward + back, axis=-1), dtype=np.float32)
+
+
+def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Return displacement, shape (n, 2), and mismatch, shape (n,), at places of the reduced image, in its pixels.
+
+    Parameters
+    ----------
+    registration
+        Registration of the small images.
+    points
+        Places (x, y) of the reduced image, shape (n, 2).
+    scale
+        Size of the reduced over that of the small image.
+    """
+    small = ((points + 0.5) / scale - 0.5).astype(np.float32).reshape(-1, 1, 2)
+    forward = cv2.remap(registration.forward, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    mismatch = cv2.remap(registration.mismatch, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return forward.reshape(-1, 2).astype(np.float64) * scale, mismatch.reshape(-1).astype(np.float64) * scale

@@ -1,0 +1,64 @@
+"""A bounded number of sightings that stand for all there were."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ospc.correspondence.sightings import Sightings, concatenate
+
+
+@dataclass
+class Reservoir:
+    """Keeps every scene point until there are too many, then every second, and so on; alike for old and new.
+
+    Attributes
+    ----------
+    capacity
+        Most scene points kept.
+    """
+
+    capacity: int
+    _parts: list[Sightings] = field(default_factory=list, repr=False)
+    _rate: float = 1.0
+    points: int = 0
+
+    def add(self, sightings: Sightings) -> None:
+        """Add the sightings of new scene points."""
+        self._append(self._thinned(sightings, self._rate))
+        while self.points > self.capacity:
+            parts, self._parts, self.points = self._parts, [], 0
+            self._rate /= 2
+            for part in parts:
+                self._append(self._thinned(part, 0.5))
+
+    def all(self) -> Sightings:
+        """Return all that is kept.
+
+        Raises
+        ------
+        ValueError
+            If nothing was ever added.
+        """
+        if not self._parts:
+            raise ValueError("nothing was added")
+        return concatenate(self._parts)
+
+    def some(self, points: int) -> Sightings:
+        """Return at most about so many scene points, spread evenly over all that are kept."""
+        everything = self.all()
+        step = max(1, -(-self.points // points))
+        return everything.of_points(slice(None, None, step))
+
+    def _append(self, part: Sightings) -> None:
+        if len(part):
+            self._parts.append(part)
+            self.points += len(part.starts)
+
+    @staticmethod
+    def _thinned(part: Sightings, rate: float) -> Sightings:
+        if rate >= 1.0 or not len(part):
+            return part
+        chosen = np.random.default_rng(int(part.group[0])).random(len(part.starts)) < rate
+        return part.of_points(chosen)

@@ -1,0 +1,78 @@
+"""Scene points, each with its grey level in two frames or more: what the estimators see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Scene points seen several times; the sightings of a point follow one another.
+
+    Attributes
+    ----------
+    grey
+        Grey level in [0, 1], shape (n,).
+    log_exposure
+        ln of the frame's exposure in milliseconds, shape (n,).
+    position
+        Place relative to the image centre in half diagonals, shape (n, 2).
+    gradient
+        Grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
+    pixels_averaged
+        Number of pixels behind the grey level, shape (n,).
+    frame
+        Index of the frame, shape (n,).
+    point
+        Number of the scene point, not decreasing, shape (n,).
+    group
+        Number of the pair of frames (or of the image region, for a static series) the point belongs to: errors within
+        a group may have a common cause, shape (n,).
+    """
+
+    grey: FloatArray
+    log_exposure: FloatArray
+    position: FloatArray
+    gradient: FloatArray
+    pixels_averaged: FloatArray
+    frame: IntArray
+    point: IntArray
+    group: IntArray
+
+    def __len__(self) -> int:
+        """Return the number of sightings."""
+        return len(self.grey)
+
+    @property
+    def starts(self) -> IntArray:
+        """Index of the first sighting of each point, shape (points,)."""
+        return np.flatnonzero(np.diff(self.point, prepend=-1))
+
+    def of_points(self, chosen: Any) -> Sightings:
+        """Return the sightings of some points, by a mask, shape (points,), or indices into :attr:`starts`."""
+        counts = np.diff(self.starts, append=len(self))
+        mask = np.zeros(len(counts), bool)
+        mask[chosen] = True
+        return self.where(np.repeat(mask, counts))
+
+    def where(self, mask: Any) -> Sightings:
+        """Return the sightings where a mask, shape (n,), is true."""
+        return Sightings(*(getattr(self, f.name)[mask] for f in fields(self)))
+
+
+def concatenate(parts: list[Sightings]) -> Sightings:
+    """Join sightings of different scene points, which are numbered anew."""
+    offset, points = 0, []
+    for part in parts:
+        _, number = np.unique(part.point, return_inverse=True)
+        points.append(number + offset)
+        offset += int(number[-1]) + 1 if len(number) else 0
+    joined = {
+        f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Sightings) if f.name != "point"
+    }
+    return Sightings(**joined, point=np.concatenate(points))

@@ -1,0 +1,102 @@
+"""A camera that stands still: every pixel is the same scene point in all frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ospc.arrays import BoolArray, FloatArray, Image, IntArray
+from ospc.correspondence.sightings import Sightings
+from ospc.photometry.geometry import normalised
+from ospc.recording.frame import Frame
+
+
+@dataclass
+class StaticSeries:
+    """Keeps the grey values of a fixed choice of pixels, for a bounded number of frames.
+
+    Attributes
+    ----------
+    pixels
+        Number of pixels kept.
+    points
+        Number of them, spread evenly over their brightness, that are given to the estimators.
+    frames
+        Most frames kept; beyond, every second is dropped and fewer are taken.
+    """
+
+    pixels: int = 12_000
+    points: int = 3_000
+    frames: int = 256
+    _places: IntArray | None = field(default=None, repr=False)
+    _size: tuple[int, int] = (0, 0)
+    _grey: list[Image] = field(default_factory=list, repr=False)
+    _index: list[int] = field(default_factory=list, repr=False)
+    _log_exposure: list[float] = field(default_factory=list, repr=False)
+    _stride: int = 1
+    _seen: int = 0
+    _max_grey: int = 255
+
+    def watch(self, frame: Frame) -> None:
+        """Take a frame."""
+        self._seen += 1
+        if (self._seen - 1) % self._stride:
+            return
+        image = frame.image
+        if self._places is None:
+            self._size, self._max_grey = (image.shape[1], image.shape[0]), frame.max_grey
+            count = min(self.pixels, image.size)
+            self._places = np.sort(np.random.default_rng(0).choice(image.size, count, replace=False))
+        self._grey.append(image.ravel()[self._places])
+        self._index.append(frame.index)
+        self._log_exposure.append(float(np.log(frame.exposure_ms)))
+        if len(self._grey) > self.frames:
+            self._grey, self._index = self._grey[::2], self._index[::2]
+            self._log_exposure = self._log_exposure[::2]
+            self._stride *= 2
+
+    def __len__(self) -> int:
+        """Return the number of frames kept."""
+        return len(self._grey)
+
+    def sightings(self) -> Sightings:
+        """Return the series as scene points that each frame sees; a group is a frame.
+
+        Raises
+        ------
+        ValueError
+            If no frame was watched.
+        """
+        if self._places is None:
+            raise ValueError("no frame was watched")
+        grey = np.stack(self._grey, axis=1).astype(np.float64) / self._max_grey
+        exposed = (grey > 1.5 / 255) & (grey < 253.5 / 255)
+        chosen = self._evenly_bright(grey, exposed)
+        grey = grey[chosen]
+        points, frames = grey.shape
+        width, height = self._size
+        places = np.stack([self._places[chosen] % width, self._places[chosen] // width], axis=1).astype(np.float64)
+        return Sightings(
+            grey=grey.ravel(),
+            log_exposure=np.tile(self._log_exposure, points),
+            position=np.repeat(normalised(places, (width, height)), frames, axis=0),
+            gradient=np.zeros(grey.size),
+            pixels_averaged=np.ones(grey.size),
+            frame=np.tile(np.array(self._index, dtype=np.int64), points),
+            point=np.repeat(np.arange(points), frames),
+            group=np.tile(np.arange(frames), points),
+        )
+
+    def _evenly_bright(self, grey: FloatArray, exposed: BoolArray) -> IntArray:
+        """Return pixels exposed in two frames or more, spread evenly over the logarithm of their radiance."""
+        usable = np.flatnonzero(exposed.sum(axis=1) >= 2)
+        if len(usable) <= self.points:
+            return usable
+        # The sum over all frames increases with radiance whatever the response is, and noise hardly moves it.
+        brightness = np.log(grey[usable].sum(axis=1))
+        cell = np.digitize(brightness, np.histogram_bin_edges(brightness, 64))
+        order = np.lexsort((np.arange(len(usable)), cell))
+        _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
+        rank = np.arange(len(usable)) - np.repeat(start, count)
+        return np.sort(usable[order[np.argsort(rank, kind="stable")[: self.points]]])

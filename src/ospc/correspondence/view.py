@@ -1,0 +1,136 @@
+"""A frame prepared for dense comparison with others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize
+from ospc.recording.frame import Frame
+
+
+@dataclass(frozen=True)
+class View:
+    """A frame reduced to the size at which it is compared.
+
+    Attributes
+    ----------
+    frame
+        Index of the frame.
+    log_exposure
+        ln of its exposure in milliseconds.
+    size
+        Width and height of the frame in pixels.
+    reduction
+        How many pixels of the frame, along each side, make one of :attr:`grey`.
+    grey
+        Grey levels in [0, 1], smoothed, shape (h, w): each is a weighted mean over ``pixels_averaged`` pixels.
+    gradient
+        Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w).
+    clipped
+        Whether too many pixels near the place are black or white, shape (h, w).
+    small
+        Grey levels at the size at which frames are registered, 8 bit, shape (h', w').
+    pixels_averaged
+        Number of pixels of the frame that a white noise in them is averaged over.
+    """
+
+    frame: int
+    log_exposure: float
+    size: ImageSize
+    reduction: int
+    grey: Float32Array
+    gradient: Float32Array
+    clipped: BoolArray
+    small: npt.NDArray[np.uint8]
+    pixels_averaged: float
+
+    def to_frame(self, points: FloatArray) -> FloatArray:
+        """Return pixel coordinates in the frame of places (x, y) in :attr:`grey`, shape (..., 2)."""
+        return np.asarray((points + 0.5) * self.reduction - 0.5, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class ViewMaker:
+    """Prepares frames.
+
+    Attributes
+    ----------
+    longest_side
+        Reduced frames are at most this long; 800 keeps 640×480 as it is and halves 1280×1024.
+    smoothing_px
+        Standard deviation of the smoothing of the grey levels, in reduced pixels.
+    flatness_px
+        Standard deviation of the smoothing before gradients are taken, in reduced pixels: how far around a place
+        the image has to be flat.
+    registration_side
+        Frames are registered at the first half, quarter, … of the reduced size at most this long.
+    clip_margin_px
+        Half the side of the square around a place in which clipped pixels are counted.
+    max_clipped_share
+        Largest share of them in an exposed place.
+    """
+
+    longest_side: int = 800
+    smoothing_px: float = 1.5
+    flatness_px: float = 2.5
+    registration_side: int = 400
+    clip_margin_px: int = 3
+    max_clipped_share: float = 0.25
+
+    def __call__(self, frame: Frame) -> View:
+        """Prepare a frame.
+
+        Raises
+        ------
+        FrameError
+            If its image cannot be read.
+        """
+        image, white = frame.image, frame.max_grey
+        height, width = image.shape
+        reduction = -(-max(width, height) // self.longest_side)
+        clipped = ((image >= white - white // 255) | (image <= white // 255)).view(np.uint8)
+        reduced = _reduced(image, reduction)
+        grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px) / np.float32(white)
+        # The product of two smoothings is one of the summed variance: the gradient's comes from the grey's.
+        flatter = cv2.GaussianBlur(grey, (0, 0), np.sqrt(max(self.flatness_px**2 - self.smoothing_px**2, 0.25)))
+        gradient = cv2.magnitude(
+            cv2.Sobel(flatter, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8),
+            cv2.Sobel(flatter, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8),
+        )
+        return View(
+            frame.index,
+            float(np.log(frame.exposure_ms)),
+            (width, height),
+            reduction,
+            np.asarray(grey, dtype=np.float32),
+            np.asarray(gradient, dtype=np.float32),
+            self._clipped_nearby(clipped, reduction),
+            self._small(reduced, white),
+            4 * np.pi * self.smoothing_px**2 * reduction**2,
+        )
+
+    def _clipped_nearby(self, clipped: npt.NDArray[np.uint8], reduction: int) -> BoolArray:
+        # Noise clips single pixels long before the mean reaches the end; what that does to the mean is known. Where
+        # a larger share is clipped, something else is.
+        side = 2 * self.clip_margin_px + 1
+        share = cv2.blur(_reduced(clipped, reduction), (side, side))
+        return np.asarray(share > self.max_clipped_share)
+
+    def _small(self, reduced: Float32Array, white: int) -> npt.NDArray[np.uint8]:
+        halvings = max(0, int(np.ceil(np.log2(max(reduced.shape) / self.registration_side))))
+        small = _reduced(reduced, 2**halvings)
+        return np.asarray(cv2.convertScaleAbs(small, alpha=255.0 / white), dtype=np.uint8)
+
+
+def _reduced(image: Image, factor: int) -> Float32Array:
+    """Return the means over squares of ``factor`` pixels a side, as float32; a remainder at the edge is cut off."""
+    values = image.astype(np.float32)
+    if factor == 1:
+        return values
+    height, width = (side // factor for side in image.shape)
+    cut = values[: height * factor, : width * factor]
+    return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), dtype=np.float32)

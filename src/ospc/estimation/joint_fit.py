@@ -1,0 +1,258 @@
+"""Response and vignette of all sightings at once: robust maximum likelihood with latent irradiance.
+
+The first round is one convex problem, a non-negative least squares; each further round repeats it with the model
+linearised at the grey levels that the last one predicts, robust weights, an error model fitted to the residuals, and
+the strength of the prior chosen anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_matrix
+
+from ospc.arrays import BoolArray, FloatArray
+from ospc.correspondence.sightings import Sightings
+from ospc.estimation.error_model import ErrorModel
+from ospc.estimation.latent import Latent, LatentModel, weighted_means
+from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.prior import Prior
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.robust import robust_scale
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.photometry.noise import NoiseModel
+
+_CHUNK = 40_000
+_FLOOR = 0.05
+_CORE = 3.0
+_CUT = 4.5
+_CLEAR = 1.2
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """Parameters of response and vignette with their covariance.
+
+    Attributes
+    ----------
+    response_basis, vignette_basis
+        What the parameters multiply.
+    parameters
+        Response coefficients, then vignette parameters, shape (p,).
+    covariance
+        Their covariance, shape (p, p).
+    errors
+        Error model of the sightings.
+    step
+        Step of the prior's walk that the data chose.
+    misfit
+        Tempered sum of squared residuals: comparable between vignette models of the same sightings.
+    points
+        Number of scene points with weight.
+    groups
+        Number of groups of sightings.
+    """
+
+    response_basis: ResponseBasis
+    vignette_basis: VignetteBasis
+    parameters: FloatArray
+    covariance: FloatArray
+    errors: ErrorModel
+    step: float
+    misfit: float
+    points: int
+    groups: int
+
+    @property
+    def response_parameters(self) -> FloatArray:
+        """Coefficients of the response basis, shape (len(response_basis),)."""
+        return self.parameters[: len(self.response_basis)]
+
+    @property
+    def vignette_parameters(self) -> FloatArray:
+        """Parameters of the vignette basis, shape (len(vignette_basis),)."""
+        return self.parameters[len(self.response_basis) :]
+
+    def log_response_sigma(self, grey: FloatArray) -> FloatArray:
+        """Return the standard deviation of ln g at grey levels, given g(1) = 1, shape (n,) -> (n,)."""
+        n = len(self.response_basis)
+        rows = self.response_basis.log_rows(grey)
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)))
+
+    def log_response_step_sigma(self, low: float, high: float) -> float:
+        """Return the standard deviation of ln g(high) − ln g(low)."""
+        n = len(self.response_basis)
+        step = np.diff(self.response_basis.log_rows(np.array([low, high])), axis=0)[0]
+        return float(np.sqrt(step @ self.covariance[:n, :n] @ step))
+
+    def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
+        """Return the standard deviation of ln V at radii in half diagonals along a diagonal, shape (n,) -> (n,)."""
+        n = len(self.response_basis)
+        along = np.stack([radius, radius], axis=1) / np.sqrt(2)
+        rows = self.vignette_basis.jacobian(self.vignette_parameters, along)
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance[n:, n:], rows)))
+
+    @property
+    def vignette_sigma_at_corner(self) -> float:
+        """Standard deviation of V at the corner."""
+        corner = np.array([[1.0, 1.0]]) / np.sqrt(2)
+        value = np.exp(self.vignette_basis.log_value(self.vignette_parameters, corner))[0]
+        return float(value * self.log_vignette_sigma(np.array([1.0]))[0])
+
+
+@dataclass(frozen=True)
+class JointEstimator:
+    """Fits response and vignette to sightings.
+
+    Attributes
+    ----------
+    response_basis, vignette_basis
+        The models.
+    noise
+        Noise of single pixels, from which follows where clipping begins to bias.
+    rounds
+        Number of rounds after the convex first one.
+    """
+
+    response_basis: ResponseBasis
+    vignette_basis: VignetteBasis
+    noise: NoiseModel = NoiseModel(1e-5, 0.0)  # noqa: RUF009 (frozen)
+    rounds: int = 8
+
+    def fit(self, sightings: Sightings, start: JointFit | None = None) -> JointFit:
+        """Fit the models.
+
+        Parameters
+        ----------
+        sightings
+            What was seen.
+        start
+            An earlier fit with the same response basis to start from.
+        """
+        prior = Prior.of(self.response_basis, len(self.vignette_basis))
+        parameters = self._first_parameters(prior, start)
+        errors = start.errors if start else ErrorModel()
+        weight = np.ones(len(sightings))
+        step = 1.0
+        for round_number in range(self.rounds + 1):
+            trusted = round_number > 0 or start is not None
+            model = self._latent_model(parameters, errors, trusted)
+            log_vignette = self.vignette_basis.log_value(parameters[len(self.response_basis) :], sightings.position)
+            latent = model(sightings, log_vignette, weight)
+            if trusted:
+                weight, bread = self._weights(latent)
+                errors = errors.refitted(
+                    latent.residual**2 / latent.freedom / latent.stiffness**2,
+                    latent.grey,
+                    1 / latent.stiffness,
+                    sightings,
+                )
+            else:
+                bread = 1.0
+            equations = self._equations(sightings, latent, weight, parameters)
+            equations = equations.tempered(prior.precision(step), bread)
+            step = equations.best_step(prior)
+            parameters = equations.solve(prior, step, self._floor())
+        precision = equations.posterior_precision(prior, step)
+        return JointFit(
+            self.response_basis,
+            self.vignette_basis,
+            parameters,
+            cho_solve(cho_factor(precision), np.eye(len(parameters))),
+            errors,
+            step,
+            equations.misfit(parameters),
+            int(np.count_nonzero(np.add.reduceat(weight, sightings.starts))),
+            len(np.unique(sightings.group)),
+        )
+
+    def _first_parameters(self, prior: Prior, start: JointFit | None) -> FloatArray:
+        if start is None:
+            return prior.mean.copy()
+        vignette = np.zeros(len(self.vignette_basis))
+        shared = min(self.vignette_basis.radial, start.vignette_basis.radial)
+        vignette[:shared] = start.vignette_parameters[:shared]
+        if self.vignette_basis.free_centre and start.vignette_basis.free_centre:
+            vignette[self.vignette_basis.radial :][:2] = start.vignette_basis.centre(start.vignette_parameters)
+        return np.concatenate([start.response_parameters, vignette])
+
+    def _floor(self) -> FloatArray:
+        floor = np.full(len(self.response_basis) + len(self.vignette_basis), -np.inf)
+        floor[: len(self.response_basis)] = _FLOOR
+        return floor
+
+    def _latent_model(self, parameters: FloatArray, errors: ErrorModel, trusted: bool) -> LatentModel:
+        coefficients = parameters[: len(self.response_basis)]
+        basis = self.response_basis
+        return LatentModel(
+            basis, basis.log_of(coefficients), basis.gamma_of(coefficients), errors, self.noise, trusted
+        )
+
+    def _weights(self, latent: Latent) -> tuple[FloatArray, float]:
+        """Return redescending weights (Geman and McClure 1987, cut off), and E[ψ'] / E[w] of those that count."""
+        scaled = latent.studentised / (_CORE * max(robust_scale(latent.studentised), 1e-6))
+        squared = scaled**2
+        weight = np.where(np.abs(scaled) < _CUT / _CORE, 1 / (1 + squared) ** 2, 0.0)
+        weight = np.where(self._unclipped(latent), weight, 0.0)
+        derivative = np.where(weight > 0, (1 - 3 * squared) / (1 + squared) ** 3, 0.0)
+        bread = float(derivative.sum() / max(weight.sum(), 1e-300))
+        return weight, max(bread, 0.2)
+
+    def _unclipped(self, latent: Latent) -> BoolArray:
+        """Return where the noise of single pixels does not reach black or white, by the predicted grey level.
+
+        Judging by the measured one would keep just those samples whose noise happens to lead away from the end.
+        """
+        sigma = np.sqrt(self.noise.variance(latent.grey))
+        return np.asarray((latent.grey + _CLEAR * sigma < 1.0) & (latent.grey > np.minimum(_CLEAR * sigma, 0.1)))
+
+    def _equations(
+        self, sightings: Sightings, latent: Latent, weight: FloatArray, parameters: FloatArray
+    ) -> NormalEquations:
+        p = len(parameters)
+        matrix, scores = np.zeros((p, p)), np.zeros((int(sightings.group.max()) + 1, p))
+        vector, square = np.zeros(p), 0.0
+        for part in _chunks(sightings):
+            seen = sightings.where(part)
+            rows, target = self._rows(seen, latent, part, parameters)
+            factor = weight[part] * latent.precision[part]
+            _, mean = weighted_means(np.column_stack([rows, target]), factor, seen)
+            rows, target = rows - mean[:, :-1], target - mean[:, -1]
+            weighted = rows * factor[:, None]
+            matrix += rows.T @ weighted
+            vector += weighted.T @ target
+            square += float(target @ (factor * target))
+            misfit = target - rows @ parameters
+            members = csr_matrix((misfit, (seen.group, np.arange(len(seen)))), shape=(len(scores), len(seen)))
+            scores += members @ weighted
+        return NormalEquations(matrix, vector, square, scores.T @ scores)
+
+    def _rows(
+        self, seen: Sightings, latent: Latent, part: slice, parameters: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return rows and right-hand sides of h(M) − ln V − u = ln e, linear in all parameters."""
+        vignette = parameters[len(self.response_basis) :]
+        jacobian = self.vignette_basis.jacobian(vignette, seen.position)
+        # Where ln V is not linear in its parameters (the centre), what the linearisation leaves goes to the right.
+        constant = self.vignette_basis.log_value(vignette, seen.position) - jacobian @ vignette
+        rows = np.concatenate([self.response_basis.log_rows(latent.grey[part]), -jacobian], axis=1)
+        # h at the measured grey level is h at the predicted one, which the rows hold, plus this much.
+        excess = (
+            latent.linear_log[part] - rows[:, : len(self.response_basis)] @ parameters[: len(self.response_basis)]
+        )
+        target = seen.log_exposure + constant - excess
+        return rows, target
+
+
+def _chunks(sightings: Sightings) -> Iterator[slice]:
+    """Give slices of bounded length that do not cut a point's sightings apart."""
+    starts = np.append(sightings.starts, len(sightings))
+    begin = 0
+    while begin < len(sightings):
+        end = int(starts[np.searchsorted(starts, begin + _CHUNK, side="right") - 1])
+        end = end if end > begin else int(starts[np.searchsorted(starts, begin, side="right")])
+        yield slice(begin, end)
+        begin = end

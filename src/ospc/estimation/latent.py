@@ -1,0 +1,160 @@
+"""The radiance of every scene point, eliminated: what the sightings say given response and vignette.
+
+A point of log radiance u shows h(M) = u + ln e + ln V(x), with h = ln g. Its u is the weighted mean over its
+sightings; the model is linearised not at the noisy grey levels but at those that u predicts. The rows of the linear
+system are then functions of the model and the exposures, their noise is orthogonal to that of the right-hand side,
+and the fit is not attenuated: this is the orthogonal distance in grey levels, or maximum likelihood with latent
+irradiance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.correspondence.sightings import Sightings
+from ospc.estimation.error_model import ErrorModel
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.photometry.noise import NoiseModel
+
+DARKEST = 0.25 / 255
+"""Lowest grey level with a logarithm of its own."""
+
+_FARTHEST = 6.0
+_ITERATIONS = 3
+
+
+@dataclass(frozen=True)
+class Latent:
+    """The sightings as the current model sees them.
+
+    Attributes
+    ----------
+    grey
+        Grey level the model predicts, shape (n,).
+    stiffness
+        dh/dM there, shape (n,).
+    linear_log
+        h at the measured grey level, linearised at the predicted one, shape (n,).
+    precision
+        One over the variance of h, shape (n,).
+    weight
+        Robust weight of each sighting, shape (n,).
+    residual
+        linear_log − ln e − ln V − u, shape (n,).
+    studentised
+        Residual over its standard deviation, leverage taken into account, shape (n,).
+    freedom
+        One minus the leverage, shape (n,).
+    """
+
+    grey: FloatArray
+    stiffness: FloatArray
+    linear_log: FloatArray
+    precision: FloatArray
+    weight: FloatArray
+    residual: FloatArray
+    studentised: FloatArray
+    freedom: FloatArray
+
+
+@dataclass(frozen=True)
+class LatentModel:
+    """Predicts the sightings from a response, a vignette and an error model.
+
+    Attributes
+    ----------
+    basis
+        The response's basis.
+    log_response
+        h on the basis's grid.
+    gamma
+        γ on the basis's grid.
+    errors
+        Error model of the sightings.
+    noise
+        Noise of single pixels, whose clipping shifts means near black and white.
+    trusted
+        Whether the model is good enough to predict; otherwise it is linearised at the measured grey levels.
+    """
+
+    basis: ResponseBasis
+    log_response: FloatArray
+    gamma: FloatArray
+    errors: ErrorModel
+    noise: NoiseModel
+    trusted: bool
+
+    def __call__(self, sightings: Sightings, log_vignette: FloatArray, weight: FloatArray) -> Latent:
+        """Return the sightings as the model sees them.
+
+        Parameters
+        ----------
+        sightings
+            The sightings.
+        log_vignette
+            ln V of each sighting, shape (n,).
+        weight
+            Robust weights, shape (n,).
+        """
+        measured = np.clip(sightings.grey, DARKEST, 1.0)
+        offset = sightings.log_exposure + log_vignette
+        state = self._linearised(measured, measured, offset, weight, sightings)
+        if self.trusted:
+            for _ in range(_ITERATIONS):
+                near = _FARTHEST / (state.stiffness * np.sqrt(state.precision))
+                predicted = np.interp(state.mean + offset, self.log_response, self.basis.grid)
+                grey = np.clip(np.clip(predicted, measured - near, measured + near), DARKEST, 1.0)
+                state = self._linearised(measured - self.noise.clipping_bias(grey), grey, offset, weight, sightings)
+        residual = state.linear_log - offset - state.mean
+        freedom = np.clip(1 - weight * state.precision / np.maximum(state.total, 1e-300), 1e-3, 1)
+        studentised = residual * np.sqrt(state.precision / freedom)
+        return Latent(
+            state.grey, state.stiffness, state.linear_log, state.precision, weight, residual, studentised, freedom
+        )
+
+    def _linearised(
+        self, measured: FloatArray, grey: FloatArray, offset: FloatArray, weight: FloatArray, sightings: Sightings
+    ) -> _Linearised:
+        stiffness = np.interp(grey, self.basis.grid, self.gamma) / grey
+        linear_log = np.interp(grey, self.basis.grid, self.log_response) + stiffness * (measured - grey)
+        precision = 1 / (self.errors.variance(grey, 1 / stiffness, sightings) * stiffness**2)
+        total, mean = weighted_means(linear_log - offset, weight * precision, sightings)
+        return _Linearised(grey, stiffness, linear_log, precision, total, mean)
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    grey: FloatArray
+    stiffness: FloatArray
+    linear_log: FloatArray
+    precision: FloatArray
+    total: FloatArray
+    mean: FloatArray
+
+
+def weighted_means(values: FloatArray, weights: FloatArray, sightings: Sightings) -> tuple[FloatArray, FloatArray]:
+    """Return each point's sum of weights and weighted mean of values, repeated for its sightings.
+
+    Parameters
+    ----------
+    values
+        Shape (n,) or (n, p).
+    weights
+        Shape (n,).
+    sightings
+        The n sightings.
+
+    Returns
+    -------
+    tuple of FloatArray
+        Shapes (n,) and that of ``values``; the mean is zero where all weights are.
+    """
+    starts = sightings.starts
+    counts = np.diff(starts, append=len(sightings))
+    total = np.add.reduceat(weights, starts)
+    columns = values if values.ndim == 2 else values[:, None]
+    mean = np.add.reduceat(columns * weights[:, None], starts, axis=0) / np.maximum(total, 1e-300)[:, None]
+    return np.repeat(total, counts), np.repeat(mean, counts, axis=0).reshape(values.shape)

@@ -1,0 +1,76 @@
+"""ln V as a sum of terms, each zero at the image centre."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.photometry.vignette import LogVignette
+
+
+@dataclass(frozen=True)
+class VignetteBasis:
+    """Radial terms R², R⁴, …, optionally about a centre of their own, optionally with non-radial harmonics.
+
+    Attributes
+    ----------
+    radial
+        Number of radial terms.
+    free_centre
+        Whether the centre is estimated: two more parameters, about which the model is linearised.
+    non_radial
+        Whether x·y, x²−y², x·R², y·R² are added.
+    """
+
+    radial: int
+    free_centre: bool = False
+    non_radial: bool = False
+
+    def __len__(self) -> int:
+        """Return the number of parameters."""
+        return self.radial + 2 * self.free_centre + 4 * self.non_radial
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the parameters."""
+        names = [f"a{i + 1}" for i in range(self.radial)]
+        names += ["centre_x", "centre_y"] if self.free_centre else []
+        return names + (["xy", "x2-y2", "xR2", "yR2"] if self.non_radial else [])
+
+    def log_value(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
+        """Return ln V at positions in half diagonals from the image centre, shape (n, 2) -> (n,)."""
+        return np.asarray(np.log(self._model(parameters, (1, 1)).at_normalised(position)))
+
+    def jacobian(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the derivative of ln V by the parameters, shape (n, 2) -> (n, len)."""
+        offset = position - self.centre(parameters)
+        squared = np.sum(offset**2, axis=1)
+        radial = squared[:, None] ** np.arange(1, self.radial + 1)
+        columns = [radial]
+        if self.free_centre:
+            order = np.arange(1, self.radial + 1)
+            by_squared = (squared[:, None] ** (order - 1)) @ (order * parameters[: self.radial])
+            columns.append(-2 * offset * by_squared[:, None])
+        if self.non_radial:
+            x, y = offset[:, 0], offset[:, 1]
+            columns.append(np.stack([x * y, x**2 - y**2, x * squared, y * squared], axis=1))
+        return np.concatenate(columns, axis=1)
+
+    def centre(self, parameters: FloatArray) -> FloatArray:
+        """Return the centre of the fall-off relative to the image centre, in half diagonals, shape (2,)."""
+        return parameters[self.radial : self.radial + 2] if self.free_centre else np.zeros(2)
+
+    def vignette(self, parameters: FloatArray, size: ImageSize) -> LogVignette:
+        """Return the vignette of the parameters for an image size."""
+        return self._model(parameters, size)
+
+    def _model(self, parameters: FloatArray, size: ImageSize) -> LogVignette:
+        centre = self.centre(parameters)
+        return LogVignette(
+            size,
+            tuple(parameters[: self.radial].tolist()),
+            (float(centre[0]), float(centre[1])),
+            tuple(parameters[len(self) - 4 :].tolist()) if self.non_radial else (),
+        )

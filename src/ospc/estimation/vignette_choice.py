@@ -1,0 +1,54 @@
+"""How rich a vignette the data ask for, chosen by information."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ospc.correspondence.sightings import Sightings
+from ospc.estimation.joint_fit import JointEstimator, JointFit
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.photometry.noise import NoiseModel
+
+
+def fit_with_chosen_vignette(
+    sightings: Sightings, response: ResponseBasis, widest: VignetteBasis, noise: NoiseModel, rounds: int
+) -> JointFit:
+    """Fit response and vignette, with only as many vignette parameters as the data ask for.
+
+    From the widest model on, the non-radial part and then the free centre are given up where the criterion of Schwarz
+    (1978) says so: their joint Wald statistic, which has the covariance of correlated errors in it, is compared with
+    their number times the logarithm of the number of groups.
+
+    Parameters
+    ----------
+    sightings
+        What was seen.
+    response
+        Basis of the response.
+    widest
+        The richest vignette considered.
+    noise
+        Noise of single pixels.
+    rounds
+        Rounds of each fit.
+    """
+    simplest = replace(widest, free_centre=False, non_radial=False)
+    fit = JointEstimator(response, simplest, noise, rounds).fit(sightings)
+    for richer in (replace(simplest, free_centre=True), widest):
+        if richer == fit.vignette_basis or len(richer) <= len(fit.vignette_basis):
+            continue
+        wider = JointEstimator(response, richer, noise, rounds).fit(sightings, fit)
+        if not _asked_for(wider, len(richer) - len(fit.vignette_basis)):
+            break
+        fit = wider
+    return fit
+
+
+def _asked_for(fit: JointFit, last: int) -> bool:
+    """Return whether the last so many parameters are worth their number."""
+    value, covariance = fit.parameters[-last:], fit.covariance[-last:, -last:]
+    statistic = float(value @ np.linalg.solve(covariance, value))
+    return bool(statistic > last * np.log(max(fit.groups, 3)))

@@ -1,0 +1,193 @@
+"""The default method: compare the frames worth comparing, fit everything at once, say how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ospc.arrays import ImageSize
+from ospc.correspondence.flat_sampling import FlatSampler, Samples
+from ospc.correspondence.partners import Partners
+from ospc.correspondence.registration import DenseRegistration, Equaliser
+from ospc.correspondence.reservoir import Reservoir
+from ospc.correspondence.sightings import Sightings
+from ospc.correspondence.static_series import StaticSeries
+from ospc.correspondence.view import ViewMaker
+from ospc.estimation.joint_fit import JointEstimator, JointFit
+from ospc.estimation.noise_gauge import NoiseGauge
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.methods.joint_summary import Evidence, response_of, summarise
+from ospc.methods.method import Progress
+from ospc.photometry.calibration import Calibration
+from ospc.presets import JointSettings
+from ospc.recording.frame import Frame
+
+_FIRST_REFINEMENT = 16
+_REFINEMENT_POINTS = 5000
+_REFINEMENT_ROUNDS = 3
+
+
+@dataclass
+class Schedule:
+    """Decides which frames are looked at: all at first, fewer the more has been seen.
+
+    Attributes
+    ----------
+    frames_per_slowdown
+        After so many looks, one more frame is passed over between looks.
+    """
+
+    frames_per_slowdown: int
+    _wait: int = 0
+    _looks: int = 0
+
+    def wants_next(self) -> bool:
+        """Return whether the next frame is worth looking at."""
+        if self._wait > 0:
+            self._wait -= 1
+            return False
+        self._wait = self._looks // self.frames_per_slowdown
+        self._looks += 1
+        return True
+
+
+class JointMethod:
+    """The preset ``default``.
+
+    Parameters
+    ----------
+    settings
+        Every number of the method.
+    size
+        Width and height of the frames in pixels.
+    max_grey
+        Largest grey value of the frames.
+    """
+
+    def __init__(self, settings: JointSettings, size: ImageSize, max_grey: int) -> None:
+        self._settings = settings
+        self._size = size
+        self._max_grey = max_grey
+        self._schedule = Schedule(settings.frames_per_slowdown)
+        self._make_view = ViewMaker(settings.longest_side_px, settings.smoothing_px)
+        self._partners = Partners(settings.views, settings.max_log_ratio)
+        self._register = DenseRegistration()
+        self._equaliser = Equaliser()
+        self._sample = FlatSampler(
+            spacing_px=settings.grid_spacing_px,
+            max_gradient=settings.max_gradient,
+            max_mismatch_px=settings.max_mismatch_px,
+            max_points=settings.points_per_pair,
+        )
+        self._reservoir = Reservoir(settings.max_points)
+        self._series: StaticSeries | None = StaticSeries(points=settings.series_pixels)
+        self._noise = NoiseGauge(max_grey)
+        self._basis = ResponseBasis(settings.response_intervals)
+        self._fit: JointFit | None = None
+        self._motions: list[float] = []
+        self._pairs = 0
+        self._log_exposures = (np.inf, -np.inf)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame; most often it is not even decoded."""
+        self._note_exposure(frame)
+        if not self._schedule.wants_next():
+            return
+        view = self._make_view(frame)
+        self._noise.watch(frame.image)
+        self._watch_standing_still(frame)
+        partner = self._partners.choose(view)
+        if partner is not None:
+            registration = self._register(partner, view, self._equaliser)
+            samples = self._sample(partner, view, registration, self._pairs)
+            self._partners.learn(partner, samples)
+            self._keep(samples)
+        self._partners.add(view)
+
+    @property
+    def progress(self) -> Progress:
+        """How far it has come."""
+        if self._fit is None:
+            return Progress(self._pairs, self._reservoir.points)
+        spread = response_of(self._fit, self._max_grey).inverse_sigma
+        return Progress(
+            self._pairs,
+            self._reservoir.points,
+            None if spread is None else float(spread.max()),
+            self._fit.vignette_sigma_at_corner,
+        )
+
+    def calibration(self) -> Calibration:
+        """Return what all that was seen amounts to."""
+        sightings = self._sightings()
+        changes = self._log_exposures[1] - self._log_exposures[0]
+        enough = sightings is not None and len(sightings.starts) >= self._settings.min_points
+        fit = None
+        if sightings is not None and enough and changes >= self._settings.min_log_exposure_change:
+            fit = fit_with_chosen_vignette(
+                sightings, self._basis, self._widest_vignette(), self._noise.model(), self._settings.rounds
+            )
+        evidence = Evidence(
+            size=self._size,
+            max_grey=self._max_grey,
+            noise=self._noise.model(),
+            sightings=sightings,
+            fit=fit,
+            exposure_range_ms=(float(np.exp(self._log_exposures[0])), float(np.exp(self._log_exposures[1]))),
+            standing_still=self._standing_still,
+            pairs=self._pairs,
+        )
+        return summarise(evidence, self._settings)
+
+    # What push does besides comparing.
+
+    def _note_exposure(self, frame: Frame) -> None:
+        log_exposure = float(np.log(frame.exposure_ms))
+        self._log_exposures = (min(self._log_exposures[0], log_exposure), max(self._log_exposures[1], log_exposure))
+
+    def _watch_standing_still(self, frame: Frame) -> None:
+        if self._series is not None:
+            self._series.watch(frame)
+            if len(self._motions) >= 8 and not self._standing_still:
+                self._series = None
+
+    def _keep(self, samples: Samples) -> None:
+        self._pairs += 1
+        if np.isfinite(samples.motion_px):
+            self._motions = [*self._motions, samples.motion_px][-200:]
+        self._reservoir.add(samples.sightings)
+        if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
+            self._refine()
+
+    def _refine(self) -> None:
+        """Improve the equalisation that registration relies on, with a quick fit to some of the sightings."""
+        if self._reservoir.points < self._settings.min_points:
+            return
+        some = self._reservoir.some(_REFINEMENT_POINTS)
+        rounds = self._settings.rounds if self._fit is None else _REFINEMENT_ROUNDS
+        estimator = JointEstimator(
+            self._basis, VignetteBasis(self._settings.radial_terms), self._noise.model(), rounds
+        )
+        self._fit = estimator.fit(some, self._fit)
+        reliable = self._fit.vignette_sigma_at_corner < 0.05
+        vignette = self._fit.vignette_basis.vignette(self._fit.vignette_parameters, self._size)
+        self._equaliser = Equaliser(response_of(self._fit, 255), vignette if reliable else None)
+
+    # What the frames seen so far amount to.
+
+    @property
+    def _standing_still(self) -> bool:
+        return len(self._motions) > 0 and float(np.median(self._motions)) <= self._settings.still_px
+
+    def _sightings(self) -> Sightings | None:
+        if self._standing_still and self._series is not None:
+            return self._series.sightings()
+        return self._reservoir.all() if self._reservoir.points else None
+
+    def _widest_vignette(self) -> VignetteBasis:
+        if self._standing_still:
+            return VignetteBasis(0)
+        return VignetteBasis(self._settings.radial_terms, free_centre=True, non_radial=True)

@@ -1,0 +1,121 @@
+"""What the default method could and could not find, and why."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ospc.estimation.joint_fit import JointFit
+from ospc.photometry.calibration import ExposureRatios, Verdict
+from ospc.presets import JointSettings
+
+_SURE = 0.03
+_VAGUE = 0.2
+_SYSTEMATIC = 0.002
+_EXPLAINED = 0.15
+_CONTRADICTED = 0.5
+
+_CHANGE_EXPOSURE = (
+    "record with auto exposure on while moving between dark and bright places, or sweep the exposure by a factor of "
+    "four or more"
+)
+_MOVE_RADIALLY = (
+    "pan and roll the camera so that the same objects cross the image between centre and corners, by a fifth of the "
+    "half diagonal or more"
+)
+
+
+def response_verdict(
+    settings: JointSettings,
+    fit: JointFit | None,
+    exposure_range_ms: tuple[float, float],
+    points: int,
+    ratios: ExposureRatios,
+) -> Verdict:
+    """Return whether the response is known, and what to record instead where it is not.
+
+    Parameters
+    ----------
+    settings
+        The method's settings.
+    fit
+        The fit, None where there is none.
+    exposure_range_ms
+        Shortest and longest exposure.
+    points
+        Number of scene points seen.
+    ratios
+        Re-estimated exposure ratios.
+    """
+    low, high = exposure_range_ms
+    if np.log(high / low) < settings.min_log_exposure_change:
+        return Verdict(
+            "not identifiable",
+            f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response leaves no trace",
+            _CHANGE_EXPOSURE,
+        )
+    if fit is None:
+        return Verdict(
+            "not identifiable",
+            f"only {points} scene points could be followed (at least {settings.min_points} are needed)",
+            "record a longer sequence of a well-exposed scene with even surfaces and some texture, moving slowly",
+        )
+    return _response_verdict_of_fit(fit, exposure_range_ms, _unexplained(ratios))
+
+
+def _response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
+    sigma = fit.log_response_step_sigma(0.25, 0.75)
+    low, high = exposure_range_ms
+    figure = f"ln g(0.75)/g(0.25) is known to ±{sigma:.3f} from exposures of {low:.4g} to {high:.4g} ms"
+    contradiction = f"{unexplained:.0%} of a typical change of exposure does not show in the images"
+    check_exposures = "check that each exposure belongs to its frame, and switch off gain control and tone mapping"
+    if unexplained > _CONTRADICTED:
+        return Verdict("not identifiable", contradiction, check_exposures)
+    if sigma > _VAGUE:
+        return Verdict("not identifiable", figure, _CHANGE_EXPOSURE)
+    if unexplained > _EXPLAINED:
+        return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
+    return Verdict("marginal", figure, _CHANGE_EXPOSURE) if sigma > _SURE else Verdict("identifiable", figure)
+
+
+def vignette_verdict(settings: JointSettings, fit: JointFit | None, reach: float, standing_still: bool) -> Verdict:
+    """Return whether the vignette is known, and what to record instead where it is not.
+
+    Parameters
+    ----------
+    settings
+        The method's settings.
+    fit
+        The fit, None where there is none.
+    reach
+        Radial displacement that a tenth of the scene points exceed.
+    standing_still
+        Whether the camera did not move.
+    """
+    if standing_still:
+        return Verdict("not identifiable", "the camera stands still: every point keeps its vignette", _MOVE_RADIALLY)
+    if reach < settings.min_radial_reach:
+        return Verdict(
+            "not identifiable",
+            f"nine in ten scene points move radially by less than {reach:.3f} of the half diagonal "
+            f"({settings.min_radial_reach:g} is needed)",
+            _MOVE_RADIALLY,
+        )
+    if fit is None:
+        return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
+    # A small error common to all samples adds up on the way from the centre to the corner, in steps of the reach.
+    sigma = float(np.hypot(fit.log_vignette_sigma(np.array([1.0]))[0], _SYSTEMATIC / reach))
+    figure = f"ln V at the corner is known to ±{sigma:.3f} from radial motion of {reach:.2f} half diagonals"
+    if sigma > _VAGUE:
+        return Verdict("not identifiable", figure, _MOVE_RADIALLY)
+    if sigma > _SURE:
+        return Verdict("marginal", figure, _MOVE_RADIALLY)
+    return Verdict("identifiable", figure)
+
+
+def _unexplained(ratios: ExposureRatios) -> float:
+    """Return the median misfit of ln k over its median size, over pairs whose exposure changes."""
+    log_k = np.log(ratios.metadata)
+    changing = np.abs(log_k) > 0.05
+    if not changing.any():
+        return 0.0
+    return float(np.median(np.abs(ratios.log_residual[changing])) / np.median(np.abs(log_k[changing])))
