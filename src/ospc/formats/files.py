@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
+from ospc.atomic import write_atomically
 from ospc.errors import FormatError
 
 LARGEST_TEXT = 64 * 2**20
@@ -51,17 +51,12 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     FormatError
         If the file cannot be written.
     """
-    place = Path(path)
-    unfinished = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
-        unfinished.write_bytes(content)
-        unfinished.replace(place)
+        return write_atomically(path, content)
     except OSError as error:
-        unfinished.unlink(missing_ok=True)
         raise FormatError(
-            f"{place}: cannot be written ({error.strerror}); check that the folder exists and allows it"
+            f"{path}: cannot be written ({error.strerror}); check that the folder exists and allows it"
         ) from None
-    return place
 
 
 def write_text(path: str | Path, content: str) -> Path:
