@@ -8,7 +8,8 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.correspondences import Correspondences
-from ospc.correspondence.features import Features, extract, make_extractor, match
+from ospc.correspondence.feature_matching import FeatureMatcher, Matcher
+from ospc.correspondence.features import Features, make_extractor
 from ospc.correspondence.match_filter import DirectionFilter
 from ospc.correspondence.pair_selection import ExposureChangePairs, OffsetPairs
 from ospc.estimation.exposure_ratio import disagreement, estimate_ratios
@@ -24,6 +25,17 @@ from ospc.presets import PaperSettings
 from ospc.recording.frame import Frame
 
 
+def feature_matcher(settings: PaperSettings) -> FeatureMatcher:
+    """Return what finds and matches features as the settings say."""
+    return FeatureMatcher(
+        make_extractor(settings.features, settings.max_features),
+        DirectionFilter(
+            settings.filter_blocks, settings.filter_bins, settings.filter_min_matches, settings.filter_length_sigmas
+        ),
+        settings.match_ratio,
+    )
+
+
 class SequentialMethod:
     """The preset ``paper``.
 
@@ -35,16 +47,18 @@ class SequentialMethod:
         Width and height of the frames in pixels.
     max_grey
         Largest grey value of the frames.
+    matcher
+        Finds and matches features; that of the settings where not given. Methods that differ in what comes after may
+        share one.
     """
 
-    def __init__(self, settings: PaperSettings, size: ImageSize, max_grey: int) -> None:
+    def __init__(
+        self, settings: PaperSettings, size: ImageSize, max_grey: int, matcher: Matcher | None = None
+    ) -> None:
         self._settings = settings
         self._size = size
         self._max_grey = max_grey
-        self._extractor = make_extractor(settings.features, settings.max_features)
-        self._filter = DirectionFilter(
-            settings.filter_blocks, settings.filter_bins, settings.filter_min_matches, settings.filter_length_sigmas
-        )
+        self._matcher = matcher or feature_matcher(settings)
         self._weights = vignette_solver(settings.vignette_solver, settings.huber_tuning)
         self._response_pairs = ExposureChangePairs(
             settings.response_window, settings.exposure_ratio_low, settings.exposure_ratio_high
@@ -62,7 +76,7 @@ class SequentialMethod:
 
     def push(self, frame: Frame) -> None:
         """Take the next frame: match it with earlier ones, and solve at the end of each window."""
-        features = extract(frame, self._extractor)
+        features = self._matcher.features(frame)
         self._exposure_range = (
             min(self._exposure_range[0], frame.exposure_ms),
             max(self._exposure_range[1], frame.exposure_ms),
@@ -125,20 +139,16 @@ class SequentialMethod:
     # The steps of the method, in the paper's order.
 
     def _correspondences(self, left: Features, right: Features) -> Correspondences:
-        index0, index1 = match(left, right, self._extractor.norm, self._settings.match_ratio)
-        points0, points1 = left.points[index0], right.points[index1]
-        grey0, grey1 = left.grey[index0], right.grey[index1]
-        ratio = left.exposure_ms / right.exposure_ms
-        agree = self._filter(points0, points1, self._size)
+        found = self._matcher.correspondences(left, right, self._size)
+        grey0, grey1 = found.grey0, found.grey1
         exposed = (grey0 > 0) & (grey0 < 1) & (grey1 > 0) & (grey1 < 1)
         # Equal grey levels, or the brighter one at the smaller exposure, contradict an increasing response.
-        ordered = (grey0 - grey1) * (ratio - 1) > 0
-        found = Correspondences((left.frame, right.frame), ratio, self._size, points0, points1, grey0, grey1)
+        ordered = (grey0 - grey1) * (found.exposure_ratio - 1) > 0
         self._compared += 1
-        moved = found.radial_displacement[agree]
+        moved = found.radial_displacement
         if len(moved):
             self._reach = max(self._reach, float(np.quantile(moved, 0.9)))
-        return found.select(agree & exposed & ordered)
+        return found.select(exposed & ordered)
 
     def _still_points(self, pairs: Correspondences) -> Correspondences:
         kept = pairs.select(pairs.radial_displacement <= self._settings.response_max_radial_displacement)
