@@ -16,15 +16,14 @@ from scipy.spatial.transform import Rotation
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.errors import FormatError, NotObservableError, SettingError
+from ospc.evaluation.similarity import Similarity, align_similarity
 from ospc.formats.files import read_text
 
 STAMP_TOLERANCE_S = 1e-3
 """How far a pose's time stamp may be from that of its truth, in seconds."""
 
 _LARGEST_FILE = 2**29
-_FEWEST_POSES = 3
 _COLUMNS = 8
-_DEGENERATE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,29 +61,6 @@ class Trajectory:
     def known(self) -> BoolArray:
         """Which poses have a position, shape (n,)."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
-
-
-@dataclass(frozen=True)
-class Similarity:
-    """x ↦ s·R·x + t.
-
-    Attributes
-    ----------
-    scale
-        s, positive.
-    rotation
-        R, shape (3, 3).
-    translation
-        t, shape (3,).
-    """
-
-    scale: float
-    rotation: FloatArray
-    translation: FloatArray
-
-    def __call__(self, points: FloatArray) -> FloatArray:
-        """Return the images of points, shape (n, 3) -> (n, 3)."""
-        return np.asarray(self.scale * points @ self.rotation.T + self.translation)
 
 
 @dataclass(frozen=True)
@@ -183,32 +159,6 @@ def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray, tolerance_s: flo
     nearer = np.abs(truth_stamps_s[left] - stamps_s) <= np.abs(truth_stamps_s[right] - stamps_s)
     nearest = np.where(nearer, left, right)
     return np.where(np.abs(truth_stamps_s[nearest] - stamps_s) <= tolerance_s, nearest, -1).astype(np.int64)
-
-
-def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
-    """Return the similarity that takes points to their targets with the least sum of squares (Umeyama 1991).
-
-    Parameters
-    ----------
-    points, target
-        Shape (n, 3) each, n ≥ 3.
-
-    Raises
-    ------
-    NotObservableError
-        If there are fewer than three points, or they lie on a line, so that the rotation is not determined.
-    """
-    if points.shape[0] < _FEWEST_POSES:
-        raise NotObservableError(f"an alignment needs {_FEWEST_POSES} poses with truth; there are {points.shape[0]}")
-    centre, target_centre = points.mean(axis=0), target.mean(axis=0)
-    centred = points - centre
-    left, singular, right = np.linalg.svd((target - target_centre).T @ centred)
-    if singular[1] <= _DEGENERATE * singular[0] or not np.isfinite(singular).all():
-        raise NotObservableError("the poses lie on a line or in a point, so that no alignment is determined")
-    mirror = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    rotation = np.asarray((left * mirror) @ right)
-    scale = float(singular @ mirror / np.sum(centred**2))
-    return Similarity(scale, rotation, np.asarray(target_centre - scale * rotation @ centre))
 
 
 def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:

@@ -6,11 +6,15 @@ three 32-bit channels, an irradiance each. It takes logarithms, so the first is 
 
 from __future__ import annotations
 
+import base64
+import math
+import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from ospc.arrays import FloatArray
 from ospc.errors import FormatError
 from ospc.formats.files import read_text, write_text
 from ospc.formats.png import MOST_PIXELS
@@ -18,6 +22,13 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 
 _LEVELS = 256
+_LARGEST_VALUE = 1e30
+_BASE64_HEADER = 24
+_MATRIX = re.compile(
+    r"^(inverse_response|response|vignette): !!opencv-matrix\s+rows: (\d{1,6})\s+cols: (\d{1,6})\s+"
+    r"dt: \"?([1-4]?)([fd])\"?\s+data: (\[[^\]]*\]|!!binary \|(?:\r?\n +[A-Za-z0-9+/=]+)+)",
+    re.MULTILINE | re.ASCII,
+)
 _LARGEST_FILE = 2**30
 _MODES = {".yml": cv2.FILE_STORAGE_FORMAT_YAML, ".yaml": cv2.FILE_STORAGE_FORMAT_YAML}
 
@@ -63,34 +74,53 @@ def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response 
     FormatError
         If it holds neither, or they are no response and no vignette.
     """
-    response, curve, picture = _nodes(path)
-    if response is None and curve is None and picture is None:
+    matrices = _matrices(path)
+    if not matrices:
         raise FormatError(f"{path}: holds no matrix 'response', 'inverse_response' or 'vignette'")
-    found: Response | None = None
-    if curve is not None:
-        found = Response.from_values(np.asarray(curve, dtype=np.float64).ravel(), model=_model(path))
-    elif response is not None:
-        found = Response.from_values(_one_channel(path, response, channel), model=_model(path))
-    vignette = None if picture is None else RasterVignette(picture, {"file": Path(path).name})
-    return found, vignette
+    response = None
+    if "inverse_response" in matrices:
+        response = _table(path, matrices["inverse_response"].ravel())
+    elif "response" in matrices:
+        response = _table(path, _one_channel(path, matrices["response"], channel))
+    if "vignette" not in matrices:
+        return response, None
+    picture = matrices["vignette"]
+    if picture.shape[2] != 1:
+        raise FormatError(f"{path}: the vignette in it has {picture.shape[2]} channels instead of one")
+    return response, RasterVignette(picture[..., 0].astype(np.float32), {"file": Path(path).name})
 
 
-def _nodes(path: str | Path) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
-    text = read_text(path, _LARGEST_FILE)
-    try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        nodes = [storage.getNode(name) for name in ("response", "inverse_response", "vignette")]
-        matrices = [None if node.empty() else node.mat() for node in nodes]
-    except (cv2.error, SystemError, ValueError):
-        raise FormatError(f"{path}: not readable as a file of OpenCV") from None
-    for matrix in matrices:
-        if matrix is not None and (matrix.size == 0 or matrix.size > MOST_PIXELS):
-            raise FormatError(f"{path}: a matrix in it is empty or too large")
-    return matrices[0], matrices[1], matrices[2]
+def _matrices(path: str | Path) -> dict[str, FloatArray]:
+    """Return the matrices of known names, shape (rows, cols, channels) each.
+
+    OpenCV's own parser is made for trusted files and never returns from some damaged ones.
+    """
+    found: dict[str, FloatArray] = {}
+    for name, rows, columns, channels, letter, data in _MATRIX.findall(read_text(path, _LARGEST_FILE)):
+        shape = (int(rows), int(columns), int(channels or 1))
+        count = math.prod(shape)
+        try:
+            values = _decoded(data, letter) if data.startswith("!") else _listed(data)
+        except ValueError:
+            raise FormatError(f"{path}: the values of the matrix '{name}' are no numbers") from None
+        if not 0 < count <= MOST_PIXELS or values.size != count or not np.all(np.abs(values) < _LARGEST_VALUE):
+            raise FormatError(f"{path}: the matrix '{name}' is not {shape[0]}x{shape[1]} finite values")
+        found[name] = values.reshape(shape)
+    return found
 
 
-def _one_channel(path: str | Path, response: np.ndarray, channel: int | None) -> np.ndarray:
-    channels = np.asarray(response, dtype=np.float64).reshape(response.shape[0], -1)
+def _decoded(data: str, letter: str) -> FloatArray:
+    binary = base64.b64decode("".join(data.split()[2:]), validate=True)[_BASE64_HEADER:]
+    with np.errstate(invalid="ignore"):  # NaN is found and refused later
+        return np.frombuffer(binary, np.dtype("<f4" if letter == "f" else "<f8")).astype(np.float64)
+
+
+def _listed(data: str) -> FloatArray:
+    return np.array([float(word) for word in data.strip("[]").split(",")], dtype=np.float64)
+
+
+def _one_channel(path: str | Path, response: FloatArray, channel: int | None) -> FloatArray:
+    channels = response.reshape(response.shape[0], -1)
     if channel is not None and not 0 <= channel < channels.shape[1]:
         raise FormatError(f"{path}: has {channels.shape[1]} channels, and none with number {channel}")
     if channel is None and np.any(channels != channels[:, :1]):
@@ -98,5 +128,7 @@ def _one_channel(path: str | Path, response: np.ndarray, channel: int | None) ->
     return channels[:, channel or 0]
 
 
-def _model(path: str | Path) -> dict[str, str]:
-    return {"name": "table", "source": Path(path).name}
+def _table(path: str | Path, values: FloatArray) -> Response:
+    if values.size < 2 or not np.all(np.diff(values) > 0):
+        raise FormatError(f"{path}: the response in it does not increase strictly, and so cannot be used")
+    return Response.from_values(values, model={"name": "table", "source": Path(path).name})

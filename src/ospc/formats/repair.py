@@ -20,6 +20,7 @@ from ospc.formats.rules_times import TimesLines, scan_times
 from ospc.formats.validation import ParameterFile, image_names
 
 _MOST_INVENTED = 0.1
+_LARGEST_VALUE = 1e30
 _ASPECT_TOLERANCE = 0.01
 
 
@@ -70,7 +71,7 @@ def repair(file: ParameterFile, size: ImageSize | None = None) -> Repair:
 def _mend_pcalib(source: Path, target: Path) -> list[str]:
     changes: list[str] = []
     values = _table(source, read_text(source), changes)
-    known = np.isfinite(values)
+    known = np.abs(values) < _LARGEST_VALUE
     if not known.all():
         if not (known[0] and known[-1]) or np.mean(~known) > _MOST_INVENTED:
             raise FormatError(f"{source}: too many values, or an end, are no numbers; calibrate again")
