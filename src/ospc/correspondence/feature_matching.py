@@ -1,4 +1,4 @@
-"""From frames to features, and from the features of two frames to correspondences that agree with their neighbours."""
+"""From frames to features, and from two frames' features to correspondences that agree with their neighbours."""
 
 from __future__ import annotations
 
