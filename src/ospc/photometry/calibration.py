@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, ImageSize
+from ospc.atomic import write_atomically
 from ospc.errors import FormatError
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
@@ -19,6 +21,7 @@ from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVign
 SCHEMA = "ospc-calibration/1"
 PROFILE_RADII = np.linspace(0.0, 1.0, 51)
 PROFILE_RADII.setflags(write=False)
+_MAX_BYTES = 100_000_000
 
 State = Literal["identifiable", "marginal", "not identifiable"]
 
@@ -151,12 +154,25 @@ class Calibration:
         return replace(self, source=source)
 
     def save(self, path: str | Path) -> Path:
-        """Write the calibration as JSON and return the path; a raster vignette goes beside it as ``.npz``."""
+        """Write the calibration as JSON, whole or not at all, and return the path.
+
+        A raster vignette goes beside it as ``.vignette.npz``.
+
+        Raises
+        ------
+        FormatError
+            If it cannot be written; an earlier file is unchanged then.
+        """
         place = Path(path)
-        place.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        if isinstance(self.vignette, RasterVignette):
-            np.savez_compressed(place.with_suffix(".vignette.npz"), vignette=self.vignette.values)
-        return place
+        content = json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n"
+        try:
+            if isinstance(self.vignette, RasterVignette):
+                self.vignette.write_map(place.with_suffix(".vignette.npz"))
+            return write_atomically(place, content.encode("utf-8"))
+        except OSError as error:
+            raise FormatError(
+                f"{place}: cannot be written ({error.strerror}); check that the folder exists and allows it"
+            ) from None
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
@@ -176,10 +192,10 @@ class Calibration:
         if place.is_dir():
             place = place / "calibration.json"
         try:
-            content = json.loads(place.read_text(encoding="utf-8"))
+            content = json.loads(_text_of(place), parse_constant=_finite, parse_float=_finite)
         except FileNotFoundError:
             raise FormatError(f"{place}: there is no such calibration; give calibration.json or its folder") from None
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise FormatError(f"{place}: not readable as a calibration ({error})") from None
         if not isinstance(content, dict) or content.get("schema") != SCHEMA:
             found = content.get("schema") if isinstance(content, dict) else None
@@ -188,7 +204,9 @@ class Calibration:
             )
         try:
             return _from_dict(content, place)
-        except (KeyError, TypeError, ValueError) as error:
+        except FormatError as error:
+            raise FormatError(f"{place}: damaged calibration ({error})") from None
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             raise FormatError(f"{place}: damaged calibration ({type(error).__name__}: {error})") from None
 
     def as_dict(self) -> dict[str, Any]:
@@ -245,6 +263,19 @@ def _vignette_as_dict(vignette: Vignette | None, sigma: FloatArray | None) -> di
     }
 
 
+def _text_of(place: Path) -> str:
+    if place.stat().st_size > _MAX_BYTES:
+        raise ValueError(f"larger than {_MAX_BYTES // 10**6} MB")
+    return place.read_text(encoding="utf-8")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text} is no finite number")
+    return value
+
+
 def _vignette_from_dict(content: dict[str, Any], place: Path) -> Vignette:
     model = content["model"]
     size = (int(model["size"][0]), int(model["size"][1]))
@@ -259,11 +290,7 @@ def _vignette_from_dict(content: dict[str, Any], place: Path) -> Vignette:
             tuple(map(float, model["non_radial"])),
         )
     if model["name"] == "raster":
-        try:
-            with np.load(place.with_suffix(".vignette.npz"), allow_pickle=False) as archive:
-                return RasterVignette(archive["vignette"], model["source"])
-        except OSError as error:
-            raise FormatError(f"{place}: the vignette map beside it cannot be read ({error})") from None
+        return RasterVignette.read_map(place.with_suffix(".vignette.npz"), size, model["source"])
     raise ValueError(f"unknown vignette model {model['name']!r}")
 
 
@@ -271,6 +298,10 @@ def _from_dict(content: dict[str, Any], place: Path) -> Calibration:
     response, vignette, noise = content["response"], content["vignette"], content["noise"]
     ratios = content["exposure_ratios"]
     sigma = None if vignette is None else vignette["profile_sigma"]
+    if vignette is not None and vignette["model"]["size"] != content["size"]:
+        raise ValueError("the vignette is not of the images' size")
+    if len({len(ratios[name]) for name in ("frames", "metadata", "estimated", "samples")}) > 1:
+        raise ValueError("the columns of the exposure ratios are not of one length")
     return Calibration(
         size=(int(content["size"][0]), int(content["size"][1])),
         response=None

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
+import zlib
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,8 +14,13 @@ import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.atomic import write_atomically
 from ospc.errors import FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
+
+_MAP_NAME = "vignette.npy"
+_MAP_HEADER_BYTES = 4096
+_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
 
 
 class Vignette(Protocol):
@@ -159,8 +168,9 @@ class RasterVignette:
     def at(self, points: npt.ArrayLike) -> FloatArray:
         """Return the attenuation at pixel coordinates, bilinear, shape (..., 2) -> (...)."""
         xy = np.asarray(points, dtype=np.float64)
-        sampled = map_coordinates(self.values, (xy[..., 1], xy[..., 0]), order=1, mode="nearest")
-        return np.asarray(sampled, dtype=np.float64)
+        x, y = xy.reshape(-1, 2).T
+        sampled = map_coordinates(self.values, (y, x), np.float64, order=1, mode="nearest")
+        return np.asarray(sampled, dtype=np.float64).reshape(xy.shape[:-1])
 
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""
@@ -169,6 +179,34 @@ class RasterVignette:
     def as_dict(self) -> dict[str, Any]:
         """Return where the map came from; the map itself is stored beside the calibration as a picture."""
         return {"name": "raster", "size": list(self.size), "source": self.source}
+
+    def write_map(self, path: str | Path) -> None:
+        """Write the values as ``.npz``, whole or not at all."""
+        packed = io.BytesIO()
+        np.savez_compressed(packed, vignette=self.values)
+        write_atomically(path, packed.getvalue())
+
+    @classmethod
+    def read_map(cls, path: str | Path, size: ImageSize, source: dict[str, Any]) -> RasterVignette:
+        """Read the values that :meth:`write_map` wrote.
+
+        Raises
+        ------
+        FormatError
+            If the file cannot be read or is not a map of that size.
+        """
+        try:
+            with zipfile.ZipFile(path) as archive:
+                stored = archive.getinfo(_MAP_NAME)
+                if stored.file_size > _MAP_HEADER_BYTES + 8 * size[0] * size[1]:
+                    raise FormatError(f"{path}: holds more than a vignette map of {size[0]}×{size[1]} pixels")
+                with archive.open(stored) as file:
+                    values = np.lib.format.read_array(file, allow_pickle=False)
+        except _UNREADABLE as error:
+            raise FormatError(f"{path}: the vignette map cannot be read ({error})") from None
+        if values.shape != (size[1], size[0]) or values.dtype.kind != "f":
+            raise FormatError(f"{path}: not a vignette map of {size[0]}×{size[1]} pixels")
+        return cls(values, source)
 
 
 def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:

@@ -1,0 +1,272 @@
+"""Calibrations on disk: what is saved is what is loaded, and what is not a calibration is refused by name."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zipfile
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.errors import FormatError
+from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration, ExposureRatios, Verdict
+from ospc.photometry.noise import NoiseModel
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
+
+SIZE = (12, 9)
+VIGNETTES = {
+    "polynomial": PolynomialVignette(SIZE, (-0.31, 0.07, -0.1 / 3)),
+    "log": LogVignette(SIZE, (-0.31, 0.07, -0.1 / 3, 1e-9), (0.05, -0.02), (0.01, -0.02, 0.03, -0.04)),
+    "raster": RasterVignette(
+        np.random.default_rng(0).uniform(0.2, 1, SIZE[::-1]).astype(np.float32), {"file": "vignette.png"}
+    ),
+    "none": None,
+}
+FULL = Calibration(
+    size=SIZE,
+    response=Response(
+        np.linspace(0, 1, 256) ** (7 / 3),
+        inverse_sigma=np.linspace(0, 0.02, 256) / 3,
+        log_sigma=np.linspace(0.5, 0, 256) / 7,
+        support=(1 / 255, 0.1 + 0.2),
+        model={"name": "polynomial", "coefficients": [0.0, 1 / 3, 2 / 3]},
+    ),
+    vignette=VIGNETTES["log"],
+    verdicts={
+        "response": Verdict("identifiable", "ln g is known to ±0.01"),
+        "vignette": Verdict("marginal", "hardly any motion, 0.05 ½-diagonals", "pan the camera"),
+    },
+    vignette_sigma=PROFILE_RADII**2 / 70,
+    noise=NoiseModel(1 / 3e5, 2 / 7e4),
+    exposure_ratios=ExposureRatios(
+        np.array([[0, 3], [1, 4]]), np.array([1 / 3, 1.7]), np.array([0.34, 5 / 3]), np.array([120, 7])
+    ),
+    covariance={"vignette": {"parameters": ["a1", "a2"], "matrix": [[1e-4, 1e-5], [1e-5, 2e-4 / 3]]}},
+    max_grey=4095,
+    converged=True,
+    partial=True,
+    counts={"frames": 12, "skipped": 1, "pairs": 2, "samples": 127},
+    settings={"preset": "default", "views": 20, "smoothing_px": 1.5},
+    source={"kind": "array", "name": "é", "frames": 12},
+    versions={"ospc": "0.1.0"},
+    advice=("pan the camera",),
+)
+
+
+def assert_same(a, b):
+    assert type(a) is type(b)
+    if isinstance(a, np.ndarray):
+        np.testing.assert_array_equal(a, b, strict=True)
+    elif hasattr(a, "__dataclass_fields__"):
+        for f in fields(a):
+            assert_same(getattr(a, f.name), getattr(b, f.name))
+    else:
+        assert a == b
+
+
+@pytest.fixture
+def saved(tmp_path):
+    return FULL.save(tmp_path / "calibration.json")
+
+
+@pytest.mark.parametrize("name", VIGNETTES)
+def test_every_field_survives_exactly(name, tmp_path):
+    sigma = None if name == "none" else FULL.vignette_sigma
+    calibration = replace(FULL, vignette=VIGNETTES[name], vignette_sigma=sigma)
+    path = calibration.save(tmp_path / "calibration.json")
+    assert path == tmp_path / "calibration.json"
+    assert_same(Calibration.load(path), calibration)
+    assert_same(Calibration.load(str(tmp_path)), calibration)
+
+
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        {"response": None},
+        {"noise": None},
+        {"vignette_sigma": None},
+        {"exposure_ratios": ExposureRatios.none(), "covariance": {}, "verdicts": {}, "advice": ()},
+        {"response": Response.gamma(2.2)},
+    ],
+    ids=",".join,
+)
+def test_what_is_unknown_stays_unknown(unknown, tmp_path):
+    calibration = replace(FULL, **unknown)
+    assert_same(Calibration.load(calibration.save(tmp_path / "c.json")), calibration)
+
+
+def test_an_empty_calibration_is_one_too(tmp_path):
+    empty = Calibration(SIZE)
+    assert not empty.complete
+    assert FULL.complete
+    assert_same(Calibration.load(empty.save(tmp_path / "c.json")), empty)
+
+
+def test_the_file_says_what_a_reader_without_this_library_needs(saved):
+    content = json.loads(saved.read_text())
+    assert content["schema"] == SCHEMA
+    assert content["response"]["inverse_table"] == FULL.response.inverse_table.tolist()
+    assert content["vignette"]["profile_radius"] == PROFILE_RADII.tolist()
+    centre = (np.array(SIZE) - 1) / 2
+    expected = [FULL.vignette.at(centre + r * centre) for r in PROFILE_RADII]
+    np.testing.assert_allclose(content["vignette"]["profile"], expected)
+    assert content["exposure_ratios"]["bias"] == FULL.exposure_ratios.bias
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_is_no_number_is_never_written(bad, saved):
+    before = saved.read_bytes()
+    broken = replace(FULL, noise=NoiseModel(bad, 0.0))
+    with pytest.raises(ValueError, match="JSON"):
+        broken.save(saved)
+    assert saved.read_bytes() == before
+    assert "NaN" not in before.decode()
+    assert "Infinity" not in before.decode()
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(FormatError, match="nowhere"):
+        FULL.save(tmp_path / "nowhere" / "calibration.json")
+
+
+def test_ratios_without_pairs_have_no_bias():
+    assert np.isnan(ExposureRatios.none().bias)
+    assert ExposureRatios.none().log_residual.shape == (0,)
+
+
+@given(st.lists(st.tuples(st.floats(0.1, 10), st.floats(-0.5, 0.5)), min_size=1, max_size=9))
+def test_the_bias_does_not_depend_on_which_frame_of_a_pair_comes_first(pairs):
+    metadata, error = np.array(pairs).T
+    estimated = metadata * np.exp(error)
+    frames, samples = np.zeros((len(pairs), 2), np.int64), np.ones(len(pairs), np.int64)
+    there = ExposureRatios(frames, metadata, estimated, samples)
+    back = ExposureRatios(frames, 1 / metadata, 1 / estimated, samples)
+    assert back.bias == pytest.approx(there.bias, abs=1e-9)
+
+
+# What is not a calibration.
+
+
+def test_files_of_others_and_of_the_future_are_refused_by_name(saved):
+    for content, complaint in (
+        ({}, "schema None"),
+        ([1, 2], "schema None"),
+        (3.5, "schema None"),
+        ({"schema": "ospc-calibration/2"}, "ospc-calibration/2"),
+        ({"schema": SCHEMA}, "damaged"),
+    ):
+        saved.write_text(json.dumps(content))
+        with pytest.raises(FormatError, match=complaint) as refusal:
+            Calibration.load(saved)
+        assert str(saved) in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff\xfe", b"{", b"[" * 100_000, b"0.1 0.2", b'{"schema": NaN}', b"1e999", b"9" * 10_000]
+)
+def test_what_is_no_json_is_refused_by_name(content, saved):
+    saved.write_bytes(content)
+    with pytest.raises(FormatError) as refusal:
+        Calibration.load(saved)
+    assert str(saved) in str(refusal.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(FormatError, match=r"calibration\.json: there is no such"):
+        Calibration.load(tmp_path)
+    with pytest.raises(FormatError, match="other"):
+        Calibration.load(tmp_path / "other")
+
+
+def test_a_file_without_end_is_not_read(saved):
+    with saved.open("r+b") as file:
+        file.truncate(10**12)
+    with pytest.raises(FormatError, match="larger than"):
+        Calibration.load(saved)
+
+
+DAMAGE = st.sampled_from(
+    [None, 0, -1, 7, 1e300, 10**400, True, "", "x", [], [1], [None, None], ["a", 2], [[1], [2]], {}, {"name": 1}]
+)
+
+
+def places_in(content, path=()):
+    """Give the path of every value of a JSON document; of long lists, of the first only."""
+    yield path
+    if isinstance(content, dict):
+        for name, value in content.items():
+            yield from places_in(value, (*path, name))
+    elif isinstance(content, list) and content:
+        yield from places_in(content[0], (*path, 0))
+
+
+@given(data=st.data(), vignette=st.sampled_from(["polynomial", "log", "raster"]), remove=st.booleans())
+def test_damage_anywhere_is_refused_by_name_or_harmless(data, vignette, remove, tmp_path_factory):
+    place = tmp_path_factory.mktemp("damaged") / "calibration.json"
+    calibration = replace(FULL, vignette=VIGNETTES[vignette])
+    calibration.save(place)
+    content = json.loads(place.read_text())
+    path = data.draw(st.sampled_from([p for p in places_in(content) if p]))
+    holder = content
+    for step in path[:-1]:
+        holder = holder[step]
+    if remove:
+        del holder[path[-1]]
+    else:
+        holder[path[-1]] = data.draw(DAMAGE)
+    place.write_text(json.dumps(content))
+    try:
+        refusal = ""
+        loaded = Calibration.load(place)
+    except FormatError as error:
+        refusal = str(error)
+    finally:
+        shutil.rmtree(place.parent)
+    if refusal:
+        assert str(place) in refusal
+    else:
+        assert loaded.response is None or np.all(np.diff(loaded.response.inverse_table) > 0)
+        assert loaded.vignette is None or loaded.vignette.size == SIZE
+
+
+def write_zip(place, content):
+    with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("vignette.npy", content)
+
+
+def npy_header(shape):
+    text = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}".ljust(117).encode() + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
+
+
+@pytest.mark.parametrize(
+    "damage",
+    {
+        "absent": lambda place: place.unlink(),
+        "empty": lambda place: place.write_bytes(b""),
+        "no archive": lambda place: place.write_bytes(b"PK\x03\x04 and nothing else"),
+        "cut": lambda place: place.write_bytes(place.read_bytes()[:-40]),
+        "other magic": lambda place: write_zip(place, b"\x93numpy\x01\x00" + bytes(600)),
+        "short": lambda place: write_zip(place, npy_header(SIZE[::-1]) + bytes(9)),
+        "corrupt": lambda place: place.write_bytes(place.read_bytes()[:90] + b"\0" * 60 + place.read_bytes()[150:]),
+        "other content": lambda place: np.savez(place, other=np.ones(3)),
+        "objects": lambda place: np.savez(place, allow_pickle=True, vignette=np.array([{}, []], dtype=object)),
+        "other size": lambda place: np.savez(place, vignette=np.ones(SIZE, np.float32)),
+        "words": lambda place: np.savez(place, vignette=np.full(SIZE[::-1], "a")),
+        "not finite": lambda place: np.savez(place, vignette=np.full(SIZE[::-1], np.nan)),
+        "too large": lambda place: write_zip(place, npy_header((3000, 3000)) + bytes(36_000_000)),
+        "claims to be large": lambda place: write_zip(place, npy_header((10**6, 10**7))),
+    }.items(),
+    ids=lambda item: item[0],
+)
+def test_a_damaged_map_is_refused_by_name(damage, tmp_path):
+    path = replace(FULL, vignette=VIGNETTES["raster"]).save(tmp_path / "calibration.json")
+    damage[1](tmp_path / "calibration.vignette.npz")
+    with pytest.raises(FormatError) as refusal:
+        Calibration.load(path)
+    assert str(path) in str(refusal.value)
