@@ -194,7 +194,7 @@ def test_base_curves_are_read(tmp_path, basis):
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.tuples(*[st.floats(-0.02, 0.02)] * 5))
+@given(st.tuples(*[st.floats(-0.008, 0.008)] * 5))
 def test_response_survives_as_five_coefficients(tmp_path_factory, basis, coefficients):
     place = tmp_path_factory.mktemp("hugin") / "a.pto"
     response = basis.response(coefficients)
