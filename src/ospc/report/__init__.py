@@ -1,1 +1,1 @@
-"""Pictures and pages for people."""
+"""Pictures of calibrations: values in, image files out."""

@@ -1,0 +1,145 @@
+"""``ospc calibrate``: response and vignette of a camera from one of its recordings."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ospc.cli.interruption import Interruption
+from ospc.errors import OspcError, SettingError
+
+if TYPE_CHECKING:
+    from ospc.presets import Settings
+
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class _Request:
+    """What the user asked for, option by option."""
+
+    path: Path
+    out: Path
+    preset_name: str
+    overrides: dict[str, str]
+    kind: str | None
+    truth: str | None
+    force: bool
+    quiet: bool
+    as_json: bool
+
+
+def _check_kind(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
+    if value is not None:
+        from ospc.recording.kinds import kinds
+
+        known = [kind.name for kind in kinds()]
+        if value not in known:
+            raise click.BadParameter(f"{value!r} is no kind of recording; known: {', '.join(known)}")
+    return value
+
+
+def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+    overrides = {}
+    for value in values:
+        name, found, text = value.partition("=")
+        if not found:
+            raise click.BadParameter(f"{value!r} is not NAME=VALUE, such as max_points=20000")
+        overrides[name.strip()] = text.strip()
+    return overrides
+
+
+@click.command("calibrate")
+@click.argument("path", type=click.Path(path_type=Path))
+@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write the results to.")
+@click.option(
+    "--preset",
+    "preset_name",
+    type=click.Choice(["default", "paper"]),
+    default="default",
+    show_default=True,
+    help="The method: the accurate one, or the paper's.",
+)
+@click.option(
+    "--set",
+    "overrides",
+    metavar="NAME=VALUE",
+    multiple=True,
+    callback=_parse_overrides,
+    help="Change a setting of the preset; repeatable.",
+)
+@click.option(
+    "--kind", callback=_check_kind, help="Kind of recording, instead of recognising it (tum_mono, euroc, …)."
+)
+@click.option(
+    "--truth",
+    metavar="PATH",
+    help="A known calibration to compare with: calibration.json, or a folder with pcalib.txt and vignette.png.",
+)
+@click.option("--force", is_flag=True, help="Write into OUT even if it holds other files; those named as results go.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
+def command(**options: Any) -> None:
+    r"""Calibrate the camera of the recording at PATH.
+
+    PATH is a folder or file of any kind that is known: a folder with images/ or images.zip and times.txt, a EuRoC
+    folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures.
+
+    OUT gets calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. What the recording does not
+    determine is not written, and why is said.
+
+    Ctrl-C ends the run early; what is known by then is written and marked partial.
+
+    \b
+    Exit codes:
+      0    complete: response and vignette are known
+      1    error; what was known by then is written as partial if possible
+      2    wrong usage
+      3    written, but response or vignette could not be determined
+      130  interrupted; the partial result is written
+    """
+    with Interruption() as interruption:
+        sys.exit(one_line(lambda: _calibrate(_Request(**options), interruption)))
+
+
+def one_line(work: Callable[[], int]) -> int:
+    """Do the work and return its exit code; let whatever goes wrong end as one line instead of a traceback."""
+    try:
+        return work()
+    except KeyboardInterrupt:
+        click.echo("ospc: interrupted; nothing was written", err=True)
+        return INTERRUPTED
+    except (OspcError, click.ClickException):
+        raise
+    except Exception as error:
+        from ospc.cli.calibration_run import sentence
+
+        raise OspcError(sentence(error)) from error
+
+
+def _calibrate(request: _Request, interruption: Interruption) -> int:
+    from ospc.cli.calibration_run import Options, calibrate_into
+    from ospc.formats.opening import open_photometry
+    from ospc.output import OutputFolder
+    from ospc.recording import open_recording
+
+    settings = _settings(request)
+    truth = None if request.truth is None else open_photometry(request.truth)
+    recording = open_recording(request.path, request.kind)
+    folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
+    options = Options(request.quiet, request.as_json, truth)
+    return calibrate_into(folder, recording, settings, interruption, options)
+
+
+def _settings(request: _Request) -> Settings:
+    from ospc.presets import preset, with_overrides
+
+    try:
+        return with_overrides(preset(request.preset_name), request.overrides)
+    except SettingError as error:
+        raise click.UsageError(str(error)) from None

@@ -1,0 +1,259 @@
+"""One calibration as commands run it: visible, interruptible, and never in vain."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import click
+
+from ospc.cli.interruption import Interruption
+from ospc.errors import OspcError
+
+if TYPE_CHECKING:
+    from ospc.calibrator import OnlineCalibrator, Status
+    from ospc.evaluation.comparison import Comparison
+    from ospc.formats.opening import Photometry
+    from ospc.output import OutputFolder, Written
+    from ospc.photometry.calibration import Calibration
+    from ospc.presets import Settings
+    from ospc.recording import Recording
+
+_REASONS_SHOWN = 3
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a run.
+
+    Attributes
+    ----------
+    calibration
+        What is known; marked partial if the run did not come to its end.
+    skipped
+        Why frames were skipped, the first few.
+    interrupted
+        Whether the user stopped it.
+    failure
+        What went wrong, as one sentence; empty if nothing did.
+    """
+
+    calibration: Calibration
+    skipped: tuple[str, ...] = ()
+    interrupted: bool = False
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a run is reported.
+
+    Attributes
+    ----------
+    quiet
+        Say nothing but errors.
+    as_json
+        Print one JSON document instead of text.
+    truth
+        What to compare with.
+    """
+
+    quiet: bool = False
+    as_json: bool = False
+    truth: Photometry | None = None
+
+
+COMPLETE, UNDETERMINED, INTERRUPTED = 0, 3, 130
+"""Exit codes of a run that wrote its result; 1 is an error and 2 wrong usage."""
+
+
+def calibrate_into(
+    folder: OutputFolder, recording: Recording, settings: Settings, interruption: Interruption, options: Options
+) -> int:
+    """Calibrate, write the folder, report, and return the exit code.
+
+    Raises
+    ------
+    OspcError
+        If something failed; what was known by then has been written and reported.
+    KeyboardInterrupt
+        If the user gave up before anything was written.
+    """
+    from ospc.cli.calibration_report import as_json, say_errors, say_notes, say_result, say_skipped
+
+    talkative = not options.quiet and not options.as_json
+    if talkative:
+        say_notes(recording.notes)
+    outcome = run(recording, settings, interruption, visible=not options.quiet and sys.stderr.isatty())
+    outcome, written = _write(folder, recording, outcome, interruption, options.truth)
+    comparison = _compare(outcome, options.truth)
+    code = INTERRUPTED if outcome.interrupted else COMPLETE if outcome.calibration.complete else UNDETERMINED
+    if talkative:
+        say_skipped(outcome)
+        say_result(outcome, len(recording), folder, written)
+        say_notes(written.notes)
+    if talkative and options.truth is not None:
+        say_errors(comparison, outcome.calibration, options.truth.name)
+    if options.as_json:
+        content = {"exit_code": 1 if outcome.failure else code, "recording_notes": list(recording.notes)}
+        click.echo(json.dumps(content | as_json(outcome, folder, written, comparison), indent=1))
+    if outcome.failure:
+        raise OspcError(outcome.failure)
+    return code
+
+
+def _write(
+    folder: OutputFolder,
+    recording: Recording,
+    outcome: Outcome,
+    interruption: Interruption,
+    truth: Photometry | None,
+) -> tuple[Outcome, Written]:
+    """Write data, then pictures; an interruption now only leaves out pictures."""
+    before = interruption.count
+    with interruption.held():
+        written = folder.write(outcome.calibration, recording)
+        if not written.problems:
+            written += folder.draw(outcome.calibration, truth, stop=lambda: interruption.count > before)
+        if interruption.requested and not outcome.interrupted:
+            partial = replace(outcome.calibration, partial=True)
+            partial.save(folder.path / "calibration.json")
+            outcome = replace(outcome, calibration=partial, interrupted=True)
+    failure = "; ".join(filter(None, (outcome.failure, *written.problems)))
+    return replace(outcome, failure=failure), written
+
+
+def _compare(outcome: Outcome, truth: Photometry | None) -> Comparison | None:
+    """Return the errors against a truth; None where the two have nothing in common."""
+    from ospc.evaluation.comparison import compare
+    from ospc.formats.opening import Photometry
+
+    calibration = outcome.calibration
+    estimate = Photometry("estimate", calibration.response, calibration.vignette, calibration)
+    responses = truth is not None and truth.response is not None and estimate.response is not None
+    vignettes = truth is not None and truth.vignette is not None and estimate.vignette is not None
+    return compare(estimate, truth) if truth is not None and (responses or vignettes) else None
+
+
+def run(recording: Recording, settings: Settings, interruption: Interruption, *, visible: bool) -> Outcome:
+    """Calibrate; what was seen before an interruption or a failure is not lost.
+
+    Parameters
+    ----------
+    recording
+        The recording.
+    settings
+        Settings of the method.
+    interruption
+        Tells when to stop.
+    visible
+        Whether to show progress on standard error.
+
+    Raises
+    ------
+    OspcError
+        If nothing at all could be estimated.
+    KeyboardInterrupt
+        If the user does not want to wait for the estimate from the frames seen so far either.
+    """
+    from ospc.calibrator import OnlineCalibrator
+
+    calibrator = OnlineCalibrator(settings)
+    skipped: list[str] = []
+    with _progress(len(recording), visible) as show, interruption.deferred():
+        failure = _push_all(recording, calibrator, skipped, interruption, show)
+        early = interruption.requested
+        show(calibrator.status, "estimating")
+        calibration = _estimate(calibrator, failure, early=early)
+        calibration = replace(calibration, source=_identity(recording))
+    stopped = interruption.requested
+    return Outcome(replace(calibration, partial=stopped or bool(failure)), tuple(skipped), stopped, failure)
+
+
+def sentence(error: BaseException) -> str:
+    """Return what an exception says on one line; one that nobody expected with its kind."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
+
+
+_Show = Callable[["Status", str], None]
+
+
+def _push_all(
+    recording: Recording,
+    calibrator: OnlineCalibrator,
+    skipped: list[str],
+    interruption: Interruption,
+    show: _Show,
+) -> str:
+    """Push frames until their end or an interruption, and return what went wrong."""
+    try:
+        for frame in recording:
+            if not calibrator.push(frame) and len(skipped) < _REASONS_SHOWN:
+                skipped.append(calibrator.status.skipped[-1])
+            show(calibrator.status, "comparing")
+            if interruption.requested:
+                break
+    except KeyboardInterrupt:
+        pass  # the second one; what there is will be estimated
+    except Exception as error:  # whatever it is, the frames before it are worth an estimate
+        return sentence(error)
+    return ""
+
+
+def _estimate(calibrator: OnlineCalibrator, failure: str, *, early: bool) -> Calibration:
+    """Return the estimate from the frames pushed so far."""
+    try:
+        return calibrator.calibration()
+    except Exception as error:
+        if early and calibrator.status.frames == 0:
+            raise KeyboardInterrupt from None
+        raise OspcError(failure or sentence(error)) from error
+
+
+def _identity(recording: Recording) -> dict[str, object]:
+    from ospc.recording import identity
+
+    try:
+        return identity(recording)
+    except Exception as error:  # the calibration is worth more than knowing what it was made of
+        return {"kind": recording.kind, "name": recording.path.name, "problem": sentence(error)}
+
+
+@contextmanager
+def _progress(total: int, visible: bool) -> Iterator[_Show]:
+    """Give a function that shows where the run stands, or does nothing where nobody looks."""
+    if not visible:
+        yield lambda _status, _stage: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description:10}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[figures]}"),
+        TimeRemainingColumn(compact=True),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("comparing", total=total, figures="")
+
+        def show(status: Status, stage: str) -> None:
+            bar.update(task, completed=status.frames, description=stage, figures=_figures(status))
+
+        yield show
+
+
+def _figures(status: Status) -> str:
+    progress = status.progress
+    parts = [f"{progress.pairs} pairs"]
+    if progress.response_spread is not None:
+        parts.append(f"g ±{progress.response_spread:.3f}")
+    if progress.vignette_spread is not None:
+        parts.append(f"V ±{progress.vignette_spread:.3f}")
+    return "  ".join(parts)

@@ -1,0 +1,74 @@
+"""Ctrl-C and SIGTERM as a request to finish early instead of losing everything."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType, TracebackType
+from typing import Any, Literal
+
+_Mode = Literal["at once", "deferred", "held"]
+
+
+class Interruption:
+    """Catches SIGINT and SIGTERM while it is entered.
+
+    At first, a signal raises ``KeyboardInterrupt`` at once. While :meth:`deferred`, the first only sets
+    :attr:`requested`, so that no step of the work is cut in two, and the next one raises. While :meth:`held`, none
+    raises.
+    """
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._mode: _Mode = "at once"
+        self._before: dict[int, Any] = {}
+
+    @property
+    def count(self) -> int:
+        """How many signals there were."""
+        return self._count
+
+    @property
+    def requested(self) -> bool:
+        """Whether there was a signal."""
+        return self._count > 0
+
+    @contextmanager
+    def deferred(self) -> Iterator[None]:
+        """Let the first signal wait until it is asked for."""
+        with self._switched("deferred"):
+            yield
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Let all signals wait: for the moment in which files are written."""
+        with self._switched("held"):
+            yield
+
+    def __enter__(self) -> Interruption:
+        # Python lets only the main thread handle signals; elsewhere they stay with whoever runs it.
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._handle)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _handle(self, _number: int, _frame: FrameType | None) -> None:
+        self._count += 1
+        if self._mode == "at once" or (self._mode == "deferred" and self._count > 1):
+            raise KeyboardInterrupt
+
+    @contextmanager
+    def _switched(self, mode: _Mode) -> Iterator[None]:
+        before, self._mode = self._mode, mode
+        try:
+            yield
+        finally:
+            self._mode = before

@@ -1,0 +1,203 @@
+"""The folder a calibration is written to: what programs read, and pictures of it."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ospc.errors import ExposureError, FormatError, MissingExtraError, OspcError, SettingError
+from ospc.formats.dso import MOST_VALUES, write_pcalib, write_times, write_vignette
+from ospc.formats.files import read_text
+from ospc.formats.opening import Photometry
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.vignette import RasterVignette
+from ospc.recording import Recording
+from ospc.report.pictures import PICTURES, write_picture
+
+_SCHEMA_BEGINNING = "ospc-calibration/"
+_MAP = "calibration.vignette.npz"
+_DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt")
+OWN_NAMES = (*_DATA, *PICTURES)
+"""All that is ever written into such a folder; nothing else in it is touched."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written.
+
+    Attributes
+    ----------
+    files
+        Paths, in the order of writing.
+    notes
+        What was left out, and why.
+    problems
+        What could not be written, and why.
+    """
+
+    files: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+
+    def __add__(self, other: Written) -> Written:
+        """Return both together."""
+        return Written(self.files + other.files, self.notes + other.notes, self.problems + other.problems)
+
+
+@dataclass(frozen=True)
+class OutputFolder:
+    """A folder that may be written to; make one with :meth:`at`.
+
+    Attributes
+    ----------
+    path
+        The folder; it need not exist yet.
+    """
+
+    path: Path
+
+    @classmethod
+    def at(cls, path: str | Path, *, recording: Path | None = None, force: bool = False) -> OutputFolder:
+        """Check a folder before the work begins.
+
+        Parameters
+        ----------
+        path
+            A new or empty folder, or the output of an earlier run, which is replaced.
+        recording
+            The recording that is calibrated: never overwritten, for its times.txt and vignette.png have our names.
+        force
+            Whether a folder that holds something else will do; what is in it under other names stays.
+
+        Raises
+        ------
+        SettingError
+            If it is none of these or cannot be written to.
+        """
+        place = Path(path)
+        try:
+            _check(place, recording, force)
+        except OSError as error:
+            raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another") from None
+        return cls(place)
+
+    def write(self, calibration: Calibration, recording: Recording | None = None) -> Written:
+        """Write all files but the pictures, and remove those of an earlier run.
+
+        Every file is there whole or not at all. calibration.json goes first; a problem with a later file is noted and
+        does not keep the others from being written.
+
+        Parameters
+        ----------
+        calibration
+            What to write.
+        recording
+            Where times.txt comes from.
+
+        Raises
+        ------
+        FormatError
+            If not even calibration.json can be written; an earlier output is unchanged then.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FormatError(f"{self.path}: the folder cannot be made ({error.strerror})") from None
+        first = [calibration.save(self.path / "calibration.json")]
+        if isinstance(calibration.vignette, RasterVignette):
+            first.append(self.path / _MAP)
+        written = Written(tuple(first)) + self._remove_earlier(keep=first)
+        for name, write in self._writers(calibration, recording):
+            try:
+                written += Written((write(self.path / name),))
+            except ExposureError as error:
+                written += Written(notes=(f"times.txt was not written: {error}",))
+            except OspcError as error:
+                written += Written(problems=(str(error),))
+        return written
+
+    def draw(
+        self, calibration: Calibration, truth: Photometry | None = None, stop: Callable[[], bool] = lambda: False
+    ) -> Written:
+        """Write the pictures.
+
+        Parameters
+        ----------
+        calibration
+            What to draw.
+        truth
+            What to draw it against.
+        stop
+            Asked before each picture whether to leave out the rest.
+        """
+        written = Written()
+        for name in PICTURES:
+            if stop():
+                return written + Written(notes=("interrupted before all pictures were drawn",))
+            try:
+                drawn = write_picture(name, calibration, self.path / name, truth)
+            except MissingExtraError as error:
+                return written + Written(notes=(f"no pictures: {error}",))
+            except OspcError as error:
+                return written + Written(problems=(str(error),))
+            except Exception as error:  # a picture is not worth losing what follows it
+                return written + Written(problems=(f"{self.path / name}: cannot be drawn ({error})",))
+            written += Written(() if drawn is None else (drawn,))
+        return written
+
+    @staticmethod
+    def _writers(
+        calibration: Calibration, recording: Recording | None
+    ) -> Iterator[tuple[str, Callable[[Path], Path]]]:
+        response, vignette = calibration.response, calibration.vignette
+        if response is not None:
+            yield "pcalib.txt", lambda place: write_pcalib(response, place)
+        if response is not None and calibration.max_grey > 255:
+            values = min(calibration.max_grey + 1, MOST_VALUES)
+            yield "pcalib_16bit.txt", lambda place: write_pcalib(response, place, values)
+        if vignette is not None:
+            yield "vignette.png", lambda place: write_vignette(vignette, place)
+        if recording is not None:
+            ids = range(len(recording.exposures_ms))
+            stamps_s, exposures_ms = recording.stamps_s, recording.exposures_ms
+            yield "times.txt", lambda place: write_times(place, ids, stamps_s, exposures_ms)
+
+    def _remove_earlier(self, keep: list[Path]) -> Written:
+        problems = []
+        for place in (self.path / name for name in OWN_NAMES):
+            if place not in keep:
+                try:
+                    place.unlink(missing_ok=True)
+                except OSError as error:
+                    problems.append(f"{place}: is of an earlier run, but cannot be removed ({error.strerror})")
+        return Written(problems=tuple(problems))
+
+
+def _check(place: Path, recording: Path | None, force: bool) -> None:
+    if place.exists() and not place.is_dir():
+        raise SettingError(f"{place}: is a file; name a folder for the output")
+    if recording is not None and place.resolve() in (recording.resolve(), recording.resolve().parent / "images"):
+        raise SettingError(f"{place}: holds the recording itself; choose another folder for the output")
+    if not place.exists():
+        parent = next(folder for folder in place.absolute().parents if folder.exists())
+        if not (parent.is_dir() and os.access(parent, os.W_OK)):
+            raise SettingError(f"{place}: cannot be made, for {parent} allows no new folders; choose another")
+        return
+    if not os.access(place, os.W_OK):
+        raise SettingError(f"{place}: is not writable; choose another folder")
+    if any(place.iterdir()) and not force and not _is_earlier_output(place):
+        raise SettingError(
+            f"{place}: holds something else than an earlier calibration; choose another folder, or add --force to "
+            "write into it"
+        )
+
+
+def _is_earlier_output(place: Path) -> bool:
+    try:
+        content = json.loads(read_text(place / "calibration.json"))
+    except (OspcError, ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and str(content.get("schema")).startswith(_SCHEMA_BEGINNING)
