@@ -142,7 +142,7 @@ class JointSettings:
     radial_terms: int = 4
     rounds: int = 8
     still_px: float = 0.3
-    series_pixels: int = 3_000
+    series_pixels: int = 2_000
     min_points: int = 200
     min_log_exposure_change: float = 0.05
     min_radial_reach: float = 0.1

@@ -83,8 +83,7 @@ class FlatSampler:
         flat = found & self._usable(view0, places0) & self._usable(view1, places1)
         position0, position1 = (normalised(v.to_frame(p), v.size) for v, p in ((view0, places0), (view1, places1)))
         radial = np.linalg.norm(position0[found], axis=1) - np.linalg.norm(position1[found], axis=1)
-        edges = found & (_at(view0.gradient, places0) > self.max_gradient)
-        motion = np.linalg.norm(displacement[edges], axis=1) * view0.reduction
+        motion = _typical_motion(places0[found], displacement[found], _at(view0.gradient, places0[found]))
         index = np.flatnonzero(flat)
         # Both greys count alike: choosing by one of them would choose by its noise.
         grey = np.sqrt(np.clip(_at(view0.grey, places0[index]) * _at(view1.grey, places1[index]), 0, 1))
@@ -94,7 +93,7 @@ class FlatSampler:
             _interleaved(ends, group),
             float(found.mean()),
             float(np.sqrt(np.mean(radial**2))) if radial.size else 0.0,
-            float(np.median(motion)) if motion.size >= 20 else float("nan"),
+            motion * view0.reduction,
         )
 
     def _grid(self, view: View) -> FloatArray:
@@ -126,6 +125,24 @@ class FlatSampler:
         rank = np.empty(n, np.int64)
         rank[order] = np.arange(n) - np.repeat(start, count)
         return np.sort(np.lexsort((random, rank))[: self.max_points])
+
+
+def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: FloatArray) -> float:
+    """Return the median displacement over the parts of the image with the most structure; NaN where there are none.
+
+    Within a part displacements are averaged as vectors, so that what noise makes of them cancels.
+    """
+    if len(places) < 100:
+        return float("nan")
+    structured = gradient >= np.quantile(gradient, 0.8)
+    places, displacement = places[structured], displacement[structured]
+    part = np.floor(4 * places / (places.max(axis=0) + 1)).astype(np.int64) @ [4, 1]
+    number = np.bincount(part, minlength=16)
+    sums = np.stack([np.bincount(part, displacement[:, i], minlength=16) for i in (0, 1)], axis=1)
+    known = number >= 8
+    if not known.any():
+        return float("nan")
+    return float(np.median(np.linalg.norm(sums[known] / number[known, None], axis=1)))
 
 
 def _at(image: Float32Array, places: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,17 +49,21 @@ class Sightings:
         """Return the number of sightings."""
         return len(self.grey)
 
-    @property
+    @cached_property
     def starts(self) -> IntArray:
         """Index of the first sighting of each point, shape (points,)."""
         return np.flatnonzero(np.diff(self.point, prepend=-1))
 
+    @cached_property
+    def counts(self) -> IntArray:
+        """Number of sightings of each point, shape (points,)."""
+        return np.diff(self.starts, append=len(self))
+
     def of_points(self, chosen: Any) -> Sightings:
         """Return the sightings of some points, by a mask, shape (points,), or indices into :attr:`starts`."""
-        counts = np.diff(self.starts, append=len(self))
-        mask = np.zeros(len(counts), bool)
+        mask = np.zeros(len(self.starts), bool)
         mask[chosen] = True
-        return self.where(np.repeat(mask, counts))
+        return self.where(np.repeat(mask, self.counts))
 
     def where(self, mask: Any) -> Sightings:
         """Return the sightings where a mask, shape (n,), is true."""

@@ -47,7 +47,8 @@ class ErrorModel:
         sightings
             The sightings.
         """
-        return np.asarray(self._regressors(grey, slope, sightings) @ self._coefficients)
+        variance = self.constant + self.shot * grey + (self.glint * slope) ** 2
+        return np.asarray(variance + (self.slip_px * sightings.gradient) ** 2)
 
     def refitted(self, squared: FloatArray, grey: FloatArray, slope: FloatArray, sightings: Sightings) -> ErrorModel:
         """Return the model that fits squared residuals in grey levels, shape (n,), already freed of their leverage.
@@ -75,10 +76,6 @@ class ErrorModel:
             float(np.sqrt(found[2])),
             max(float(np.sqrt(found[3])), 1e-4),
         )
-
-    @property
-    def _coefficients(self) -> FloatArray:
-        return np.array([self.constant, self.shot, self.slip_px**2, self.glint**2])
 
     @staticmethod
     def _regressors(grey: FloatArray, slope: FloatArray, sightings: Sightings) -> FloatArray:

@@ -10,10 +10,11 @@ irradiance.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.sightings import Sightings
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.response_basis import ResponseBasis
@@ -32,8 +33,10 @@ class Latent:
 
     Attributes
     ----------
+    index
+        Index into the basis's grid of the grey level the model predicts, shape (n,).
     grey
-        Grey level the model predicts, shape (n,).
+        That grey level, shape (n,).
     stiffness
         dh/dM there, shape (n,).
     linear_log
@@ -50,6 +53,7 @@ class Latent:
         One minus the leverage, shape (n,).
     """
 
+    index: IntArray
     grey: FloatArray
     stiffness: FloatArray
     linear_log: FloatArray
@@ -106,27 +110,48 @@ class LatentModel:
             for _ in range(_ITERATIONS):
                 near = _FARTHEST / (state.stiffness * np.sqrt(state.precision))
                 predicted = np.interp(state.mean + offset, self.log_response, self.basis.grid)
-                grey = np.clip(np.clip(predicted, measured - near, measured + near), DARKEST, 1.0)
-                state = self._linearised(measured - self.noise.clipping_bias(grey), grey, offset, weight, sightings)
+                grey = np.clip(predicted, measured - near, measured + near)
+                state = self._linearised(measured, grey, offset, weight, sightings)
         residual = state.linear_log - offset - state.mean
         freedom = np.clip(1 - weight * state.precision / np.maximum(state.total, 1e-300), 1e-3, 1)
-        studentised = residual * np.sqrt(state.precision / freedom)
         return Latent(
-            state.grey, state.stiffness, state.linear_log, state.precision, weight, residual, studentised, freedom
+            index=state.index,
+            grey=state.grey,
+            stiffness=state.stiffness,
+            linear_log=state.linear_log,
+            precision=state.precision,
+            weight=weight,
+            residual=residual,
+            studentised=residual * np.sqrt(state.precision / freedom),
+            freedom=freedom,
         )
+
+    @cached_property
+    def _stiffness(self) -> FloatArray:
+        return self.gamma / np.maximum(self.basis.grid, DARKEST)
+
+    @cached_property
+    def _clipping_bias(self) -> FloatArray:
+        return self.noise.clipping_bias(self.basis.grid)
 
     def _linearised(
         self, measured: FloatArray, grey: FloatArray, offset: FloatArray, weight: FloatArray, sightings: Sightings
     ) -> _Linearised:
-        stiffness = np.interp(grey, self.basis.grid, self.gamma) / grey
-        linear_log = np.interp(grey, self.basis.grid, self.log_response) + stiffness * (measured - grey)
-        precision = 1 / (self.errors.variance(grey, 1 / stiffness, sightings) * stiffness**2)
+        # The grid is finer than anything that matters here: its nearest point is as good a place to linearise at.
+        index = self.basis.index_of(grey)
+        level, stiffness = self.basis.grid[index], self._stiffness[index]
+        excess = measured - level
+        if self.trusted:
+            excess = excess - self._clipping_bias[index]
+        linear_log = self.log_response[index] + stiffness * excess
+        precision = 1 / (self.errors.variance(level, 1 / stiffness, sightings) * stiffness**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, sightings)
-        return _Linearised(grey, stiffness, linear_log, precision, total, mean)
+        return _Linearised(index, level, stiffness, linear_log, precision, total, mean)
 
 
 @dataclass(frozen=True)
 class _Linearised:
+    index: IntArray
     grey: FloatArray
     stiffness: FloatArray
     linear_log: FloatArray
@@ -152,9 +177,16 @@ def weighted_means(values: FloatArray, weights: FloatArray, sightings: Sightings
     tuple of FloatArray
         Shapes (n,) and that of ``values``; the mean is zero where all weights are.
     """
-    starts = sightings.starts
-    counts = np.diff(starts, append=len(sightings))
-    total = np.add.reduceat(weights, starts)
     columns = values if values.ndim == 2 else values[:, None]
-    mean = np.add.reduceat(columns * weights[:, None], starts, axis=0) / np.maximum(total, 1e-300)[:, None]
+    weighted = columns * weights[:, None]
+    counts = sightings.counts
+    if len(counts) and np.all(counts == counts[0]):
+        # Pairs, and static series, have as many sightings of each point: plain sums, no index.
+        shape = (len(counts), counts[0])
+        total = weights.reshape(shape).sum(axis=1)
+        mean = weighted.reshape(*shape, -1).sum(axis=1)
+    else:
+        total = np.add.reduceat(weights, sightings.starts)
+        mean = np.add.reduceat(weighted, sightings.starts, axis=0)
+    mean /= np.maximum(total, 1e-300)[:, None]
     return np.repeat(total, counts), np.repeat(mean, counts, axis=0).reshape(values.shape)

@@ -55,7 +55,7 @@ class NoiseGauge:
         if not known.any():
             return NoiseModel(max(floor, (0.5 / 255) ** 2), 0.0)
         level = (np.arange(_BINS)[known] + 0.5) / _BINS
-        variance = self._sum[known] / self._weight[known]
+        variance = np.maximum(self._sum[known] / self._weight[known], floor)
         matrix = np.stack([np.ones_like(level), level], axis=1)
         confidence = np.sqrt(self._weight[known])
         read, shot = nnls(matrix / variance[:, None] * confidence[:, None], confidence)[0]

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 
 _FINE = 4096
 _SUBSTEPS = 4
@@ -77,6 +77,11 @@ class ResponseBasis:
     def log_of(self, coefficients: FloatArray) -> FloatArray:
         """Return ln g on the grid, shape (4097,)."""
         return np.asarray(self.log_table @ coefficients)
+
+    def index_of(self, grey: npt.ArrayLike) -> IntArray:
+        """Return the index of the grid's grey level nearest to each, black excepted, shape (n,) -> (n,)."""
+        nearest = np.rint(np.asarray(grey, dtype=np.float64) * _FINE).astype(np.int64)
+        return np.clip(nearest, 1, _FINE)
 
     def log_rows(self, grey: npt.ArrayLike) -> FloatArray:
         """Return Hⱼ at grey levels, shape (n,) -> (n, len)."""

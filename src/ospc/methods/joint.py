@@ -94,11 +94,11 @@ class JointMethod:
     def push(self, frame: Frame) -> None:
         """Take the next frame; most often it is not even decoded."""
         self._note_exposure(frame)
+        self._watch_standing_still(frame)
         if not self._schedule.wants_next():
             return
         view = self._make_view(frame)
         self._noise.watch(frame.image)
-        self._watch_standing_still(frame)
         partner = self._partners.choose(view)
         if partner is not None:
             registration = self._register(partner, view, self._equaliser)

@@ -129,7 +129,7 @@ def exposure_ratios(fit: JointFit, sightings: Sightings) -> ExposureRatios:
     log_g = np.interp(
         sightings.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters)
     ) - fit.vignette_basis.log_value(fit.vignette_parameters, sightings.position)
-    first = np.repeat(sightings.starts, np.diff(sightings.starts, append=len(sightings)))
+    first = np.repeat(sightings.starts, sightings.counts)
     later = np.flatnonzero(first != np.arange(len(sightings)))
     observed = log_g[first[later]] - log_g[later]
     metadata = sightings.log_exposure[first[later]] - sightings.log_exposure[later]
