@@ -111,8 +111,9 @@ def one_line(work: Callable[[], int]) -> int:
     """Do the work and return its exit code; let whatever goes wrong end as one line instead of a traceback."""
     try:
         return work()
-    except KeyboardInterrupt:
-        click.echo("ospc: interrupted; nothing was written", err=True)
+    except KeyboardInterrupt as interruption:
+        why = f" ({interruption})" if interruption.args else ""
+        click.echo(f"ospc: interrupted; no result was written{why}", err=True)
         return INTERRUPTED
     except (OspcError, click.ClickException):
         raise

@@ -158,7 +158,7 @@ def run(recording: Recording, settings: Settings, interruption: Interruption, *,
     OspcError
         If nothing at all could be estimated.
     KeyboardInterrupt
-        If the user does not want to wait for the estimate from the frames seen so far either.
+        If the user does not want to wait for the estimate from the frames seen so far either, or they allow none.
     """
     from ospc.calibrator import OnlineCalibrator
 
@@ -210,8 +210,8 @@ def _estimate(calibrator: OnlineCalibrator, failure: str, *, early: bool) -> Cal
     try:
         return calibrator.calibration()
     except Exception as error:
-        if early and calibrator.status.frames == 0:
-            raise KeyboardInterrupt from None
+        if early:
+            raise KeyboardInterrupt(sentence(error)) from error
         raise OspcError(failure or sentence(error)) from error
 
 

@@ -7,8 +7,23 @@ from typing import Any
 
 from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration
-from ospc.report.panels import draw_exposures, draw_response, draw_vignette
+from ospc.report.panels import (
+    draw_exposures,
+    draw_exposures_over_time,
+    draw_response,
+    draw_response_error,
+    draw_vignette,
+    draw_vignette_error,
+    draw_vignette_map,
+)
 from ospc.report.style import new_figure, rules, save
+
+_SIZES_IN = {
+    "figure.png": (14.0, 5.2),
+    "plot_response.png": (6.4, 6.0),
+    "plot_vignette.png": (11.0, 5.2),
+    "plot_exposures.png": (11.0, 5.0),
+}
 
 PICTURES = ("figure.png", "plot_response.png", "plot_vignette.png", "plot_exposures.png")
 """File names: an overview like the paper's figure 3, and its three panels on their own."""
@@ -47,27 +62,61 @@ def write_picture(name: str, calibration: Calibration, path: Path, truth: Photom
 
 
 def _drawn(name: str, calibration: Calibration, path: Path, truth: Photometry | None) -> Path:
-    figure = new_figure(13.0, 4.4) if name == "figure.png" else new_figure(6.4, 4.8)
-    true_response = None if truth is None else truth.response
-    true_vignette = None if truth is None else truth.vignette
+    figure = new_figure(*_SIZES_IN[name])
     with rules():
         if name == "figure.png":
-            left, middle, right = figure.subplots(1, 3)
-            draw_response(left, calibration, true_response)
-            draw_vignette(middle, calibration, true_vignette)
-            draw_exposures(right, calibration)
-            figure.suptitle(_title(calibration), fontsize=10)
+            _overview(figure, calibration, truth)
         elif name == "plot_response.png":
-            draw_response(figure.subplots(), calibration, true_response)
+            upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+            _response(upper, lower, calibration, truth)
         elif name == "plot_vignette.png":
             _vignette_picture(figure, calibration, truth)
         else:
-            draw_exposures(figure.subplots(), calibration)
+            left, right = figure.subplots(1, 2)
+            draw_exposures(left, calibration)
+            draw_exposures_over_time(right, calibration)
         return save(figure, path)
 
 
+def _overview(figure: Any, calibration: Calibration, truth: Photometry | None) -> None:
+    figure.suptitle(_title(calibration), fontsize=10)
+    grid = figure.add_gridspec(2, 3, height_ratios=(3, 1))
+    _response(*_two_rows(figure, grid, 0), calibration, truth)
+    _vignette(*_two_rows(figure, grid, 1), calibration, truth)
+    draw_exposures(figure.add_subplot(grid[:, 2]), calibration)
+
+
+def _two_rows(figure: Any, grid: Any, column: int) -> tuple[Any, Any]:
+    return figure.add_subplot(grid[0, column]), figure.add_subplot(grid[1, column])
+
+
+def _response(upper: Any, lower: Any, calibration: Calibration, truth: Photometry | None) -> None:
+    draw_response(upper, calibration, None if truth is None else truth.response)
+    draw_response_error(lower, calibration, None if truth is None else truth.response)
+    _join(upper, lower)
+
+
+def _vignette(upper: Any, lower: Any, calibration: Calibration, truth: Photometry | None) -> None:
+    draw_vignette(upper, calibration, None if truth is None else truth.vignette)
+    draw_vignette_error(lower, calibration, None if truth is None else truth.vignette)
+    _join(upper, lower)
+
+
+def _join(upper: Any, lower: Any) -> None:
+    """Name the common axis once, or give all room to the upper panel if the lower one shows nothing."""
+    if lower.get_visible():
+        upper.set(xlabel="")
+        return
+    lower.remove()
+    grid = upper.get_subplotspec().get_gridspec()
+    upper.set_subplotspec(grid[:, upper.get_subplotspec().colspan.start])
+
+
 def _vignette_picture(figure: Any, calibration: Calibration, truth: Photometry | None) -> None:
-    draw_vignette(figure.subplots(), calibration, None if truth is None else truth.vignette)
+    grid = figure.add_gridspec(2, 2, height_ratios=(3, 1))
+    _vignette(figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0]), calibration, truth)
+    if calibration.vignette is not None:
+        draw_vignette_map(figure.add_subplot(grid[:, 1]), calibration.vignette)
 
 
 def _title(calibration: Calibration) -> str:
