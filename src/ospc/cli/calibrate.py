@@ -85,7 +85,7 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
 def command(**options: Any) -> None:
-    r"""Calibrate the camera of the recording at PATH.
+    """Calibrate the camera of the recording at PATH.
 
     PATH is a folder or file of any kind that is known: a folder with images/ or images.zip and times.txt, a EuRoC
     folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures.
@@ -102,7 +102,7 @@ def command(**options: Any) -> None:
       2    wrong usage
       3    written, but response or vignette could not be determined
       130  interrupted; the partial result is written
-    """
+    """  # noqa: D301 (click reads the escaped character as "do not rewrap")
     with Interruption() as interruption:
         sys.exit(one_line(lambda: _calibrate(_Request(**options), interruption)))
 

@@ -179,7 +179,7 @@ def _error_strip(axes: Any, x: FloatArray, error: FloatArray | None, sigma: Floa
         if values is not None
     )
     extent = 1.1 * max(extent, 1e-4)
-    axes.set(ylim=(-extent, extent))
+    axes.set(ylim=(-extent, 1.8 * extent))  # room for the legend
     axes.legend(loc="upper left", ncols=3)
 
 

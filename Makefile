@@ -1,0 +1,48 @@
+# Every target makes the environment it needs itself, once: a virtual environment with the versions pinned in
+# requirements/. Choose the interpreter with PYTHON, such as: make test PYTHON=python3.12
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+BIN4 := .venv-opencv4/bin
+READY4 := .venv-opencv4/.ready
+
+.PHONY: demo test lint format test-opencv4 clean
+
+demo: $(READY)
+	$(BIN)/ospc demo --out demo
+
+test: $(READY)
+	$(BIN)/python -m pytest -n 2
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(READY)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# The oldest OpenCV that is supported, with the NumPy of its time (Python 3.11 or 3.12); whole commands are left out,
+# for they take most of the time and rest on what the other tests cover.
+test-opencv4: $(READY4)
+	$(BIN4)/python -m pytest -n 2 --ignore tests/cli
+
+clean:
+	rm -rf .venv .venv-opencv4
+
+$(READY): requirements/dev.lock pyproject.toml
+	$(call make-environment,.venv,requirements/dev.lock)
+
+$(READY4): requirements/opencv4.lock pyproject.toml
+	$(call make-environment,.venv-opencv4,requirements/opencv4.lock)
+
+define make-environment
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(1)
+	$(1)/bin/python -m pip install --quiet --requirement $(2)
+	$(1)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $(1)/.ready
+endef
