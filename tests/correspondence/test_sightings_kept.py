@@ -1,0 +1,198 @@
+"""Sightings: joined, chosen, thinned out and kept in bounds, and pixels of a camera that stands still."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.correspondence.reservoir import Reservoir
+from ospc.correspondence.sightings import Sightings, concatenate
+from ospc.correspondence.static_series import StaticSeries
+from ospc.photometry.geometry import normalised
+from ospc.recording.frame import Frame
+
+counts = st.lists(st.integers(1, 4), min_size=1, max_size=12)
+
+
+def sightings(counts, group=0, start=0):
+    """Return scene points with so many sightings each, whose grey level says which they are."""
+    point = np.repeat(np.arange(len(counts)), counts) + start
+    n = len(point)
+    tag = group + np.arange(n) / 1e6
+    return Sightings(
+        grey=tag,
+        log_exposure=tag + 1,
+        position=np.stack([tag, -tag], axis=1),
+        gradient=tag + 2,
+        pixels_averaged=np.ones(n),
+        frame=np.arange(n),
+        point=point,
+        group=np.full(n, group),
+    )
+
+
+def assert_same(a, b):
+    for f in fields(Sightings):
+        np.testing.assert_array_equal(getattr(a, f.name), getattr(b, f.name))
+
+
+@given(counts, st.integers(0, 5))
+def test_the_sightings_of_a_point_follow_one_another(counts, start):
+    made = sightings(counts, start=start)
+    assert len(made) == sum(counts)
+    np.testing.assert_array_equal(made.starts, np.cumsum([0, *counts[:-1]]))
+    np.testing.assert_array_equal(made.counts, counts)
+
+
+@given(counts, st.data())
+def test_points_are_chosen_with_all_their_sightings(counts, data):
+    made = sightings(counts)
+    mask = np.array(data.draw(st.lists(st.booleans(), min_size=len(counts), max_size=len(counts))))
+    chosen = made.of_points(mask)
+    np.testing.assert_array_equal(chosen.grey, made.grey[np.isin(made.point, np.flatnonzero(mask))])
+    assert_same(made.of_points(np.flatnonzero(mask)), chosen)
+    assert_same(made.of_points(slice(None)), made)
+    np.testing.assert_array_equal(chosen.counts, np.array(counts)[mask])
+
+
+@given(st.lists(counts, min_size=1, max_size=5))
+def test_joined_points_stay_different_points(many):
+    parts = [sightings(c, group, start=7 * group) for group, c in enumerate(many)]
+    joined = concatenate(parts)
+    np.testing.assert_array_equal(joined.counts, [n for c in many for n in c])
+    np.testing.assert_array_equal(joined.grey, np.concatenate([p.grey for p in parts]))
+    assert np.all(np.diff(joined.point) >= 0)
+    assert len(np.unique(joined.point)) == sum(map(len, many))
+
+
+# The reservoir.
+
+
+def filled(capacity, parts, points=50):
+    reservoir = Reservoir(capacity)
+    for group in range(parts):
+        reservoir.add(sightings([2] * points, group))
+        assert reservoir.points <= capacity
+        assert reservoir.points == len(reservoir.all().starts)
+    return reservoir
+
+
+@given(st.integers(100, 400), st.integers(1, 12))
+def test_a_reservoir_never_holds_more_than_it_may_and_only_what_it_was_given(capacity, parts):
+    kept = filled(capacity, parts)
+    if kept.points == 0:
+        return
+    everything = concatenate([sightings([2] * 50, group) for group in range(parts)])
+    inside = np.isin(everything.grey, kept.all().grey)
+    expected = everything.where(inside)
+    assert_same(replace(kept.all(), point=expected.point), expected)
+    if 50 * parts <= capacity:
+        assert inside.all()
+
+
+def test_old_and_new_points_are_thinned_alike():
+    kept = filled(1500, 200, points=60).all()
+    left = np.bincount(kept.group, minlength=200) / 2
+    assert kept.counts.min() == kept.counts.max() == 2
+    rate = left.mean() / 60
+    assert 0.05 < rate < 0.13
+    deviation = np.sqrt(60 * rate * (1 - rate))
+    assert np.all(np.abs(left - left.mean()) < 5 * deviation)
+    quarters = left.reshape(4, 50).sum(axis=1)
+    assert np.all(np.abs(quarters - quarters.mean()) < 4 * np.sqrt(50) * deviation)
+    # Nor does it matter where in its pair a point comes.
+    place = np.bincount(np.rint(kept.grey % 1 * 1e6).astype(int) // 40, minlength=3)
+    assert np.all(np.abs(place - place.mean()) < 5 * np.sqrt(place.mean()) + 200)
+
+
+def test_the_same_points_make_the_same_choice():
+    assert_same(filled(700, 40).all(), filled(700, 40).all())
+
+
+def test_a_bounded_choice_is_spread_over_all_that_is_kept():
+    reservoir = filled(2000, 30)
+    some = reservoir.some(400)
+    assert 200 <= len(some.starts) <= 400
+    assert np.all(np.bincount(some.group, minlength=30) > 0)
+    assert_same(reservoir.some(10**6), reservoir.all())
+
+
+def test_nothing_can_be_had_from_an_empty_reservoir():
+    with pytest.raises(ValueError, match="nothing"):
+        Reservoir(10).all()
+
+
+# A camera that stands still.
+
+SIZE = (40, 30)
+
+
+def still_frames(count, max_grey=255, seed=0):
+    """Return frames of a scene of many brightnesses, at exposures that double and halve."""
+    radiance = np.random.default_rng(seed).uniform(0.02, 0.6, SIZE[::-1])
+    exposures = 2.0 ** (np.arange(count) % 4 - 1.5)
+    dtype = np.uint8 if max_grey == 255 else np.uint16
+    for index, exposure_ms in enumerate(exposures):
+        image = np.clip(np.rint(radiance * exposure_ms * max_grey), 0, max_grey).astype(dtype)
+        yield Frame.of_array(image, exposure_ms, index=index * 3, max_grey=max_grey)
+
+
+def series(count, max_grey=255, **settings):
+    made = StaticSeries(**settings)
+    for frame in still_frames(count, max_grey):
+        made.watch(frame)
+    return made
+
+
+@pytest.mark.parametrize("max_grey", [255, 4095])
+def test_a_series_holds_what_each_frame_shows_at_one_place(max_grey):
+    made = series(8, max_grey, pixels=600, points=150).sightings()
+    by_index = {frame.index: frame for frame in still_frames(8, max_grey)}
+    assert np.all(made.counts == 8)
+    np.testing.assert_array_equal(made.frame.reshape(-1, 8), np.tile(sorted(by_index), (150, 1)))
+    # Undo the normalisation of the place.
+    half = np.hypot(SIZE[0] - 1, SIZE[1] - 1) / 2
+    column, row = np.rint(made.position * half + [(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2]).astype(int).T
+    np.testing.assert_allclose(normalised(np.stack([column, row], axis=1), SIZE), made.position, atol=1e-12)
+    for index, frame in by_index.items():
+        here = made.frame == index
+        np.testing.assert_allclose(made.grey[here], frame.image[row[here], column[here]] / max_grey)
+        np.testing.assert_allclose(made.log_exposure[here], np.log(frame.exposure_ms))
+        assert len(np.unique(made.group[here])) == 1
+
+
+@given(st.integers(1, 100), st.integers(2, 16))
+def test_a_series_keeps_a_bounded_number_of_frames_evenly_spaced(count, most):
+    made = series(count, frames=most, pixels=20, points=5)
+    assert 1 <= len(made) <= most
+    kept = np.unique(made.sightings().frame)
+    if len(kept) > 1:
+        assert kept[0] == 0
+        assert len(np.unique(np.diff(kept))) == 1
+        assert count * 3 - kept[-1] <= 2 * (kept[1] - kept[0])
+        assert len(kept) >= min(count, most // 2)
+
+
+def test_points_are_spread_over_brightness_and_seen_well_twice():
+    made = series(8, pixels=1200, points=100).sightings()
+    grey = made.grey.reshape(100, 8)
+    exposed = (grey > 1.5 / 255) & (grey < 253.5 / 255)
+    assert np.all(exposed.sum(axis=1) >= 2)
+    level = np.log(grey.sum(axis=1))
+    everything = series(8, pixels=1200, points=1200).sightings()
+    levels = np.log(everything.grey.reshape(-1, 8).sum(axis=1))
+    share = [np.histogram(v, bins=4, range=(levels.min(), levels.max()))[0] / len(v) for v in (level, levels)]
+    assert np.ptp(share[0]) < 0.6 * np.ptp(share[1])
+
+
+def test_two_cameras_that_see_the_same_give_the_same():
+    assert_same(series(9, pixels=100, points=30).sightings(), series(9, pixels=100, points=30).sightings())
+
+
+def test_a_series_without_frames_has_nothing_to_say():
+    with pytest.raises(ValueError, match="no frame"):
+        StaticSeries().sightings()
