@@ -11,15 +11,21 @@ from ospc import __version__
 from ospc.errors import OspcError
 
 _COMMANDS = {
+    "bench": "Measure the methods on recordings whose truth is known.",
     "calibrate": "Calibrate the camera of a recording.",
     "compare": "Compare two calibrations.",
+    "correct": "Take response and vignette out of a recording's images.",
     "demo": "Simulate a short recording, calibrate it and compare with the truth.",
-    "evaluate": "Evaluate trajectories against the truth.",
+    "evaluate": "Evaluate trajectories, and what a calibration does for tracking.",
     "export": "Write a calibration for another program.",
+    "import": "Make a calibration of somebody else's pcalib.txt and vignette.png.",
     "simulate": "Make a recording with known truth.",
     "validate": "Check parameter files against the rules of the programs that read them.",
 }
 """Name of each command, which is also its module's, and its line in the overview."""
+
+_MODULES = {"import": "import_"}
+"""Modules of commands whose own name no module can have."""
 
 
 class _Commands(click.Group):
@@ -31,7 +37,7 @@ class _Commands(click.Group):
     def get_command(self, _ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        command: click.Command = import_module(f"ospc.cli.{name.replace('-', '_')}").command
+        command: click.Command = import_module(f"ospc.cli.{_MODULES.get(name, name.replace('-', '_'))}").command
         return command
 
     def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:

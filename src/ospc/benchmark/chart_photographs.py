@@ -1,0 +1,185 @@
+"""Photographs of a colour chart as JPEG and RAW, and what the RAW says of the response behind the JPEG.
+
+The sensor is linear, so the RAW values are the irradiance. A camera mixes colours before its tone curve; on the
+neutral patches of the chart that mixing is a mere factor, and JPEG against RAW is the response, up to its scale.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import isotonic_regression
+
+from ospc.arrays import FloatArray, Image, IntArray
+from ospc.errors import FormatError
+from ospc.formats.files import read_bytes, read_text
+from ospc.photometry.response import Response
+from ospc.recording.image_header import read_header
+
+EXPOSURES = 4
+ILLUMINANTS = (1, 2)
+CHANNELS = ("blue", "green", "red")
+"""In the order the images are decoded in."""
+
+_LARGEST_SIDE = 4096
+_MAX_BYTES = 64 * 2**20
+_MAX_TAGS_BYTES = 2**20
+_NEUTRAL = 6
+_HALF_WINDOW = 12
+_CLIPPED = 245
+_DARKEST_RAW = 4.0
+_ROUNDS = 30
+_DARKEST, _BRIGHTEST = 5, 250
+"""Grey values between which responses are compared (the shape metric)."""
+
+
+@dataclass(frozen=True)
+class ChartSeries:
+    """Four exposures of the chart under one illuminant.
+
+    Attributes
+    ----------
+    jpeg, raw
+        Shape (4, height, width, 3), channels as in :data:`CHANNELS`; the exposure grows.
+    patches
+        Centres (x, y) of the patches in pixels, shape (n, 2), the neutral ones last.
+    """
+
+    jpeg: Image
+    raw: Image
+    patches: IntArray
+
+    def patch_values(self, images: Image) -> tuple[FloatArray, FloatArray]:
+        """Return mean and largest value of every patch, shape (4, patches, 3) each."""
+        w = _HALF_WINDOW
+        windows = [images[:, max(y - w, 0) : y + w + 1, max(x - w, 0) : x + w + 1] for x, y in self.patches]
+        mean = np.stack([p.mean(axis=(1, 2), dtype=np.float64) for p in windows], axis=1)
+        largest = np.stack([p.max(axis=(1, 2)) for p in windows], axis=1)
+        return mean, largest.astype(np.float64)
+
+    def irradiance(self) -> tuple[FloatArray, FloatArray]:
+        """Return what the RAW says: relative exposures, shape (4,), and radiances, shape (patches, 3).
+
+        Their product is fitted to the values that are neither clipped nor lost in quantisation, so that dark patches
+        borrow the precision of their longer exposures.
+        """
+        mean, largest = self.patch_values(self.raw)
+        weight = np.where((largest < _CLIPPED) & (mean > _DARKEST_RAW), mean**2, 0.0)
+        log_raw = np.log(np.maximum(mean, 1e-3))
+        log_exposure = np.arange(EXPOSURES) * np.log(2)
+        log_radiance = np.zeros(mean.shape[1:])
+        for _ in range(_ROUNDS):
+            total = np.maximum(weight.sum(axis=0), 1e-12)
+            log_radiance = (weight * (log_raw - log_exposure[:, None, None])).sum(axis=0) / total
+            residual = weight * (log_raw - log_radiance)
+            log_exposure = residual.sum(axis=(1, 2)) / np.maximum(weight.sum(axis=(1, 2)), 1e-12)
+        radiance = np.where(weight.sum(axis=0) > 0, np.exp(log_radiance), np.nan)
+        return np.exp(log_exposure - log_exposure[0]), radiance * np.exp(log_exposure[0])
+
+    def neutral_points(self, channel: int) -> tuple[FloatArray, FloatArray]:
+        """Return JPEG grey values and irradiances of neutral patches where neither is clipped, shape (n,) each."""
+        exposures, radiance = self.irradiance()
+        mean, largest = self.patch_values(self.jpeg)
+        grey = mean[:, -_NEUTRAL:, channel]
+        irradiance = exposures[:, None] * radiance[-_NEUTRAL:, channel]
+        kept = (largest[:, -_NEUTRAL:, channel] < 255) & (grey > 0) & np.isfinite(irradiance)
+        return grey[kept], irradiance[kept]
+
+
+@dataclass(frozen=True)
+class TrueResponse:
+    """The response of one channel.
+
+    Attributes
+    ----------
+    response
+        The response.
+    greys
+        Lowest and highest grey value between which it was measured, within 5 to 250.
+    scatter
+        Root mean square of ln of the measured irradiances about it.
+    """
+
+    response: Response
+    greys: tuple[int, int]
+    scatter: float
+
+
+def read_series(folder: Path, illuminant: int) -> ChartSeries:
+    """Read the photographs of one camera under one illuminant; ``tags.json`` beside the folder names the patches.
+
+    Raises
+    ------
+    FormatError
+        If one is missing, cannot be read, or differs in size.
+    """
+    jpeg, raw = (
+        [_read(folder / f"wb1i{illuminant}e{e + 1}-{kind}.png") for e in range(EXPOSURES)] for kind in ("jpg", "raw")
+    )
+    if len({image.shape for image in (*jpeg, *raw)}) != 1:
+        raise FormatError(f"{folder}: the photographs differ in size")
+    height, width = jpeg[0].shape[:2]
+    return ChartSeries(np.stack(jpeg), np.stack(raw), _patches(folder.parent / "tags.json", width, height))
+
+
+def true_response(series: ChartSeries, channel: int) -> TrueResponse:
+    """Return the response that JPEG against RAW shows.
+
+    The curve increases, and joins the measured points through the logarithm of the irradiance.
+
+    Raises
+    ------
+    FormatError
+        If too few patches are exposed.
+    """
+    grey, light = series.neutral_points(channel)
+    if len(grey) < _NEUTRAL:
+        raise FormatError(f"only {len(grey)} neutral patches of the chart are well exposed; {_NEUTRAL} are needed")
+    grey, curve, scatter = _increasing(grey, np.log(light))
+    inside = np.arange(np.ceil(grey[0]), np.floor(grey[-1]) + 1)
+    light = np.exp(PchipInterpolator(grey, curve)(inside))
+    table = np.interp(np.arange(256), np.append(0.0, inside), np.append(0.0, light))
+    above = np.arange(256) > inside[-1]
+    table[above] = light[-1] + (np.arange(256)[above] - inside[-1]) * (light[-1] - light[-2])
+    greys = max(_DARKEST, int(inside[0])), min(_BRIGHTEST, int(inside[-1]))
+    return TrueResponse(Response.from_values(table), greys, scatter)
+
+
+def _increasing(grey: FloatArray, log_light: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return the knots of the increasing curve nearest to points, and the root mean square distance from it."""
+    order = np.lexsort((log_light, grey))
+    fitted = isotonic_regression(log_light[order]).x
+    scatter = float(np.sqrt(np.mean((log_light[order] - fitted) ** 2)))
+    # Levels the regression made equal, and equal greys, become one knot, so that the curve increases strictly.
+    member = np.cumsum(np.append(0, (np.diff(fitted) > 0) & (np.diff(grey[order]) > 0)))
+    count = np.bincount(member)
+    return np.bincount(member, grey[order]) / count, np.bincount(member, fitted) / count, scatter
+
+
+def _read(path: Path) -> Image:
+    data = read_bytes(path, _MAX_BYTES)
+    header = read_header(data, str(path))
+    image = None
+    if header.bits == 8 and max(header.width, header.height) <= _LARGEST_SIDE:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise FormatError(f"{path}: not an 8-bit colour image of at most {_LARGEST_SIDE} pixels a side")
+    return np.asarray(image)
+
+
+def _patches(path: Path, width: int, height: int) -> IntArray:
+    try:
+        tags = json.loads(read_text(path, _MAX_TAGS_BYTES))
+        places = [[r["position"]["x"] * width, r["position"]["y"] * height] for r in tags[0]["references"]]
+        centres = np.array(places, dtype=np.float64)
+    except (ValueError, KeyError, IndexError, TypeError, RecursionError) as error:
+        raise FormatError(f"{path}: does not list the places of patches ({type(error).__name__}: {error})") from None
+    inside = centres.ndim == 2 and np.all((centres >= 0) & (centres < [width, height]))
+    if not inside or len(centres) < _NEUTRAL:
+        raise FormatError(f"{path}: needs at least {_NEUTRAL} places of patches inside the images")
+    return np.rint(centres).astype(np.int64)

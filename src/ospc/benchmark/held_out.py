@@ -1,0 +1,124 @@
+"""Exposure ratios a calibration predicts for pairs of frames that it has never seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ospc.arrays import BoolArray, FloatArray
+from ospc.evaluation.metrics import RatioError, exposure_ratio_error
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+from ospc.simulation import SimulationSettings, irradiances
+from ospc.simulation.responses import make_response
+from ospc.simulation.vignettes import make_vignette
+
+PAIRS = 400
+_POINTS = 400
+_FEWEST_POINTS = 50
+_VIEWS = 12
+_DARKEST, _BRIGHTEST = 5 / 255, 250 / 255
+_METERED_GREY = 0.42
+_METER_SPREAD = 0.35
+_LOG_RATIOS = (0.1, 1.0)
+_LONGEST_SHIFT = 0.5
+_OTHER_SCENE = 10_007
+
+
+@dataclass(frozen=True)
+class HeldOutPair:
+    """Grey levels of scene points in two frames.
+
+    Attributes
+    ----------
+    grey0, grey1
+        In [0, 1], shape (n,).
+    points0, points1
+        Where, in pixels (x, y), shape (n, 2).
+    exposure_ratio
+        True k = e₀/e₁.
+    """
+
+    grey0: FloatArray
+    grey1: FloatArray
+    points0: FloatArray
+    points1: FloatArray
+    exposure_ratio: float
+
+
+def predicted_ratio(pair: HeldOutPair, response: Response, vignette: Vignette | None) -> float:
+    """Return k̂, the median of g(M₀)V(x₁) / (g(M₁)V(x₀)) (paper, eq. mean); V ≡ 1 where it is not known."""
+    log_k = np.log(response.inverse(pair.grey0)) - np.log(response.inverse(pair.grey1))
+    if vignette is not None:
+        log_k += np.log(vignette.at(pair.points1)) - np.log(vignette.at(pair.points0))
+    return float(np.exp(np.median(log_k)))
+
+
+def prediction_error(pairs: Sequence[HeldOutPair], response: Response, vignette: Vignette | None) -> RatioError:
+    """Return how far predicted exposure ratios are from the truth."""
+    predicted = [predicted_ratio(pair, response, vignette) for pair in pairs]
+    return exposure_ratio_error(predicted, [pair.exposure_ratio for pair in pairs])
+
+
+def simulated_pairs(settings: SimulationSettings, *, still: bool = False) -> list[HeldOutPair]:
+    """Return pairs as the simulated camera would take them of another scene, without noise and quantisation.
+
+    The radiance is that of rendered views of a room the recording does not show. The first frame of a pair is
+    exposed as a light meter would, give or take; the second by a ratio of |ln k| between 0.1 and 1, with the camera
+    turned so that everything is displaced by up to half of the half diagonal. Clipped points are left out, which
+    without noise selects nothing.
+
+    Parameters
+    ----------
+    settings
+        Of the recording the camera was calibrated from.
+    still
+        Whether the camera stands still, so that points stay where they are.
+    """
+    response, vignette = make_response(settings.response), make_vignette(settings)
+    views = _radiances(settings)
+    random = np.random.default_rng([settings.seed, 77])
+    pairs: list[HeldOutPair] = []
+    for number in range(4 * PAIRS):
+        radiance = views[number % len(views)]
+        metered = float(response.inverse(_METERED_GREY)) / float(np.median(radiance))
+        exposure0 = metered * np.exp(_METER_SPREAD * random.standard_normal())
+        ratio = float(np.exp(random.choice([-1, 1]) * random.uniform(*_LOG_RATIOS)))
+        shift = 0.0 if still else random.uniform(0, _LONGEST_SHIFT) * np.hypot(*settings.size) / 2
+        angle = random.uniform(0, 2 * np.pi)
+        points0 = np.floor(random.uniform(0, settings.size, (_POINTS, 2)))
+        points1 = points0 + shift * np.array([np.cos(angle), np.sin(angle)])
+        inside = np.all((points1 >= 0) & (points1 <= np.array(settings.size) - 1), axis=1)
+        light = radiance[points0[:, 1].astype(int), points0[:, 0].astype(int)]
+        grey0 = response(exposure0 * vignette.at(points0) * light)
+        grey1 = response(exposure0 / ratio * vignette.at(points1) * light)
+        kept = inside & _exposed(grey0) & _exposed(grey1)
+        if np.count_nonzero(kept) >= _FEWEST_POINTS:
+            pairs.append(HeldOutPair(grey0[kept], grey1[kept], points0[kept], points1[kept], ratio))
+        if len(pairs) == PAIRS:
+            break
+    return pairs
+
+
+def _exposed(grey: FloatArray) -> BoolArray:
+    return np.asarray((grey >= _DARKEST) & (grey <= _BRIGHTEST))
+
+
+def _radiances(settings: SimulationSettings) -> list[FloatArray]:
+    """Return the radiance of a few views of another scene, in saturations per millisecond."""
+    other = replace(
+        settings,
+        seed=settings.seed + _OTHER_SCENE,
+        scene_seed=None,
+        frames=_VIEWS,
+        fps=0.5,
+        motion="handheld",
+        vignette="none",
+        exposure="constant",
+        exposure_ms=1.0,
+        flicker=0.0,
+        moving_objects=0,
+    )
+    return [view.astype(np.float64) for view in irradiances(other)]

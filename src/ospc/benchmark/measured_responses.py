@@ -1,0 +1,72 @@
+"""Responses measured on real film and cameras: the database of response functions (Grossberg and Nayar 2003)."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import FormatError
+from ospc.photometry.response import Response
+from ospc.simulation.responses import LEVELS
+
+FILE = Path("responses") / "dorf_201.mat"
+"""Where the database lies in the folder of real data."""
+
+_MAX_FILE_BYTES = 64 * 2**20
+_FLATTEST = 1e-6
+"""Least growth of g over its table where a measured curve is a step; small against any noise."""
+
+
+def read_database(path: str | Path) -> list[Response]:
+    """Read the curves of a MATLAB file with irradiances ``I`` and brightnesses ``B``, one curve a row.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read, or does not hold such curves.
+    """
+    from scipy.io import loadmat
+
+    place = Path(path)
+    try:
+        if place.stat().st_size > _MAX_FILE_BYTES:
+            raise FormatError(f"{place}: too large for a database of responses; give a .mat file with I and B")
+        content = loadmat(place, variable_names=["I", "B"])
+        irradiance, brightness = (np.asarray(content[name], dtype=np.float64) for name in ("I", "B"))
+    except (OSError, KeyError, ValueError, TypeError, NotImplementedError) as error:
+        raise FormatError(f"{place}: not readable as a database of responses ({error}); it needs I and B") from None
+    if irradiance.ndim != 2 or irradiance.shape != brightness.shape or irradiance.shape[1] < 2:
+        raise FormatError(f"{place}: I and B have shapes {irradiance.shape} and {brightness.shape}; both need (n, m)")
+    return [
+        _response(i, b, f"{place}, curve {number}")
+        for number, (i, b) in enumerate(zip(irradiance, brightness, strict=True))
+    ]
+
+
+def fingerprint(response: Response) -> str:
+    """Return a hash of the table of a response, to recognise it by."""
+    return sha256(np.ascontiguousarray(response.inverse_table).tobytes()).hexdigest()
+
+
+def _response(irradiance: FloatArray, brightness: FloatArray, name: str) -> Response:
+    """Return g: irradiance as a function of brightness.
+
+    Where a curve is flat at black or white, g runs from the last irradiance that is still black to the first that is
+    already white.
+    """
+    if not np.all(np.isfinite([irradiance, brightness])) or np.any(np.diff(brightness) < 0):
+        raise FormatError(f"{name}: brightness must be finite and not decrease")
+    low = int(np.flatnonzero(brightness <= brightness[0])[-1])
+    high = int(np.flatnonzero(brightness >= brightness[-1])[0])
+    if high <= low or np.any(np.diff(irradiance) <= 0):
+        raise FormatError(f"{name}: irradiance must increase, and brightness with it")
+    steps = np.arange(high + 1 - low) * 1e-12
+    span = brightness[low : high + 1]
+    grey = (span - span[0]) / (span[-1] - span[0]) + steps
+    g = np.interp(np.linspace(0, grey[-1], LEVELS), grey, irradiance[low : high + 1])
+    return Response.from_values(
+        g + np.linspace(0, _FLATTEST, LEVELS), model={"name": "measured", "curve": name.rpartition(" ")[2]}
+    )
