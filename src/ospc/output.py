@@ -179,7 +179,7 @@ class OutputFolder:
 def _check(place: Path, recording: Path | None, force: bool) -> None:
     if place.exists() and not place.is_dir():
         raise SettingError(f"{place}: is a file; name a folder for the output")
-    if recording is not None and place.resolve() in (recording.resolve(), recording.resolve().parent / "images"):
+    if recording is not None and _holds(recording.resolve(), place.resolve()):
         raise SettingError(f"{place}: holds the recording itself; choose another folder for the output")
     if not place.exists():
         parent = next(folder for folder in place.absolute().parents if folder.exists())
@@ -193,6 +193,11 @@ def _check(place: Path, recording: Path | None, force: bool) -> None:
             f"{place}: holds something else than an earlier calibration; choose another folder, or add --force to "
             "write into it"
         )
+
+
+def _holds(recording: Path, place: Path) -> bool:
+    """Tell whether a folder is where files of the recording are: itself, its images, or the folder of a video."""
+    return place in (recording, recording / "images") or (recording.is_file() and place == recording.parent)
 
 
 def _is_earlier_output(place: Path) -> bool:

@@ -1,0 +1,34 @@
+"""``ospc demo`` as a user calls it."""
+
+from __future__ import annotations
+
+from click.testing import CliRunner
+
+from ospc.cli.demo import command
+from ospc.photometry.calibration import Calibration
+
+
+def run(*arguments):
+    return CliRunner().invoke(command, [str(a) for a in arguments])
+
+
+def test_it_makes_a_recording_and_its_calibration_and_can_be_repeated(tmp_path):
+    for _ in range(2):
+        result = run("-o", tmp_path / "demo", "--frames", 8)
+        assert result.exit_code in (0, 3), result.output
+        for expected in ("simulating 8 frames", "against", "figure.png", "ospc calibrate"):
+            assert expected in result.output
+    assert Calibration.load(tmp_path / "demo" / "calibration").counts["frames"] == 8
+    assert (tmp_path / "demo" / "recording" / "times.txt").exists()
+
+
+def test_it_leaves_other_files_alone(tmp_path):
+    (tmp_path / "calibration").mkdir()
+    (tmp_path / "calibration" / "thesis.txt").write_text("mine")
+    result = run("-o", tmp_path, "--frames", 8)
+    assert "holds something else" in str(result.exception)
+    assert not (tmp_path / "recording").exists()
+
+
+def test_wrong_usage(tmp_path):
+    assert run("-o", tmp_path, "--frames", "0").exit_code == 2

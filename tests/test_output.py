@@ -1,0 +1,162 @@
+"""The output folder: what is in it, what is not, and what never happens to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ospc.output
+from calibrations import SIZE, calibration
+from ospc.errors import FormatError, SettingError
+from ospc.formats.dso import read_pcalib, read_vignette
+from ospc.output import OWN_NAMES, OutputFolder
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.vignette import RasterVignette
+from ospc.recording import ArrayRecording
+from ospc.recording.times_file import read_times
+
+
+@pytest.fixture
+def recording():
+    images = [np.full((SIZE[1], SIZE[0]), 20 * (i + 1), np.uint8) for i in range(3)]
+    return ArrayRecording(images, [1.0, 2.5, 4.0], stamps_s=[10.0, 10.5, 11.0])
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_everything_known_is_written_in_formats_that_read_back(tmp_path, recording):
+    known = calibration()
+    written = OutputFolder.at(tmp_path / "out").write(known, recording)
+    out = tmp_path / "out"
+    assert names(out) == ["calibration.json", "pcalib.txt", "times.txt", "vignette.png"]
+    assert sorted(written.files) == sorted(out.iterdir())
+    assert (written.notes, written.problems) == ((), ())
+    np.testing.assert_allclose(read_pcalib(out / "pcalib.txt").inverse_table, known.response.inverse_table, atol=1e-6)
+    vignette = read_vignette(out / "vignette.png")
+    assert vignette.size == known.size
+    np.testing.assert_allclose(vignette.image(), known.vignette.image() / known.vignette.image().max(), atol=1e-4)
+    table = read_times(out / "times.txt")
+    np.testing.assert_allclose(table.exposures_ms, recording.exposures_ms)
+    np.testing.assert_allclose(table.stamps_s, recording.stamps_s)
+    assert Calibration.load(out).verdicts == known.verdicts
+
+
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_deep_images_get_a_table_with_one_value_a_grey_level(tmp_path, bits):
+    OutputFolder.at(tmp_path).write(calibration(max_grey=2**bits - 1))
+    assert read_pcalib(tmp_path / "pcalib.txt").inverse_table.size == 256
+    assert read_pcalib(tmp_path / "pcalib_16bit.txt").inverse_table.size == 2**bits
+
+
+@pytest.mark.parametrize("part", ["response", "vignette"])
+def test_what_is_unknown_is_not_written_and_does_not_remain_from_before(tmp_path, recording, part):
+    pytest.importorskip("matplotlib")
+    OutputFolder.at(tmp_path).write(calibration(max_grey=4095), recording)
+    OutputFolder.at(tmp_path).draw(calibration())
+    lacking = calibration(**{part: False})
+    folder = OutputFolder.at(tmp_path)
+    folder.write(lacking, recording)
+    folder.draw(lacking)
+    gone = {"response": {"pcalib.txt", "plot_response.png"}, "vignette": {"vignette.png", "plot_vignette.png"}}[part]
+    absent = gone | {"pcalib_16bit.txt", "calibration.vignette.npz"}
+    assert names(tmp_path) == sorted(set(OWN_NAMES) - absent)
+
+
+def test_a_raster_vignette_is_stored_beside_and_goes_with_its_calibration(tmp_path):
+    raster = RasterVignette(np.linspace(0.5, 1, SIZE[0] * SIZE[1], dtype=np.float32).reshape(SIZE[1], SIZE[0]))
+    folder = OutputFolder.at(tmp_path)
+    folder.write(calibration(vignette=False, max_grey=255))
+    folder.write(
+        Calibration(size=SIZE, vignette=raster, verdicts=calibration().verdicts),
+    )
+    np.testing.assert_allclose(Calibration.load(tmp_path).vignette.image(), raster.values)
+    folder.write(calibration())
+    assert "calibration.vignette.npz" not in names(tmp_path)
+
+
+def test_pictures_of_an_earlier_run_go_before_new_ones_are_drawn(tmp_path):
+    (tmp_path / "calibration.json").write_text('{"schema": "ospc-calibration/1"}')
+    (tmp_path / "figure.png").write_bytes(b"old")
+    OutputFolder.at(tmp_path).write(calibration())
+    assert not (tmp_path / "figure.png").exists()
+
+
+def test_drawing_stops_when_asked(tmp_path):
+    written = OutputFolder(tmp_path).draw(calibration(), stop=lambda: True)
+    assert written.files == ()
+    assert "interrupted" in written.notes[0]
+
+
+def test_exposures_dso_cannot_read_are_noted(tmp_path):
+    class WithoutExposure:
+        stamps_s = np.array([1.0, 2.0])
+        exposures_ms = np.array([1.0, 0.0])
+
+    written = OutputFolder.at(tmp_path).write(calibration(), WithoutExposure())
+    assert "times.txt" in written.notes[0]
+    assert not (tmp_path / "times.txt").exists()
+
+
+class TestRefusals:
+    def test_a_folder_with_something_else_needs_force(self, tmp_path):
+        (tmp_path / "thesis.txt").write_text("mine")
+        with pytest.raises(SettingError, match="--force"):
+            OutputFolder.at(tmp_path)
+        OutputFolder.at(tmp_path, force=True).write(calibration())
+        assert (tmp_path / "thesis.txt").read_text() == "mine"
+
+    @pytest.mark.parametrize("content", ["", "{}", "[]", '{"schema": 3}', "\0", "[" * 100_000])
+    def test_a_foreign_calibration_json_is_something_else(self, tmp_path, content):
+        (tmp_path / "calibration.json").write_text(content)
+        with pytest.raises(SettingError):
+            OutputFolder.at(tmp_path)
+
+    def test_an_earlier_output_is_replaced_but_other_files_stay(self, tmp_path):
+        OutputFolder.at(tmp_path).write(calibration())
+        (tmp_path / "notes.txt").write_text("mine")
+        OutputFolder.at(tmp_path).write(calibration(response=False))
+        assert names(tmp_path) == ["calibration.json", "notes.txt", "vignette.png"]
+
+    @pytest.mark.parametrize("inside", [".", "images"])
+    def test_a_recording_is_never_written_into(self, tmp_path, inside):
+        (tmp_path / "images").mkdir()
+        with pytest.raises(SettingError, match="recording"):
+            OutputFolder.at(tmp_path / inside, recording=tmp_path, force=True)
+
+    def test_a_file_is_no_folder(self, tmp_path):
+        (tmp_path / "a").write_text("")
+        for place in (tmp_path / "a", tmp_path / "a" / "b"):
+            with pytest.raises(SettingError):
+                OutputFolder.at(place)
+
+
+class TestFailures:
+    def test_without_room_for_calibration_json_the_earlier_output_stays(self, tmp_path, monkeypatch):
+        OutputFolder.at(tmp_path).write(calibration())
+        before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+        def fail(_path, _content):
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr("ospc.photometry.calibration.write_atomically", fail)
+        with pytest.raises(FormatError, match="No space left"):
+            OutputFolder.at(tmp_path).write(calibration(response=False))
+        assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+    def test_a_later_file_that_fails_costs_no_other(self, tmp_path, monkeypatch, recording):
+        def fail(_response, path):
+            raise FormatError(f"{path}: cannot be written (No space left on device)")
+
+        monkeypatch.setattr(ospc.output, "write_pcalib", fail)
+        written = OutputFolder.at(tmp_path).write(calibration(), recording)
+        assert "pcalib.txt" in written.problems[0]
+        assert names(tmp_path) == ["calibration.json", "times.txt", "vignette.png"]
+
+    def test_without_matplotlib_one_note_says_what_to_install(self, tmp_path, monkeypatch):
+        monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+        written = OutputFolder.at(tmp_path).draw(calibration())
+        assert written.files == ()
+        assert len(written.notes) == 1
+        assert "ospc[plots]" in written.notes[0]
