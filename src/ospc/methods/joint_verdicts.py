@@ -113,9 +113,10 @@ def vignette_verdict(settings: JointSettings, fit: JointFit | None, reach: float
 
 
 def _unexplained(ratios: ExposureRatios) -> float:
-    """Return the median misfit of ln k over its median size, over pairs whose exposure changes."""
-    log_k = np.log(ratios.metadata)
+    """Return the median misfit of ln k over its median size, where the exposure changes."""
+    # Every scene point counts, not every pair: one whose registration failed has hardly any left, and wrong ones.
+    log_k, residual = (np.repeat(values, ratios.samples) for values in (np.log(ratios.metadata), ratios.log_residual))
     changing = np.abs(log_k) > 0.05
     if not changing.any():
         return 0.0
-    return float(np.median(np.abs(ratios.log_residual[changing])) / np.median(np.abs(log_k[changing])))
+    return float(np.median(np.abs(residual[changing])) / np.median(np.abs(log_k[changing])))
