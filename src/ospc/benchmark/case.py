@@ -58,8 +58,8 @@ class Row:
         "default", "paper/l2", "paper/l1", "paper/m-estimator", or what a case compares with.
     figures
         Its metrics.
-    states
-        Verdict on "response" and "vignette".
+    states, reasons
+        Verdict on "response" and "vignette", and why.
     failure
         The error that ended the run instead of a calibration; empty where there was none.
     limits
@@ -71,6 +71,7 @@ class Row:
     method: str
     figures: Figures = Figures()
     states: dict[str, str] = field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
     failure: str = ""
     limits: dict[str, float] = field(default_factory=dict)
     curves: dict[str, dict[str, list[float] | None]] = field(default_factory=dict)

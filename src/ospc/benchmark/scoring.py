@@ -52,7 +52,11 @@ def score(
         Lowest and highest grey value between which the true response is known, if not everywhere; only the shape is
         compared then.
     """
-    row = Row(method, states={name: verdict.state for name, verdict in calibration.verdicts.items()})
+    row = Row(
+        method,
+        states={name: verdict.state for name, verdict in calibration.verdicts.items()},
+        reasons={name: verdict.reason for name, verdict in calibration.verdicts.items()},
+    )
     if calibration.response is not None:
         row = _with_response(row, calibration.response, response, greys)
         if pairs:

@@ -80,12 +80,12 @@ def as_csv(results: Sequence[CaseResult]) -> str:
     limits = list(dict.fromkeys(name for result in results for row in result.rows for name in row.limits))
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    verdicts = ("response_verdict", "vignette_verdict", "failure")
+    verdicts = ("response_verdict", "vignette_verdict", "response_reason", "vignette_reason", "failure")
     writer.writerow(["case", "group", *factors, "method", *FIGURES, *limits, *verdicts])
     for result in results:
         for row in result.rows:
             figures = ["" if (v := getattr(row.figures, name)) is None else repr(v) for name in FIGURES]
-            states = [row.states.get(part, "") for part in ("response", "vignette")]
+            states = [said.get(part, "") for said in (row.states, row.reasons) for part in ("response", "vignette")]
             levels = [result.case.factors.get(name, "") for name in factors]
             bounds = [repr(row.limits[name]) if name in row.limits else "" for name in limits]
             writer.writerow(
