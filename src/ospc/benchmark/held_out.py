@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray
+from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.evaluation.metrics import RatioError, exposure_ratio_error
+from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.simulation import SimulationSettings, irradiances
@@ -24,6 +25,7 @@ _METERED_GREY = 0.42
 _METER_SPREAD = 0.35
 _LOG_RATIOS = (0.1, 1.0)
 _LONGEST_SHIFT = 0.5
+_PART = 0.15
 _OTHER_SCENE = 10_007
 
 
@@ -66,9 +68,10 @@ def simulated_pairs(settings: SimulationSettings, *, still: bool = False) -> lis
     """Return pairs as the simulated camera would take them of another scene, without noise and quantisation.
 
     The radiance is that of rendered views of a room the recording does not show. The first frame of a pair is
-    exposed as a light meter would, give or take; the second by a ratio of |ln k| between 0.1 and 1, with the camera
-    turned so that everything is displaced by up to half of the half diagonal. Clipped points are left out, which
-    without noise selects nothing.
+    exposed as a light meter would, give or take; the second by a ratio of |ln k| between 0.1 and 1. Points lie
+    anywhere on one part of the scene, which the turning camera displaces by up to half of the half diagonal: over all
+    of the image an error of the vignette would cancel. Clipped points are left out, which without noise selects
+    nothing.
 
     Parameters
     ----------
@@ -86,20 +89,29 @@ def simulated_pairs(settings: SimulationSettings, *, still: bool = False) -> lis
         metered = float(response.inverse(_METERED_GREY)) / float(np.median(radiance))
         exposure0 = metered * np.exp(_METER_SPREAD * random.standard_normal())
         ratio = float(np.exp(random.choice([-1, 1]) * random.uniform(*_LOG_RATIOS)))
-        shift = 0.0 if still else random.uniform(0, _LONGEST_SHIFT) * np.hypot(*settings.size) / 2
-        angle = random.uniform(0, 2 * np.pi)
-        points0 = np.floor(random.uniform(0, settings.size, (_POINTS, 2)))
-        points1 = points0 + shift * np.array([np.cos(angle), np.sin(angle)])
-        inside = np.all((points1 >= 0) & (points1 <= np.array(settings.size) - 1), axis=1)
+        points0, points1 = _places(random, settings.size, 0.0 if still else _LONGEST_SHIFT)
         light = radiance[points0[:, 1].astype(int), points0[:, 0].astype(int)]
         grey0 = response(exposure0 * vignette.at(points0) * light)
         grey1 = response(exposure0 / ratio * vignette.at(points1) * light)
-        kept = inside & _exposed(grey0) & _exposed(grey1)
+        kept = _exposed(grey0) & _exposed(grey1)
         if np.count_nonzero(kept) >= _FEWEST_POINTS:
             pairs.append(HeldOutPair(grey0[kept], grey1[kept], points0[kept], points1[kept], ratio))
         if len(pairs) == PAIRS:
             break
     return pairs
+
+
+def _places(random: np.random.Generator, size: ImageSize, longest_shift: float) -> tuple[FloatArray, FloatArray]:
+    """Return where the points of one part of the scene are in the two frames, shape (n, 2) each; n may be zero."""
+    unit = half_diagonal(size)
+    middle = random.uniform(0, size)
+    points0 = np.rint(middle + random.uniform(-_PART, _PART, (_POINTS, 2)) * unit)
+    angle = random.uniform(0, 2 * np.pi)
+    shift = random.uniform(0, longest_shift) * unit * np.array([np.cos(angle), np.sin(angle)])
+    points1 = points0 + shift
+    last = np.array(size) - 1
+    inside = np.all((points0 >= 0) & (points0 <= last) & (points1 >= 0) & (points1 <= last), axis=1)
+    return points0[inside], points1[inside]
 
 
 def _exposed(grey: FloatArray) -> BoolArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from hashlib import sha256
 from pathlib import Path
 
@@ -16,6 +17,7 @@ FILE = Path("responses") / "dorf_201.mat"
 """Where the database lies in the folder of real data."""
 
 _MAX_FILE_BYTES = 64 * 2**20
+_MAX_VALUES = 5_000_000
 _FLATTEST = 1e-6
 """Least growth of g over its table where a measured curve is a step; small against any noise."""
 
@@ -28,16 +30,8 @@ def read_database(path: str | Path) -> list[Response]:
     FormatError
         If the file cannot be read, or does not hold such curves.
     """
-    from scipy.io import loadmat
-
     place = Path(path)
-    try:
-        if place.stat().st_size > _MAX_FILE_BYTES:
-            raise FormatError(f"{place}: too large for a database of responses; give a .mat file with I and B")
-        content = loadmat(place, variable_names=["I", "B"])
-        irradiance, brightness = (np.asarray(content[name], dtype=np.float64) for name in ("I", "B"))
-    except (OSError, KeyError, ValueError, TypeError, NotImplementedError) as error:
-        raise FormatError(f"{place}: not readable as a database of responses ({error}); it needs I and B") from None
+    irradiance, brightness = _arrays(place)
     if irradiance.ndim != 2 or irradiance.shape != brightness.shape or irradiance.shape[1] < 2:
         raise FormatError(f"{place}: I and B have shapes {irradiance.shape} and {brightness.shape}; both need (n, m)")
     return [
@@ -49,6 +43,27 @@ def read_database(path: str | Path) -> list[Response]:
 def fingerprint(response: Response) -> str:
     """Return a hash of the table of a response, to recognise it by."""
     return sha256(np.ascontiguousarray(response.inverse_table).tobytes()).hexdigest()
+
+
+def _arrays(place: Path) -> tuple[FloatArray, FloatArray]:
+    """Return the arrays I and B, whose sizes the file states before anything is unpacked."""
+    from scipy.io import loadmat, whosmat
+
+    try:
+        if place.stat().st_size > _MAX_FILE_BYTES:
+            raise FormatError(f"{place}: too large for a database of responses; give a .mat file with I and B")
+        sizes = {name: math.prod(shape) for name, shape, _ in whosmat(place)}
+        if max(sizes["I"], sizes["B"]) > _MAX_VALUES:
+            raise FormatError(
+                f"{place}: I and B hold more than {_MAX_VALUES} values; that is no database of responses"
+            )
+        content = loadmat(place, variable_names=["I", "B"])
+        irradiance, brightness = (np.asarray(content[name], dtype=np.float64) for name in ("I", "B"))
+    except FormatError:
+        raise
+    except Exception as error:  # the reader has no error of its own for damaged files
+        raise FormatError(f"{place}: not readable as a database of responses ({error}); it needs I and B") from None
+    return irradiance, brightness
 
 
 def _response(irradiance: FloatArray, brightness: FloatArray, name: str) -> Response:
