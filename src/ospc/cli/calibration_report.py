@@ -115,7 +115,6 @@ def as_json(
         "skipped": list(outcome.skipped),
         "advice": list(calibration.advice),
         "files": [str(file) for file in written.files],
-        "notes": list(written.notes),
     }
     ratios = ratio_figures(calibration)
     if ratios is not None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ospc.cli.calibration_report import as_json, say_errors, say_notes, say_result, say_skipped
 from ospc.cli.interruption import Interruption
 from ospc.errors import OspcError
 
@@ -67,8 +68,8 @@ class Options:
     truth: Photometry | None = None
 
 
-COMPLETE, UNDETERMINED, INTERRUPTED = 0, 3, 130
-"""Exit codes of a run that wrote its result; 1 is an error and 2 wrong usage."""
+COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
+"""Exit codes; 2 is wrong usage."""
 
 
 def calibrate_into(
@@ -83,27 +84,41 @@ def calibrate_into(
     KeyboardInterrupt
         If the user gave up before anything was written.
     """
-    from ospc.cli.calibration_report import as_json, say_errors, say_notes, say_result, say_skipped
-
     talkative = not options.quiet and not options.as_json
     if talkative:
         say_notes(recording.notes)
-    outcome = run(recording, settings, interruption, visible=not options.quiet and sys.stderr.isatty())
-    outcome, written = _write(folder, recording, outcome, interruption, options.truth)
-    comparison = _compare(outcome, options.truth)
-    code = INTERRUPTED if outcome.interrupted else COMPLETE if outcome.calibration.complete else UNDETERMINED
-    if talkative:
-        say_skipped(outcome)
-        say_result(outcome, len(recording), folder, written)
-        say_notes(written.notes)
-    if talkative and options.truth is not None:
-        say_errors(comparison, outcome.calibration, options.truth.name)
-    if options.as_json:
-        content = {"exit_code": 1 if outcome.failure else code, "recording_notes": list(recording.notes)}
-        click.echo(json.dumps(content | as_json(outcome, folder, written, comparison), indent=1))
+    visible = not options.quiet and sys.stderr.isatty()
+    with interruption.deferred():
+        outcome = run(recording, settings, interruption, visible=visible, announce=not options.quiet)
+        with interruption.held():
+            outcome, written = _write(folder, recording, outcome, interruption, options.truth)
+            code = _exit_code(outcome)
+            _report(outcome, recording, folder, written, options)
     if outcome.failure:
         raise OspcError(outcome.failure)
     return code
+
+
+def _exit_code(outcome: Outcome) -> int:
+    if outcome.failure:
+        return FAILED
+    if outcome.interrupted:
+        return INTERRUPTED
+    return COMPLETE if outcome.calibration.complete else UNDETERMINED
+
+
+def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, written: Written, options: Options) -> None:
+    comparison = _compare(outcome, options.truth)
+    if options.as_json:
+        content = {"exit_code": _exit_code(outcome), **as_json(outcome, folder, written, comparison)}
+        content["notes"] = [*recording.notes, *written.notes]
+        click.echo(json.dumps(content, indent=1))
+    elif not options.quiet:
+        say_skipped(outcome)
+        say_result(outcome, len(recording), folder, written)
+        say_notes(written.notes)
+        if options.truth is not None:
+            say_errors(comparison, outcome.calibration, options.truth.name)
 
 
 def _write(
@@ -115,14 +130,13 @@ def _write(
 ) -> tuple[Outcome, Written]:
     """Write data, then pictures; an interruption now only leaves out pictures."""
     before = interruption.count
-    with interruption.held():
-        written = folder.write(outcome.calibration, recording)
-        if not written.problems:
-            written += folder.draw(outcome.calibration, truth, stop=lambda: interruption.count > before)
-        if interruption.requested and not outcome.interrupted:
-            partial = replace(outcome.calibration, partial=True)
-            partial.save(folder.path / "calibration.json")
-            outcome = replace(outcome, calibration=partial, interrupted=True)
+    written = folder.write(outcome.calibration, recording)
+    if not written.problems:
+        written += folder.draw(outcome.calibration, truth, stop=lambda: interruption.count > before)
+    if interruption.requested and not outcome.interrupted:
+        partial = replace(outcome.calibration, partial=True)
+        partial.save(folder.path / "calibration.json")
+        outcome = replace(outcome, calibration=partial, interrupted=True)
     failure = "; ".join(filter(None, (outcome.failure, *written.problems)))
     return replace(outcome, failure=failure), written
 
@@ -139,7 +153,9 @@ def _compare(outcome: Outcome, truth: Photometry | None) -> Comparison | None:
     return compare(estimate, truth) if truth is not None and (responses or vignettes) else None
 
 
-def run(recording: Recording, settings: Settings, interruption: Interruption, *, visible: bool) -> Outcome:
+def run(
+    recording: Recording, settings: Settings, interruption: Interruption, *, visible: bool, announce: bool = True
+) -> Outcome:
     """Calibrate; what was seen before an interruption or a failure is not lost.
 
     Parameters
@@ -152,6 +168,8 @@ def run(recording: Recording, settings: Settings, interruption: Interruption, *,
         Tells when to stop.
     visible
         Whether to show progress on standard error.
+    announce
+        Whether to say on standard error that an interruption was understood.
 
     Raises
     ------
@@ -168,6 +186,9 @@ def run(recording: Recording, settings: Settings, interruption: Interruption, *,
         failure = _push_all(recording, calibrator, skipped, interruption, show)
         early = interruption.requested
         show(calibrator.status, "estimating")
+        if early and announce:
+            frames = calibrator.status.frames
+            click.echo(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
         calibration = _estimate(calibrator, failure, early=early)
         calibration = replace(calibration, source=_identity(recording))
     stopped = interruption.requested

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
@@ -11,17 +12,21 @@ from typing import Any, Literal
 
 _Mode = Literal["at once", "deferred", "held"]
 
+_SAME_S = 2.0
+"""Signals within this time are one request: keys repeat, and a long step of the work delays their notice."""
+
 
 class Interruption:
     """Catches SIGINT and SIGTERM while it is entered.
 
     At first, a signal raises ``KeyboardInterrupt`` at once. While :meth:`deferred`, the first only sets
-    :attr:`requested`, so that no step of the work is cut in two, and the next one raises. While :meth:`held`, none
-    raises.
+    :attr:`requested`, so that no step of the work is cut in two, and one that comes some seconds later raises. While
+    :meth:`held`, none raises.
     """
 
     def __init__(self) -> None:
         self._count = 0
+        self._counted_s = -float("inf")
         self._mode: _Mode = "at once"
         self._before: dict[int, Any] = {}
 
@@ -61,6 +66,10 @@ class Interruption:
             signal.signal(number, handler)
 
     def _handle(self, _number: int, _frame: FrameType | None) -> None:
+        now_s = time.monotonic()
+        if now_s - self._counted_s < _SAME_S and self._mode != "at once":
+            return
+        self._counted_s = now_s
         self._count += 1
         if self._mode == "at once" or (self._mode == "deferred" and self._count > 1):
             raise KeyboardInterrupt
