@@ -62,7 +62,7 @@ class SampledFrame:
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         sift = cv2.SIFT_create(nfeatures=_FEATURES)
         key_points, descriptors = sift.detectAndCompute(_equalised(grey), None)
-        found = cv2.KeyPoint_convert(key_points).astype(np.float64).reshape(-1, 2)
+        found = np.array([point.pt for point in key_points], dtype=np.float64).reshape(-1, 2)
         smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX)
         gradient = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)) / 8
         return cls(
