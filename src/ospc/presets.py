@@ -110,8 +110,9 @@ class JointSettings:
         Most scene points taken from a pair.
     max_points
         Most scene points kept in all.
-    response_intervals
-        Intervals between the knots of the response.
+    response_intervals, series_intervals
+        Intervals between the knots of the response, for a moving camera and for one that stands still, whose many
+        sightings of each point resolve more.
     radial_terms
         Radial terms of ln V.
     rounds
@@ -139,10 +140,11 @@ class JointSettings:
     points_per_pair: int = 400
     max_points: int = 60_000
     response_intervals: int = 32
+    series_intervals: int = 64
     radial_terms: int = 4
     rounds: int = 8
     still_px: float = 0.3
-    series_pixels: int = 2_000
+    series_pixels: int = 1_500
     min_points: int = 200
     min_log_exposure_change: float = 0.05
     min_radial_reach: float = 0.1

@@ -79,7 +79,8 @@ class LatentModel:
     errors
         Error model of the sightings.
     noise
-        Noise of single pixels, whose clipping shifts means near black and white.
+        Noise of the single pixels behind a sighting, whose clipping shifts means near black and white; None where a
+        sighting is a single pixel, so that the error model tells.
     trusted
         Whether the model is good enough to predict; otherwise it is linearised at the measured grey levels.
     """
@@ -88,7 +89,7 @@ class LatentModel:
     log_response: FloatArray
     gamma: FloatArray
     errors: ErrorModel
-    noise: NoiseModel
+    noise: NoiseModel | None
     trusted: bool
 
     def __call__(self, sightings: Sightings, log_vignette: FloatArray, weight: FloatArray) -> Latent:
@@ -131,8 +132,21 @@ class LatentModel:
         return self.gamma / np.maximum(self.basis.grid, DARKEST)
 
     @cached_property
+    def _irradiance(self) -> FloatArray:
+        return np.maximum(np.exp(self.log_response), 1e-12)
+
+    @cached_property
     def _clipping_bias(self) -> FloatArray:
-        return self.noise.clipping_bias(self.basis.grid)
+        return self.pixel_noise.clipping_bias(self.basis.grid)
+
+    @cached_property
+    def pixel_noise(self) -> NoiseModel:
+        """Noise of single pixels."""
+        if self.noise is not None:
+            return self.noise
+        grid = slice(None, None, 16)
+        slope = 1 / np.maximum(self._stiffness[grid], 1e-12)
+        return NoiseModel(0.0, 0.0, tuple(self.errors.variance(slope, self._irradiance[grid], np.zeros(1))))
 
     def _linearised(
         self, measured: FloatArray, grey: FloatArray, offset: FloatArray, weight: FloatArray, sightings: Sightings
@@ -144,7 +158,8 @@ class LatentModel:
         if self.trusted:
             excess = excess - self._clipping_bias[index]
         linear_log = self.log_response[index] + stiffness * excess
-        precision = 1 / (self.errors.variance(level, 1 / stiffness, sightings) * stiffness**2)
+        variance = self.errors.variance(1 / stiffness, self._irradiance[index], sightings.gradient)
+        precision = 1 / (variance * stiffness**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, sightings)
         return _Linearised(index, level, stiffness, linear_log, precision, total, mean)
 

@@ -1,9 +1,10 @@
-"""Noise of single pixels, measured where the image is flat."""
+"""Noise of single pixels, measured where the image has the least structure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from scipy.optimize import nnls
 
@@ -11,12 +12,22 @@ from ospc.arrays import FloatArray, Image
 from ospc.photometry.noise import NoiseModel
 
 _BINS = 16
-_ROWS = 48
+_BLOCK = 8
+_BAND_SPACING = 24
+_SHARE = 0.1
+_QUANTILE_OF_NOISE = 0.627
+"""A tenth of blocks of pure noise have a variance below this share of the true one."""
+
+_MIN_BLOCKS = 40
+_REMEMBERED = 64
+
+_LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
+"""Blind to planes and to edges along rows and columns; passes white noise with its variance (Immerkaer 1996)."""
 
 
 @dataclass
 class NoiseGauge:
-    """Collects second differences along rows, whose variance at flat places is that of the noise.
+    """Collects the variance of blocks after their structure is filtered out; the least of many is that of the noise.
 
     Attributes
     ----------
@@ -25,38 +36,42 @@ class NoiseGauge:
     """
 
     max_grey: int
-    _sum: FloatArray = field(default_factory=lambda: np.zeros(_BINS), repr=False)
-    _weight: FloatArray = field(default_factory=lambda: np.zeros(_BINS), repr=False)
+    _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(_BINS)], repr=False)
 
     def watch(self, image: Image) -> None:
-        """Take an image: some of its rows."""
-        rows = image[:: max(1, image.shape[0] // _ROWS)].astype(np.float64) / self.max_grey
-        groups = rows[:, : rows.shape[1] // 9 * 9].reshape(-1, 9)
-        middle = groups.mean(axis=1)
-        # Nine pixels in a row are flat if their halves agree: a test that does not look at the differences measured.
-        slope = np.abs(groups[:, :3].mean(axis=1) - groups[:, 6:].mean(axis=1))
-        exposed = (groups.min(axis=1) > 1.5 / 255) & (groups.max(axis=1) < 253.5 / 255)
-        second = (groups[:, 1:8:2] - 0.5 * (groups[:, 0:7:2] + groups[:, 2:9:2])) ** 2 / 1.5
-        index = np.minimum((middle * _BINS).astype(np.int64), _BINS - 1)
+        """Take an image: some bands of it."""
+        tops = range(0, image.shape[0] - _BLOCK - 1, _BAND_SPACING)
+        level, variance = np.concatenate([self._blocks(image[top : top + _BLOCK + 2]) for top in tops], axis=1)
+        number = np.minimum((level * _BINS).astype(np.int64), _BINS - 1)
         for b in range(_BINS):
-            inside = exposed & (index == b)
-            if np.count_nonzero(inside) < 30:
-                continue
-            flattest = slope[inside] <= np.quantile(slope[inside], 0.25)
-            values = second[inside][flattest].mean(axis=1)
-            # Structure makes a tail, so the median decides; four correlated differences have that of a χ² of 3.
-            self._sum[b] += float(np.median(values)) / 0.830 * values.size
-            self._weight[b] += values.size
+            inside = variance[number == b]
+            if len(inside) >= _MIN_BLOCKS:
+                least = float(np.quantile(inside, _SHARE)) / _QUANTILE_OF_NOISE
+                self._found[b] = [*self._found[b], least][-_REMEMBERED:]
+
+    def _blocks(self, band: Image) -> FloatArray:
+        """Return mean and variance of the exposed blocks of a band, shape (2, blocks)."""
+        grey = band.astype(np.float32) / np.float32(self.max_grey)
+        columns = (grey.shape[1] - 2) // _BLOCK
+        inner = (slice(1, -1), slice(1, 1 + columns * _BLOCK))
+        shape = (_BLOCK, columns, _BLOCK)
+        blocks = grey[inner].reshape(shape)
+        rough = (cv2.filter2D(grey, cv2.CV_32F, _LAPLACIANS)[inner] ** 2).reshape(shape)
+        exposed = (blocks.min(axis=(0, 2)) > 1.5 / 255) & (blocks.max(axis=(0, 2)) < 253.5 / 255)
+        return np.stack([blocks.mean(axis=(0, 2)), rough.mean(axis=(0, 2))])[:, exposed].astype(np.float64)
 
     def model(self) -> NoiseModel:
-        """Return read and shot noise; plain quantisation noise where nothing was measured."""
+        """Return the noise; plain quantisation noise where nothing was measured."""
         floor = 1 / 12 / self.max_grey**2
-        known = self._weight > 100
+        known = np.array([len(found) > 0 for found in self._found])
         if not known.any():
             return NoiseModel(max(floor, (0.5 / 255) ** 2), 0.0)
         level = (np.arange(_BINS)[known] + 0.5) / _BINS
-        variance = np.maximum(self._sum[known] / self._weight[known], floor)
-        matrix = np.stack([np.ones_like(level), level], axis=1)
-        confidence = np.sqrt(self._weight[known])
-        read, shot = nnls(matrix / variance[:, None] * confidence[:, None], confidence)[0]
-        return NoiseModel(max(float(read), floor), float(shot))
+        variance = np.maximum([np.median(found) for found in self._found if found], floor)
+        read, shot = nnls(np.stack([1 / variance, level / variance], axis=1), np.ones(len(level)))[0]
+        # Where noise reaches the ends, only blocks with little of it pass as exposed: their neighbours tell better.
+        trusted = 4 * np.sqrt(variance) < np.minimum(level, 1 - level)
+        table: tuple[float, ...] = ()
+        if trusted.any():
+            table = tuple(np.interp(np.linspace(0, 1, _BINS + 1), level[trusted], variance[trusted]))
+        return NoiseModel(max(float(read), floor), float(shot), table)

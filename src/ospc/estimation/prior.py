@@ -30,16 +30,16 @@ class Prior:
         Expected parameters, shape (p,).
     level
         Precision from the spread of the level and of the vignette, shape (p, p).
-    roughness
-        Precision of a random walk of unit steps, shape (p, p).
-    steps
-        Number of steps of the walk.
+    walk
+        Takes the parameters to the walk's steps, shape (steps, p).
+    bend
+        Standard deviation of each step that is there whatever the data say, shape (steps,).
     """
 
     mean: FloatArray
     level: FloatArray
-    roughness: FloatArray
-    steps: int
+    walk: FloatArray
+    bend: FloatArray
 
     @classmethod
     def of(cls, basis: ResponseBasis, vignette_parameters: int) -> Prior:
@@ -48,14 +48,15 @@ class Prior:
         n, p = len(basis), len(basis) + vignette_parameters
         relative = np.diag(1 / typical)
         middle = (basis.knots[:-1] + basis.knots[1:]) / 2
-        walk = (np.diff(np.eye(n), axis=0) / shoulder_steps(middle)[:, None]) @ relative
-        average = np.full(n, 1 / n) @ relative
-        roughness, level = np.zeros((p, p)), np.zeros((p, p))
         # A walk over the whole range has the same spread whatever the number of knots.
-        roughness[:n, :n] = walk.T @ walk * (n - 1)
+        walk = np.zeros((n - 1, p))
+        walk[:, :n] = np.diff(np.eye(n), axis=0) @ relative * np.sqrt(n - 1)
+        average = np.full(n, 1 / n) @ relative
+        level = np.zeros((p, p))
         level[:n, :n] = np.outer(average, average) / LEVEL_SIGMA**2
         level[n:, n:] = np.eye(vignette_parameters) / VIGNETTE_SIGMA**2
-        return cls(np.concatenate([typical, np.zeros(vignette_parameters)]), level, roughness, n - 1)
+        mean = np.concatenate([typical, np.zeros(vignette_parameters)])
+        return cls(mean, level, walk, end_bend(middle))
 
     def precision(self, step: float) -> FloatArray:
         """Return the precision matrix, shape (p, p).
@@ -65,17 +66,20 @@ class Prior:
         step
             Standard deviation of the walk over the whole range of grey levels, relative to the typical gamma.
         """
-        return self.level + self.roughness / step**2
+        return self.level + self.walk.T @ (self.walk / self._variance(step)[:, None])
 
     def log_determinant(self, step: float) -> float:
         """Return the part of the log determinant of the precision that depends on the step."""
-        return -2 * self.steps * float(np.log(step))
+        return -float(np.sum(np.log(self._variance(step))))
+
+    def _variance(self, step: float) -> FloatArray:
+        return np.asarray(step**2 + self.bend**2)
 
 
-def shoulder_steps(grey: FloatArray) -> FloatArray:
-    """Return how much larger steps of the walk are at grey levels in [0, 1] than in the middle.
+def end_bend(grey: FloatArray) -> FloatArray:
+    """Return the steps to expect of any camera near white and black, relative, at grey levels in [0, 1].
 
-    Near white, responses bend at will: between grey levels 0.9 and 0.98 the local gamma of the 201 measured responses
-    changes as much as over all the rest.
+    Between grey levels 0.9 and 0.98 the local gamma of the 201 measured responses changes as much as over all the
+    rest, however smooth they are elsewhere; near black a toe or a black level may bend the curve likewise.
     """
-    return np.asarray(1 + 5 * grey**10)
+    return np.asarray(2.5 * grey**12 + (1 - grey) ** 40)

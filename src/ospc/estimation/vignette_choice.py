@@ -12,9 +12,12 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.noise import NoiseModel
 
+_SYSTEMATIC = 0.004
+"""Errors of registration common to all samples imitate asymmetries of this size, in ln V over a half diagonal."""
+
 
 def fit_with_chosen_vignette(
-    sightings: Sightings, response: ResponseBasis, widest: VignetteBasis, noise: NoiseModel, rounds: int
+    sightings: Sightings, response: ResponseBasis, widest: VignetteBasis, noise: NoiseModel | None, rounds: int
 ) -> JointFit:
     """Fit response and vignette, with only as many vignette parameters as the data ask for.
 
@@ -31,7 +34,7 @@ def fit_with_chosen_vignette(
     widest
         The richest vignette considered.
     noise
-        Noise of single pixels.
+        Noise of single pixels; None where the sightings are single pixels themselves.
     rounds
         Rounds of each fit.
     """
@@ -49,6 +52,7 @@ def fit_with_chosen_vignette(
 
 def _asked_for(fit: JointFit, last: int) -> bool:
     """Return whether the last so many parameters are worth their number."""
-    value, covariance = fit.parameters[-last:], fit.covariance[-last:, -last:]
+    value = fit.parameters[-last:]
+    covariance = fit.covariance[-last:, -last:] + _SYSTEMATIC**2 * np.eye(last)
     statistic = float(value @ np.linalg.solve(covariance, value))
     return bool(statistic > last * np.log(max(fit.groups, 3)))

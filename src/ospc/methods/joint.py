@@ -22,6 +22,7 @@ from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.methods.joint_summary import Evidence, response_of, summarise
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.noise import NoiseModel
 from ospc.presets import JointSettings
 from ospc.recording.frame import Frame
 
@@ -128,7 +129,7 @@ class JointMethod:
         fit = None
         if sightings is not None and enough and changes >= self._settings.min_log_exposure_change:
             fit = fit_with_chosen_vignette(
-                sightings, self._basis, self._widest_vignette(), self._noise.model(), self._settings.rounds
+                sightings, self._response_basis(), self._widest_vignette(), self._pixel_noise(), self._settings.rounds
             )
         evidence = Evidence(
             size=self._size,
@@ -182,10 +183,20 @@ class JointMethod:
     def _standing_still(self) -> bool:
         return len(self._motions) > 0 and float(np.median(self._motions)) <= self._settings.still_px
 
+    @property
+    def _series_stands_in(self) -> bool:
+        return self._standing_still and self._series is not None
+
     def _sightings(self) -> Sightings | None:
-        if self._standing_still and self._series is not None:
+        if self._series is not None and self._series_stands_in:
             return self._series.sightings()
         return self._reservoir.all() if self._reservoir.points else None
+
+    def _response_basis(self) -> ResponseBasis:
+        return ResponseBasis(self._settings.series_intervals) if self._series_stands_in else self._basis
+
+    def _pixel_noise(self) -> NoiseModel | None:
+        return None if self._series_stands_in else self._noise.model()
 
     def _widest_vignette(self) -> VignetteBasis:
         if self._standing_still:
