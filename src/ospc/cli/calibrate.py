@@ -63,7 +63,7 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     type=click.Choice(["default", "paper"]),
     default="default",
     show_default=True,
-    help="The method: the accurate one, or the paper's.",
+    help="The method: maximum likelihood, or the paper's.",
 )
 @click.option(
     "--set",
