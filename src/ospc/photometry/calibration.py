@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import FormatError
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+
+if TYPE_CHECKING:
+    from ospc.photometry.correction import Corrector
 
 SCHEMA = "ospc-calibration/1"
 PROFILE_RADII = np.linspace(0.0, 1.0, 51)
@@ -148,6 +152,72 @@ class Calibration:
     def complete(self) -> bool:
         """Whether both response and vignette are known."""
         return self.response is not None and self.vignette is not None
+
+    def correct(
+        self,
+        image: Image,
+        exposure_ms: float | None = None,
+        *,
+        dtype: npt.DTypeLike = np.float32,
+        white: float = 1.0,
+        mark_saturated: bool = True,
+        max_grey: int | None = None,
+        assume_missing: bool = False,
+    ) -> npt.NDArray[Any]:
+        """Return the irradiance e·L = g(M)/V(x) of an image, or the radiance L where its exposure is given.
+
+        As :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`, which has all about it; to be
+        applied before any undistortion or scaling.
+
+        Parameters
+        ----------
+        image, exposure_ms, dtype, white, mark_saturated
+            As there.
+        max_grey
+            Largest grey value of the image where it is not that of the calibration.
+        assume_missing
+            Whether an unknown response or vignette is taken to be the identity instead of refused.
+
+        Raises
+        ------
+        NotObservableError
+            If response or vignette is unknown.
+        SettingError, FrameError, ExposureError
+            As there.
+        """
+        corrector = self._corrector(max_grey, assume_missing)
+        return corrector.correct(image, exposure_ms, dtype=dtype, white=white, mark_saturated=mark_saturated)
+
+    def saturated(self, image: Image, *, max_grey: int | None = None) -> BoolArray:
+        """Return which pixels have the largest grey value and so are known only to be at least that bright."""
+        return self._corrector(max_grey, assume_missing=True).saturated(image)
+
+    def warp_exposure(self, image: Image, from_ms: float, to_ms: float, *, max_grey: int | None = None) -> Image:
+        """Return what the camera would have recorded of the same scene at another exposure.
+
+        As :meth:`Corrector.warp_exposure <ospc.photometry.correction.Corrector.warp_exposure>`.
+
+        Raises
+        ------
+        NotObservableError
+            If the response is unknown.
+        FrameError, ExposureError
+            As there.
+        """
+        return self._corrector(max_grey, assume_missing=False).warp_exposure(image, from_ms, to_ms)
+
+    def _corrector(self, max_grey: int | None, assume_missing: bool) -> Corrector:
+        from ospc.photometry.correction import Corrector  # loads OpenCV, which the value itself does not need
+
+        grey = self.max_grey if max_grey is None else max_grey
+        key = (grey, assume_missing)
+        if key not in self._correctors:
+            self._correctors[key] = Corrector(self.response, self.vignette, grey, assume_missing)
+        return self._correctors[key]
+
+    @cached_property
+    def _correctors(self) -> dict[tuple[int, bool], Corrector]:
+        return {}
 
     def with_source(self, source: dict[str, Any]) -> Calibration:
         """Return the calibration with another identification of its input."""

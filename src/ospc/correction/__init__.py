@@ -1,0 +1,1 @@
+"""Whole recordings with response and vignette taken out of them."""

@@ -1,0 +1,197 @@
+"""Correct a recording image by image and write it as another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ospc.arrays import Image
+from ospc.correction.folder import CorrectedFolder
+from ospc.correction.result import Corrected, formula_of, notes_on
+from ospc.correction.settings import DTYPES, CorrectionSettings
+from ospc.correction.threads import mapped
+from ospc.errors import FrameError, NotObservableError, RecordingError, SettingError
+from ospc.formats.opening import Photometry
+from ospc.photometry.correction import Corrector, wrong_size
+from ospc.recording import Frame, Recording, identity
+
+_DEFAULT = CorrectionSettings()
+_REASONS_KEPT = 20
+
+
+def corrector_for(recording: Recording, photometry: Photometry, *, assume_missing: bool = False) -> Corrector:
+    """Return what corrects the images of a recording.
+
+    Raises
+    ------
+    SettingError
+        If the vignette is for images of another size.
+    NotObservableError
+        If response or vignette is unknown and that is not to be assumed away.
+    """
+    for part, means in (("response", "linear"), ("vignette", "none")):
+        if getattr(photometry, part) is None and not assume_missing:
+            verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(part)
+            reason = "" if verdict is None else f" ({verdict.reason})"
+            raise NotObservableError(
+                f"{photometry.name}: knows no {part}{reason}; give a calibration that does, or add --assume-missing "
+                f"to take it for {means}"
+            )
+    if photometry.vignette is not None and photometry.vignette.size != recording.size:
+        raise SettingError(
+            wrong_size(f"every image of {recording.path}", recording.size, photometry.name, photometry.vignette.size)
+        )
+    return Corrector(photometry.response, photometry.vignette, recording.max_grey, assume_missing)
+
+
+def correct_recording(
+    recording: Recording,
+    photometry: Photometry,
+    folder: CorrectedFolder,
+    settings: CorrectionSettings = _DEFAULT,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> Corrected:
+    """Write a recording with response and vignette taken out of its images.
+
+    Images are read one by one, corrected and written in a few threads; no more than a few are in memory.
+
+    Parameters
+    ----------
+    recording
+        What to correct.
+    photometry
+        Its camera's response and vignette.
+    folder
+        Where to.
+    settings
+        What to write.
+    progress
+        Called with the number of frames done and of all frames.
+
+    Returns
+    -------
+    Corrected
+        What was written. ``correction.json`` in the folder says the same and more. For ``grey8`` and ``grey16`` there
+        are also pcalib.txt and vignette.png of what the images are now: linear and without vignette.
+
+    Raises
+    ------
+    SettingError
+        If the calibration is for images of another size, or the folder cannot be written.
+    NotObservableError
+        If response or vignette is unknown and that is not to be assumed away.
+    RecordingError
+        If not one image can be read.
+    """
+    corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
+    reference_ms = settings.reference_for(recording.exposures_ms)
+    notes = tuple(notes_on(recording, photometry, settings))
+    note = {
+        "formula": formula_of(settings, reference_ms),
+        "settings": vars(settings) | {"reference_ms": reference_ms},
+        "calibration": photometry.name,
+        "assumed_identity": list(corrector.assumed),
+        "recording": identity(recording),
+        "notes": list(notes),
+    }
+    folder.begin({"finished": False, **note})
+    reasons: list[str] = []
+    written: list[_Written] = []
+    for done in mapped(_Work(corrector, folder, settings, reference_ms), _readable(recording, reasons)):
+        written.append(done)
+        progress(len(written) + len(reasons), len(recording))
+    if not written:
+        raise RecordingError(f"{recording.path}: none of its {len(recording)} images can be read; {reasons[0]}")
+    pixels = len(written) * recording.size[0] * recording.size[1]
+    frames = [w.index for w in written]
+    result = Corrected(
+        path=folder.path,
+        formula=formula_of(settings, reference_ms),
+        frames=tuple(frames),
+        exposures_ms=recording.exposures_ms[frames] if reference_ms is None else np.full(len(frames), reference_ms),
+        skipped=len(reasons),
+        reasons=tuple(reasons[:_REASONS_KEPT]),
+        saturated=sum(w.saturated for w in written) / pixels,
+        clipped=sum(w.clipped for w in written) / pixels,
+        assumed=corrector.assumed,
+        notes=notes,
+    )
+    _finish(folder, recording, result, note, settings)
+    return result
+
+
+def _finish(
+    folder: CorrectedFolder,
+    recording: Recording,
+    result: Corrected,
+    note: dict[str, Any],
+    settings: CorrectionSettings,
+) -> None:
+    """Write what goes beside the images; times.txt last."""
+    frames = list(result.frames)
+    if settings.limit is not None:
+        folder.write_linear_parameters(recording.size, settings.limit)
+    folder.write_note(
+        {
+            "finished": True,
+            **note,
+            "frames": len(frames),
+            "skipped": {"frames": result.skipped, "reasons": list(result.reasons)},
+            "saturated_share": result.saturated,
+            "clipped_share": result.clipped,
+            "original_exposures_ms": recording.exposures_ms[frames].tolist(),
+            "copied": folder.copy_geometry(recording.path),
+        }
+    )
+    folder.write_times(frames, recording.stamps_s[frames], result.exposures_ms)
+
+
+@dataclass(frozen=True)
+class _Written:
+    """What the image of a frame came to: how many pixels were saturated, how many more the output cannot hold."""
+
+    index: int
+    saturated: int
+    clipped: int
+
+
+@dataclass(frozen=True)
+class _Work:
+    """Corrects and writes one image."""
+
+    corrector: Corrector
+    folder: CorrectedFolder
+    settings: CorrectionSettings
+    reference_ms: float | None
+
+    def __call__(self, item: tuple[Frame, Image]) -> _Written:
+        frame, image = item
+        corrected = self.corrector.correct(
+            image,
+            None if self.reference_ms is None else frame.exposure_ms / self.reference_ms,
+            dtype=DTYPES[self.settings.output],
+            white=self.settings.white,
+            mark_saturated=self.settings.mask_saturated,
+        )
+        self.folder.write_image(frame.index, corrected)
+        saturated = cv2.compare(image, float(self.corrector.max_grey), cv2.CMP_GE)
+        clipped = 0
+        if self.settings.limit is not None:
+            white = cv2.compare(corrected, float(self.settings.limit), cv2.CMP_EQ)
+            clipped = cv2.countNonZero(cv2.subtract(white, saturated))
+        return _Written(frame.index, cv2.countNonZero(saturated), clipped)
+
+
+def _readable(recording: Recording, reasons: list[str]) -> Iterator[tuple[Frame, Image]]:
+    """Give the frames that can be read with their images, and keep why others cannot."""
+    for frame in recording:
+        try:
+            image = frame.image
+        except FrameError as error:
+            reasons.append(str(error))
+            continue
+        yield frame, image

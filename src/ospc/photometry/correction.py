@@ -1,0 +1,297 @@
+"""Using a calibration: from grey values to the light that reached the lens.
+
+The order with geometry is: **first this, then undistort, rectify, scale or crop.** Response and vignette belong to
+single pixels of the sensor; an interpolated pixel is a mean of grey values, which a response does not invert, at a
+place that has another vignette.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize
+from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+
+LEAST_ATTENUATION = 1e-3
+"""Where less than this share of the light arrives, as around a fisheye's image circle, there is no image."""
+
+_EXPOSURE_RANGE_MS = (1e-9, 1e9)
+_BEYOND = float(2**20)
+"""Above the largest grey value of any integer type by enough that no vignette brings it back, and far below where
+conversion to integers overflows."""
+
+_ROWS_AT_ONCE = 16
+_OUTPUT_TYPES = (np.dtype(np.float32), np.dtype(np.uint8), np.dtype(np.uint16))
+
+
+@dataclass(frozen=True)
+class Corrector:
+    """Takes response and vignette out of images: e·L = g(M) / V(x) (paper, image formation M = f(e V L)).
+
+    Made once a camera; what an image costs is one table look-up and one multiplication a pixel. It can be used from
+    several threads.
+
+    Attributes
+    ----------
+    response
+        The response; for colour images also one for each channel, in the images' own order. None where unknown.
+    vignette
+        The vignette; None where unknown.
+    max_grey
+        Largest grey value of the images; pixels that reach it are saturated.
+    assume_missing
+        Whether a part that is unknown is taken to be the identity (g(M) = M, V = 1) instead of refused;
+        :attr:`assumed` then names it, to be said wherever the result goes.
+    """
+
+    response: Response | Sequence[Response] | None
+    vignette: Vignette | None
+    max_grey: int = 255
+    assume_missing: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what no image has."""
+        if not 1 <= self.max_grey <= 65535:
+            raise SettingError(f"max_grey is {self.max_grey}; give the largest grey value of the images, up to 65535")
+        if isinstance(self.response, Sequence) and len(self.response) != 3:
+            raise SettingError(f"{len(self.response)} responses; give one, or one for each of three channels")
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Names of the parts that are not known but assumed to be the identity."""
+        return tuple(part for part in ("response", "vignette") if self.assume_missing and getattr(self, part) is None)
+
+    def correct(
+        self,
+        image: Image,
+        exposure_ms: float | None = None,
+        *,
+        dtype: npt.DTypeLike = np.float32,
+        white: float = 1.0,
+        mark_saturated: bool = True,
+    ) -> npt.NDArray[np.generic]:
+        """Return the irradiance of every pixel as it would be without vignette, or the radiance.
+
+        Apply it to images as the sensor gives them, before any undistortion, scaling or filtering.
+
+        Parameters
+        ----------
+        image
+            Shape (height, width) or (height, width, 3); uint8, or uint16 where ``max_grey`` is above 255.
+        exposure_ms
+            Exposure time in milliseconds times linear gain. Where given, the result is divided by it: images of
+            different exposures become comparable.
+        dtype
+            float32, or uint8 or uint16 for viewers and programs that read nothing else. The scale stays linear, so
+            8 bits lose the darkest greys of a camera with a gamma curve.
+        white
+            For uint8 and uint16: the irradiance (or radiance) that becomes the largest value. Brighter pixels become
+            that value too.
+        mark_saturated
+            Whether saturated pixels, of which only a lower bound is known, become NaN (float32) or the largest value
+            (integers). Otherwise they hold the lower bound g(1)/V(x).
+
+        Returns
+        -------
+        numpy.ndarray
+            e·L, or L in units of 1/ms, in the image's shape and of type ``dtype``. The unit is the irradiance that
+            saturates the camera where V = 1. Where V is below :data:`LEAST_ATTENUATION` there is no image: NaN, or 0.
+
+        Raises
+        ------
+        NotObservableError
+            If response or vignette is unknown.
+        SettingError
+            If the image has another size than the vignette, or an option has a value that cannot be.
+        FrameError
+            If it is not an image of that bit depth.
+        ExposureError
+            If the exposure is not a positive number.
+        """
+        pixels = self._checked(image)
+        self._require("response", "vignette")
+        kind, scale = np.dtype(dtype), 1.0
+        if kind not in _OUTPUT_TYPES:
+            raise SettingError(f"dtype is {kind}; choose float32, uint8 or uint16")
+        if exposure_ms is not None:
+            scale = 1.0 / _checked_exposure(exposure_ms)
+        inverse = self._inverse_vignette(pixels)
+        if kind == np.float32:
+            bound = np.nan if mark_saturated else scale
+            light = look_up(pixels, self._filled(self._inverse_columns * scale, bound, pixels).astype(np.float32))
+            return light if inverse is None else np.asarray(cv2.multiply(light, inverse, light))
+        if not (np.isfinite(white) and 1e-12 < white < 1e12):
+            raise SettingError(f"white is {white}; give the irradiance, a positive number, that becomes white")
+        limit = float(np.iinfo(kind).max)
+        scale *= limit / white
+        table = self._filled(self._inverse_columns * scale, _BEYOND if mark_saturated else scale, pixels)
+        if inverse is None:
+            return look_up(pixels, np.rint(np.minimum(table, limit)).astype(kind))
+        light = look_up(pixels, np.minimum(table, _BEYOND).astype(np.float32))
+        return np.asarray(cv2.multiply(light, inverse, dtype=cv2.CV_8U if kind == np.uint8 else cv2.CV_16U))
+
+    def saturated(self, image: Image) -> BoolArray:
+        """Return which pixels have the largest grey value and so are known only to be at least that bright.
+
+        Raises
+        ------
+        FrameError
+            If it is not an image of that bit depth.
+        """
+        return np.asarray(self._checked(image) >= self.max_grey)
+
+    def warp_exposure(self, image: Image, from_ms: float, to_ms: float) -> Image:
+        """Return what the camera would have recorded of the same scene at another exposure: f(g(M) · to / from).
+
+        The vignette is the same in both and need not be known.
+
+        Parameters
+        ----------
+        image
+            As for :meth:`correct`, taken with ``from_ms``.
+        from_ms, to_ms
+            Exposures in milliseconds times linear gain.
+
+        Returns
+        -------
+        numpy.ndarray
+            Of the image's shape and type. What saturates at the new exposure has the largest grey value, and what was
+            saturated keeps it, since nobody knows by how much it was; :meth:`saturated` finds both.
+
+        Raises
+        ------
+        NotObservableError
+            If the response is unknown.
+        FrameError, ExposureError
+            As for :meth:`correct`.
+        """
+        pixels = self._checked(image)
+        self._require("response")
+        ratio = _checked_exposure(to_ms) / _checked_exposure(from_ms)
+        columns = [
+            np.interp(inverse * ratio, inverse, grey) for grey, inverse in (self._curve(r) for r in self._responses)
+        ]
+        warped = np.rint(np.stack(columns, axis=-1) * self.max_grey)
+        return look_up(pixels, self._filled(warped, self.max_grey, pixels).astype(pixels.dtype))
+
+    @property
+    def _responses(self) -> tuple[Response | None, ...]:
+        return tuple(self.response) if isinstance(self.response, Sequence) else (self.response,)
+
+    def _curve(self, response: Response | None) -> tuple[FloatArray, FloatArray]:
+        """Return the grey levels of the images and g at them, each of shape (max_grey + 1,)."""
+        levels = np.linspace(0.0, 1.0, self.max_grey + 1)
+        return levels, levels if response is None else response.inverse(levels)
+
+    @cached_property
+    def _inverse_columns(self) -> FloatArray:
+        """The values g(M), shape (max_grey + 1, channels or 1)."""
+        return np.stack([self._curve(response)[1] for response in self._responses], axis=-1)
+
+    def _filled(self, columns: FloatArray, saturated: float, pixels: Image) -> FloatArray:
+        """Return tables as long as the pixels' type has values, so that no pixel can be out of their bounds."""
+        greys = np.iinfo(pixels.dtype).max + 1
+        return np.concatenate(
+            [columns[: self.max_grey], np.full((greys - self.max_grey, columns.shape[1]), saturated)]
+        )
+
+    def _inverse_vignette(self, pixels: Image) -> Float32Array | None:
+        """Return 1/V for every value of an image; None where V is assumed to be 1."""
+        if self.vignette is None:
+            return None
+        found, expected = (pixels.shape[1], pixels.shape[0]), self.vignette.size
+        if found != expected:
+            raise SettingError(wrong_size("the image", found, "the calibration", expected))
+        return self._inverse_map if pixels.ndim == 2 else self._inverse_map_of_colour
+
+    @cached_property
+    def _inverse_map(self) -> Float32Array:
+        assert self.vignette is not None
+        attenuation = self.vignette.image()
+        lit = attenuation >= LEAST_ATTENUATION
+        return np.where(lit, 1 / np.where(lit, attenuation, 1), np.nan).astype(np.float32)
+
+    @cached_property
+    def _inverse_map_of_colour(self) -> Float32Array:
+        return np.repeat(self._inverse_map[:, :, None], 3, axis=2)
+
+    def _require(self, *parts: str) -> None:
+        for part in parts:
+            if getattr(self, part) is None and not self.assume_missing:
+                raise NotObservableError(
+                    f"the calibration knows no {part}, and images are not corrected with a part of it unless asked "
+                    f"for; calibrate from a recording that determines it, or let it be assumed to be the identity"
+                )
+
+    def _checked(self, image: Image) -> Image:
+        pixels = np.asarray(image)
+        if pixels.dtype not in (np.uint8, np.uint16) or pixels.size == 0:
+            raise FrameError(f"an image to correct holds uint8 or uint16, not {pixels.dtype} of shape {pixels.shape}")
+        if pixels.ndim != 2 and not (pixels.ndim == 3 and pixels.shape[2] == 3):
+            raise FrameError(f"an image to correct is grey or has three channels, not shape {pixels.shape}")
+        if len(self._responses) > 1 and pixels.ndim == 2:
+            raise FrameError("three responses are for an image of three channels; this one is grey")
+        # Words of 16 bit may hold 8-bit greys, as some recorders store them.
+        deeper = pixels.dtype == np.uint16 and self.max_grey < 256 and int(pixels.max()) > self.max_grey
+        if deeper or (pixels.dtype == np.uint8 and self.max_grey > 255):
+            raise FrameError(
+                f"this image of {pixels.dtype} cannot be one with grey values up to {self.max_grey}, for which the "
+                f"calibration is; state max_grey if the response holds for its depth, too"
+            )
+        return pixels
+
+
+def wrong_size(what: str, found: ImageSize, calibration: str, expected: ImageSize) -> str:
+    """Return the message for images of another size than the calibration's, with what to do."""
+    size = f"{found[0]}x{found[1]}"
+    return (
+        f"{what} has {size} pixels, {calibration} is for {expected[0]}x{expected[1]}; "
+        f"adapt it with 'ospc export --to json --size {size}' (and --crop, if part of the view was cut off)"
+    )
+
+
+def _checked_exposure(exposure_ms: float) -> float:
+    low, high = _EXPOSURE_RANGE_MS
+    if not low <= exposure_ms <= high:
+        raise ExposureError(
+            f"exposure {exposure_ms} ms is not a positive number of milliseconds; give that of the image"
+        )
+    return float(exposure_ms)
+
+
+def look_up(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+    """Return the table entry of every pixel; ``tables`` has shape (greys of the type, channels or 1)."""
+    look_up: Callable[[Image, npt.NDArray[np.generic]], npt.NDArray[np.generic]] = (
+        cv2.LUT if pixels.dtype == np.uint8 or _opencv_reads_16_bit_tables() else _look_up_16_bit
+    )
+    return np.asarray(look_up(pixels, np.ascontiguousarray(tables[None])))
+
+
+@cache
+def _opencv_reads_16_bit_tables() -> bool:
+    """Tell whether this OpenCV looks up 16-bit pixels, as releases from 5.0 on do."""
+    try:
+        cv2.LUT(np.zeros((1, 1), np.uint16), np.zeros((1, 65536), np.float32))
+    except cv2.error:
+        return False
+    return True
+
+
+def _look_up_16_bit(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+    found = np.empty(pixels.shape, tables.dtype)
+    for channel in np.ndindex(pixels.shape[2:]):
+        column = np.ascontiguousarray(tables[0, :, channel[0] if channel and tables.shape[2] > 1 else 0])
+        source, target = pixels[(..., *channel)], found[(..., *channel)]
+        # Indices are widened to 64 bits on the way; a few rows at a time they stay in the cache.
+        for row in range(0, pixels.shape[0], _ROWS_AT_ONCE):
+            part = slice(row, row + _ROWS_AT_ONCE)
+            target[part] = np.take(column, source[part], mode="clip")
+    return found
