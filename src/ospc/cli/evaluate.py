@@ -1,15 +1,23 @@
-"""``ospc evaluate``: figures of merit of results that other programs made."""
+"""``ospc evaluate``: figures of merit of what is made with a calibration."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from ospc.cli.correct import warn_of_assumed
+from ospc.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from ospc.evaluation.tracking import TrackingComparison
 
 
 @click.group("evaluate")
 def command() -> None:
-    """Evaluate trajectories against the truth."""
+    """Evaluate trajectories, and what a calibration does for tracking."""
 
 
 @command.command("ealign")
@@ -39,3 +47,78 @@ def ealign(trajectory: Path, truth: Path, as_json: bool) -> None:
     click.echo(f"poses    {error.poses}, {error.first} with truth in its first half and {error.second} in its second")
     if error.unmatched:
         click.echo(f"         {error.unmatched} have no row of the truth within 1 ms")
+
+
+@command.command("tracking")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option(
+    "--calibration", required=True, help="calibration.json, 'pcalib.txt,vignette.png', or a folder with them."
+)
+@click.option(
+    "--assume-missing", is_flag=True, help="Take a response that is unknown for linear, a vignette for none."
+)
+@click.option("--kind", help="Kind of recording, instead of recognising it (tum_mono, euroc, …).")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def tracking(recording: Path, calibration: str, assume_missing: bool, kind: str | None, as_json: bool) -> None:
+    """Tell whether a calibration helps to track points in RECORDING, and how much.
+
+    Corners of the frames as they are get followed by the Lucas-Kanade method, with the same settings, through the
+    frames as they are and through frames as the camera would have recorded them without vignette and, two
+    successive ones each, at one exposure. A track is lost where the method gives up, where following it back ends
+    more than a pixel away, or where the two windows differ by more than half of the contrast within them. One that
+    leaves the image is not lost but merely no longer watched.
+
+    The brightness residual is the change of a track's mean grey level since its beginning, relative to the contrast
+    within its window: what a direct method has to explain away.
+    """
+    from ospc.correction.recording import corrector_for
+    from ospc.evaluation.tracking import compare_tracking
+    from ospc.formats.opening import open_photometry
+    from ospc.recording import open_recording
+
+    frames = open_recording(recording, kind)
+    corrector = corrector_for(frames, open_photometry(calibration), assume_missing=assume_missing)
+    visible = sys.stderr.isatty() and not as_json
+    with progress_bar("tracking", len(frames), visible=visible) as progress:
+        result = compare_tracking(frames, corrector, progress=progress)
+    if as_json:
+        _print_tracking_json(result, corrector.assumed)
+        return
+    warn_of_assumed(corrector.assumed)
+    _print_tracking(result)
+
+
+def _print_tracking_json(result: TrackingComparison, assumed: tuple[str, ...]) -> None:
+    import json
+    import math
+    from dataclasses import asdict
+
+    content = asdict(result) | {"life_ratio": result.life_ratio, "residual_ratio": result.residual_ratio}
+    content = {"sentence": result.sentence, "assumed_identity": list(assumed)} | content
+    for figures in (content, content["raw"], content["corrected"]):
+        unknown = [name for name, value in figures.items() if isinstance(value, float) and not math.isfinite(value)]
+        figures.update(dict.fromkeys(unknown))
+    click.echo(json.dumps(content, indent=1, allow_nan=False))
+
+
+def _print_tracking(result: TrackingComparison) -> None:
+    rows = [
+        ("mean life", "{0.mean_life:.1f}", "frames"),
+        ("median life", "{0.median_life}", "frames"),
+        ("lost", "{lost:.2%}", "of the steps from frame to frame"),
+        ("brightness residual", "{0.residual:.3f}", "of the local contrast, median"),
+    ]
+    click.echo(f"{'':20} {'raw':>10} {'corrected':>10}")
+    for label, form, unit in rows:
+        cells = []
+        for figures in (result.raw, result.corrected):
+            share = sum(figures.lost.values()) / max(figures.steps, 1)
+            cells.append(form.format(figures, lost=share).replace("None", f"> {result.horizon}"))
+        click.echo(f"{label:20} {cells[0]:>10} {cells[1]:>10}   {unit}")
+    click.echo(
+        f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; exposures change by "
+        f"up to {result.largest_step:.3g}:1 from frame to frame"
+    )
+    if result.skipped:
+        click.echo(f"{result.skipped} frames could not be read", err=True)
+    click.echo(result.sentence)

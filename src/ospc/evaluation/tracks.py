@@ -1,0 +1,187 @@
+"""Points followed through two kinds of frames side by side, and what became of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from ospc.arrays import BoolArray, FloatArray
+from ospc.errors import SettingError
+from ospc.evaluation.frame_kinds import CorrectedFrames, FrameKind, RawFrames
+from ospc.evaluation.lucas_kanade import LOSSES, Follower, contrast
+from ospc.evaluation.streaming_median import StreamingMedian
+from ospc.evaluation.survival import LifeTable
+from ospc.photometry.correction import Corrector
+from ospc.recording import Frame
+
+KINDS = ("raw", "corrected")
+
+
+@dataclass(frozen=True)
+class TrackingSettings:
+    """How tracks are made; the same for raw and corrected frames.
+
+    Attributes
+    ----------
+    follower
+        How points are followed and when one is lost.
+    points
+        Most points that tracks begin at in one frame.
+    every
+        Frames from one beginning to the next.
+    horizon
+        Frames after which a track is no longer watched.
+    quality, distance_px, block_px
+        Detection: least corner response relative to the best (Shi and Tomasi 1994), least distance between points,
+        side of the block a corner is measured in.
+    """
+
+    follower: Follower = field(default_factory=Follower)
+    points: int = 150
+    every: int = 15
+    horizon: int = 60
+    quality: float = 0.01
+    distance_px: float = 10.0
+    block_px: int = 7
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no tracks."""
+        if min(self.points, self.every, self.horizon) < 1:
+            raise SettingError("points, every and horizon must be at least 1")
+
+
+@dataclass(frozen=True)
+class TrackFigures:
+    """How tracks fared in one kind of frames.
+
+    Attributes
+    ----------
+    steps
+        Attempts to follow a point to the next frame.
+    lost
+        How many of them failed, by :data:`~ospc.evaluation.lucas_kanade.LOSSES`.
+    mean_life
+        Mean life in frames, the first included, of tracks watched for ``horizon`` frames at most.
+    median_life
+        Frames that half of the tracks do not outlive; None where more than half outlive the horizon.
+    residual
+        Median over tracks and frames of the brightness residual: the change of the window's mean grey level since the
+        track began, over the contrast (mean absolute deviation) within the window; NaN where there is none.
+    """
+
+    steps: int
+    lost: dict[str, int]
+    mean_life: float
+    median_life: int | None
+    residual: float
+
+
+class Tracks:
+    """Tracks in raw and corrected frames that begin at the same points.
+
+    Parameters
+    ----------
+    settings
+        How tracks are made.
+    corrector
+        What makes corrected frames.
+    """
+
+    def __init__(self, settings: TrackingSettings, corrector: Corrector) -> None:
+        self._settings = settings
+        self._max_grey = corrector.max_grey
+        self._raw = RawFrames(corrector.max_grey)
+        self._corrected = CorrectedFrames(corrector)
+        self._lives = [LifeTable(settings.horizon) for _ in KINDS]
+        self._lost = [np.zeros(len(LOSSES), np.int64) for _ in KINDS]
+        self._residuals = [StreamingMedian() for _ in KINDS]
+        pixels = settings.follower.window_px**2
+        self._places = np.empty((len(KINDS), 0, 2))
+        self._alive = np.empty((len(KINDS), 0), np.bool_)
+        self._age = np.empty(0, np.int64)
+        self._first_grey = np.empty((0, pixels))
+        self._first_radiance = np.empty((0, pixels))
+        self.begun = 0
+
+    def begin(self, frame: Frame) -> None:
+        """Begin tracks at the corners of a frame as recorded, none of them where it is saturated."""
+        s, image = self._settings, self._raw.image(frame)
+        side = s.follower.window_px
+        usable = cv2.erode((frame.image < self._max_grey).view(np.uint8), np.ones((side, side), np.uint8))
+        found = cv2.goodFeaturesToTrack(image, s.points, s.quality, s.distance_px, mask=usable, blockSize=s.block_px)
+        if found is None:
+            return
+        places = found.reshape(-1, 2).astype(np.float64)
+        count = len(places)
+        radiance = self._corrected.radiance(frame)
+        self._places = np.concatenate([self._places, np.stack([places] * len(KINDS))], axis=1)
+        self._alive = np.concatenate([self._alive, np.ones((len(KINDS), count), np.bool_)], axis=1)
+        self._age = np.concatenate([self._age, np.zeros(count, np.int64)])
+        self._first_grey = np.concatenate([self._first_grey, s.follower.windows(image, places)])
+        self._first_radiance = np.concatenate([self._first_radiance, s.follower.windows(radiance, places)])
+        self.begun += count
+
+    def follow(self, before: Frame, after: Frame) -> None:
+        """Follow all tracks from a frame to the next one."""
+        watched = self._inside(before) & (self._age < self._settings.horizon)
+        self._alive &= watched
+        kinds: tuple[FrameKind, FrameKind] = (self._raw, self._corrected)
+        for kind, frames in enumerate(kinds):
+            index = np.flatnonzero(self._alive[kind])
+            step = self._settings.follower.step(*frames.pair(before, after), self._places[kind, index])
+            self._lives[kind].add(self._age[index], self._age[index[~step.followed]])
+            self._lost[kind] += step.losses.sum(axis=1)
+            self._places[kind, index] = step.places
+            self._alive[kind, index] = step.followed
+        self._age += 1
+        self._compare_with_first(after)
+        self._keep(np.asarray(self._alive.any(axis=0)))
+
+    def figures(self) -> tuple[TrackFigures, TrackFigures, int]:
+        """Return the figures of raw and of corrected frames, and the age up to which both are known."""
+        horizon = min(life.horizon for life in self._lives)
+        raw, corrected = (
+            TrackFigures(
+                life.steps,
+                dict(zip(LOSSES, lost.tolist(), strict=True)),
+                life.mean_life(horizon),
+                life.median_life(horizon),
+                residual.value,
+            )
+            for life, lost, residual in zip(self._lives, self._lost, self._residuals, strict=True)
+        )
+        return raw, corrected, horizon
+
+    def _inside(self, frame: Frame) -> BoolArray:
+        """Return which places are a window's side from the border at least, shape (2, n)."""
+        margin = self._settings.follower.window_px
+        far = np.array(frame.image.shape[::-1]) - 1 - margin
+        return np.asarray(np.all((self._places >= margin) & (self._places <= far), axis=-1))
+
+    def _compare_with_first(self, frame: Frame) -> None:
+        """Read the brightness residual of both kinds at the same places."""
+        alive = self._alive & self._inside(frame)
+        index = np.flatnonzero(alive.any(axis=0))
+        if index.size == 0:
+            return
+        follower = self._settings.follower
+        places = np.where(alive[1, index, None], self._places[1, index], self._places[0, index])
+        radiance = follower.windows(self._corrected.radiance(frame), places)
+        exposed = np.isfinite(radiance).all(axis=1) & np.isfinite(self._first_radiance[index]).all(axis=1)
+        places, radiance, index = places[exposed], radiance[exposed], index[exposed]
+        greys = self._first_grey[index], follower.windows(self._raw.image(frame), places)
+        corrected = [self._corrected.greys(r, frame.exposure_ms) for r in (self._first_radiance[index], radiance)]
+        self._residuals[0].add(_residual(*greys))
+        self._residuals[1].add(_residual(*corrected))
+
+    def _keep(self, kept: BoolArray) -> None:
+        self._places, self._alive, self._age = self._places[:, kept], self._alive[:, kept], self._age[kept]
+        self._first_grey, self._first_radiance = self._first_grey[kept], self._first_radiance[kept]
+
+
+def _residual(first: FloatArray, now: FloatArray) -> FloatArray:
+    """Return the change of brightness in units of the contrast, shape (n, pixels) twice -> (n,)."""
+    change = np.abs(now.mean(axis=1) - first.mean(axis=1))
+    return np.asarray(change / np.maximum(contrast(first, now), 1e-9))
