@@ -375,15 +375,15 @@ def test_ctrl_c_on_the_real_command(good_recording, tmp_path):
         f"sys.argv = ['ospc', 'calibrate', {str(good_recording)!r}, '-o', {str(out)!r}]\n"
         "main()\n"
     )
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout.readline() == "now\n"
-    process.send_signal(signal.SIGINT)
-    time.sleep(2.5)
-    process.send_signal(signal.SIGINT)  # the first waits for the frame, which takes a minute here
-    output, errors = process.communicate(timeout=120)
-    assert process.returncode == 130, errors
+    ) as p:
+        assert p.stdout.readline() == "now\n"
+        p.send_signal(signal.SIGINT)
+        time.sleep(2.5)
+        p.send_signal(signal.SIGINT)  # the first waits for the frame, which takes a minute here
+        output, errors = p.communicate(timeout=120)
+    assert p.returncode == 130, errors
     assert "partial" in output
     content = Calibration.load(out)
     assert content.partial
