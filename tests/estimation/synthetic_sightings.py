@@ -1,0 +1,86 @@
+"""Sightings made straight from the model of a camera, so that the truth is known and nothing else disturbs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ospc.correspondence.sightings import Sightings
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette
+
+SIZE = (640, 480)
+POLYNOMIAL = LogVignette(SIZE, (-0.5, 0.05, -0.2))
+NONE = LogVignette(SIZE, (0.0,))
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera and how its frames are sampled.
+
+    Attributes
+    ----------
+    response, vignette
+        The truth.
+    read, shot
+        Variance of a sampled grey level at black, and its growth to white, in full scale squared.
+    slip_px
+        Standard deviation of the registration in pixels; gradients are up to 0.006 per pixel.
+    outliers
+        Share of sightings whose grey level is arbitrary.
+    log_ratio
+        Largest |ln k| of a pair; pairs are spread evenly up to it.
+    spread
+        Standard deviation of the logarithm of radiance.
+    metadata_error
+        Standard deviation of ln k as the metadata have it: an error common to all samples of a pair.
+    """
+
+    response: Response
+    vignette: LogVignette = POLYNOMIAL
+    read: float = (0.4 / 255) ** 2
+    shot: float = (0.8 / 255) ** 2
+    slip_px: float = 0.2
+    outliers: float = 0.0
+    log_ratio: float = 1.0
+    spread: float = 0.8
+    metadata_error: float = 0.0
+
+    def pairs(self, seed: int, groups: int = 40, points: int = 150) -> Sightings:
+        """Return pairs of sightings, so many to a pair of frames, that are exposed in both."""
+        random = np.random.default_rng(seed)
+        n = groups * points
+        group = np.repeat(np.arange(groups), points)
+        log_k = self.log_ratio * (np.arange(groups) + 0.5) / groups
+        base = random.normal(0, 0.3, groups)
+        # Exposures in ms about 10, the brightest scene points of each pair just below white in the longer one.
+        log_exposure = np.log(10) + base[group, None] + np.stack([np.zeros(n), -log_k[group]], axis=1)
+        log_radiance = np.log(0.25) - np.log(10) - base[group] + random.normal(0, self.spread, n)
+        place = random.uniform(-1, 1, (n, 2, 2)) * np.array(SIZE) / np.hypot(*SIZE)
+        attenuation = self.vignette.at_normalised(place)
+        grey = self.response(np.exp(log_radiance[:, None] + log_exposure) * attenuation)
+        gradient = random.uniform(0, 0.006, (n, 2))
+        deviation = np.sqrt(self.read + self.shot * grey + (self.slip_px * gradient) ** 2)
+        noisy = grey + deviation * random.standard_normal((n, 2))
+        astray = random.random((n, 2)) < self.outliers
+        noisy = np.where(astray, random.uniform(0.05, 0.95, (n, 2)), noisy)
+        log_exposure[:, 1] += (self.metadata_error * random.standard_normal(groups))[group]
+        # Chosen by the truth: to choose by the noisy values would be to choose by their noise.
+        exposed = np.all((grey > 4 / 255) & (grey < 0.985), axis=1)
+        return Sightings(
+            grey=np.clip(noisy, 0, 1)[exposed].ravel(),
+            log_exposure=log_exposure[exposed].ravel(),
+            position=place[exposed].reshape(-1, 2),
+            gradient=gradient[exposed].ravel(),
+            pixels_averaged=np.full(2 * exposed.sum(), 28.0),
+            frame=np.stack([2 * group, 2 * group + 1], axis=1)[exposed].ravel(),
+            point=np.repeat(np.arange(exposed.sum()), 2),
+            group=np.repeat(group[exposed], 2),
+        )
+
+
+def reordered(sightings: Sightings, order: np.ndarray) -> Sightings:
+    """Return pairs of sightings with their points in another order."""
+    index = (2 * order[:, None] + [0, 1]).ravel()
+    return replace(sightings.where(index), point=np.repeat(np.arange(len(order)), 2))

@@ -1,0 +1,290 @@
+"""The default estimator on sightings made from the model: right, unbiased, monotone whatever happens, and honest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from synthetic_sightings import NONE, POLYNOMIAL, SIZE, Camera, reordered
+
+from ospc.correspondence.sightings import Sightings
+from ospc.estimation.joint_fit import JointEstimator
+from ospc.estimation.quadratic_response import solve_kkt
+from ospc.estimation.response_basis import ResponseBasis, typical_gamma
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
+from ospc.methods.joint_summary import response_of, vignette_of
+from ospc.photometry.noise import NoiseModel
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette
+from ospc.simulation.responses import RESPONSES
+
+NOISE = NoiseModel(1e-5, 0.0)
+GAMMA = Response.gamma(2.0, 2041)
+
+
+def fitted(sightings, radial=4, intervals=32, **vignette):
+    return JointEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE).fit(sightings)
+
+
+def log_step(curve, low=0.25, high=0.75):
+    """Return ln g(high) − ln g(low) of a fit or a response."""
+    if isinstance(curve, Response):
+        return float(np.log(curve.inverse(high) / curve.inverse(low)))
+    return float(np.diff(curve.response_basis.log_rows([low, high]) @ curve.response_parameters)[0])
+
+
+def log_fall(fit, radius=1.0):
+    """Return ln V at a radius, along a diagonal."""
+    return float(fit.vignette_basis.log_value(fit.vignette_parameters, np.array([[radius, radius]]) / np.sqrt(2))[0])
+
+
+def truly_fallen(vignette, radius=1.0):
+    return float(np.log(vignette.profile(radius)))
+
+
+# Right.
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.1])
+@pytest.mark.parametrize("name", RESPONSES)
+def test_responses_and_vignettes_of_all_kinds_are_found(name, outliers):
+    camera = Camera(RESPONSES[name](), outliers=outliers)
+    fit = fitted(camera.pairs(0))
+    response, vignette = response_of(fit, 255), vignette_of(fit, SIZE)
+    knees = name == "tum_narrow"
+    assert response_shape_rmse(response, camera.response) < (0.004 if knees else 0.003)
+    assert log_ratio_error(response, camera.response) < (0.008 if knees else 0.004)
+    assert vignette_rmse(vignette, camera.vignette) < 0.004
+
+
+@pytest.mark.parametrize(
+    "vignette", [NONE, LogVignette(SIZE, (0.0, -1.5)), LogVignette(SIZE, (0.2, -0.3, 0.0, -0.4))]
+)
+def test_vignettes_of_other_shapes_are_found_too(vignette):
+    fit = fitted(Camera(GAMMA, vignette).pairs(1))
+    assert vignette_rmse(vignette_of(fit, SIZE), vignette) < 0.006
+
+
+def test_a_tenth_of_outliers_changes_next_to_nothing():
+    fits = [fitted(Camera(GAMMA, outliers=share).pairs(2)) for share in (0.0, 0.1)]
+    assert log_step(fits[0]) == pytest.approx(log_step(fits[1]), abs=0.006)
+    assert log_fall(fits[0]) == pytest.approx(log_fall(fits[1]), abs=0.006)
+
+
+def test_points_seen_many_times_are_used_as_a_whole():
+    # Four sightings of a point: two pairs of one scene point joined.
+    random = np.random.default_rng(3)
+    n, log_exposure = 1500, np.log(10) + np.array([-0.9, -0.3, 0.3, 0.9])
+    place = random.uniform(-1, 1, (n, 4, 2)) * np.array(SIZE) / np.hypot(*SIZE)
+    irradiance = np.exp(random.normal(-1.8, 0.7, (n, 1)) + log_exposure - np.log(10))
+    grey = GAMMA(irradiance * POLYNOMIAL.at_normalised(place))
+    group = np.arange(n) // 50
+    made = Sightings(
+        grey=np.clip(grey + random.normal(0, 0.003, grey.shape), 0, 1).ravel(),
+        log_exposure=np.tile(log_exposure, n),
+        position=place.reshape(-1, 2),
+        gradient=np.zeros(4 * n),
+        pixels_averaged=np.ones(4 * n),
+        frame=np.tile(np.arange(4), n),
+        point=np.repeat(np.arange(n), 4),
+        group=np.repeat(group, 4),
+    )
+    fit = fitted(made)
+    assert response_shape_rmse(response_of(fit, 255), GAMMA) < 0.002
+    assert vignette_rmse(vignette_of(fit, SIZE), POLYNOMIAL) < 0.004
+
+
+def test_only_as_rich_a_vignette_is_chosen_as_the_data_ask_for():
+    widest = VignetteBasis(4, free_centre=True, non_radial=True)
+    plain = fit_with_chosen_vignette(Camera(GAMMA).pairs(4), ResponseBasis(32), widest, NOISE, 8)
+    assert not plain.vignette_basis.non_radial
+    truth = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.1, -0.06))
+    moved = fit_with_chosen_vignette(Camera(GAMMA, truth).pairs(4), ResponseBasis(32), widest, NOISE, 8)
+    assert moved.vignette_basis.free_centre
+    np.testing.assert_allclose(moved.vignette_basis.centre(moved.vignette_parameters), truth.centre, atol=0.006)
+    assert vignette_pixel_rmse(vignette_of(moved, SIZE), truth) < 0.004
+    skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.1, -0.05, 0.08, 0.0))
+    wide = fit_with_chosen_vignette(Camera(GAMMA, skew).pairs(4), ResponseBasis(32), widest, NOISE, 8)
+    assert wide.vignette_basis.non_radial
+    assert vignette_pixel_rmse(vignette_of(wide, SIZE), skew) < 0.006
+
+
+# Unbiased.
+
+
+def naive_step(sightings):
+    """Return what the paper's estimator, with noisy grey values in its matrix, makes of the same pairs."""
+    ratio = np.exp(sightings.log_exposure[::2] - sightings.log_exposure[1::2])
+    powers = np.arange(3)
+    rows = sightings.grey[::2, None] ** powers - ratio[:, None] * sightings.grey[1::2, None] ** powers
+    low, high = np.polynomial.polynomial.polyval([0.25, 0.75], solve_kkt(rows.T @ rows))
+    return float(np.log(high / low))
+
+
+def test_noise_does_not_flatten_the_response_even_with_little_change_of_exposure():
+    # Ratios up to 8 %, which move a grey level by less than the noise of 3/255 does.
+    faint = Camera(GAMMA, NONE, read=(3 / 255) ** 2, shot=0.0, slip_px=0.0, log_ratio=0.08)
+    draws = [faint.pairs(seed, points=300) for seed in range(8)]
+    fits = [fitted(s, 0, 16) for s in draws]
+    truth = log_step(GAMMA)
+    # The naive fit could be exact: its model holds the truth.
+    naive = np.mean([naive_step(s) for s in draws]) - truth
+    assert naive < -0.3
+    ours = np.mean([log_step(fit) for fit in fits]) - truth
+    assert abs(ours) < abs(naive) / 5
+    assert abs(ours) < 1.5 * np.mean([fit.log_response_step_sigma(0.25, 0.75) for fit in fits])
+
+
+def test_where_the_prior_does_not_pull_nothing_else_does():
+    grey = np.linspace(0, 1, 4097)[1:]
+    log_g = 1.3 * (typical_gamma(0) * np.log(grey) + (typical_gamma(1) - typical_gamma(0)) * (grey - 1))
+    truth = Response.from_values(np.concatenate([[0.0], np.exp(log_g)]))
+    camera = Camera(truth, NONE, read=(3 / 255) ** 2, shot=0.0, slip_px=0.0, log_ratio=0.08)
+    steps = [log_step(fitted(camera.pairs(seed, points=200), 0, 16)) for seed in range(10)]
+    assert abs(np.mean(steps) - log_step(truth)) < 3 * np.std(steps, ddof=1) / np.sqrt(10)
+
+
+# Honest.
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        Camera(GAMMA),
+        Camera(RESPONSES["srgb"](), outliers=0.05),
+        Camera(GAMMA, metadata_error=0.003),
+    ],
+    ids=["independent errors", "outliers", "errors common to a pair"],
+)
+def test_deviations_stated_are_those_that_happen(camera):
+    fits = [fitted(camera.pairs(seed, groups=24, points=70), 3, 16) for seed in range(30)]
+    steps = [(0.25, 0.75), (0.15, 0.5)]
+    radii = np.array([0.6, 0.9])
+    z = []
+    for fit in fits:
+        error = [log_step(fit, *s) - log_step(camera.response, *s) for s in steps]
+        error += [log_fall(fit, r) - truly_fallen(camera.vignette, r) for r in radii]
+        sigma = [fit.log_response_step_sigma(*s) for s in steps]
+        z.append(np.array(error) / [*sigma, *fit.log_vignette_sigma(radii)])
+    spread, mean = np.std(z, axis=0), np.mean(z, axis=0)
+    assert np.all((spread > 0.5) & (spread < 2))
+    assert np.all(np.abs(mean) < 1)
+
+
+def test_more_points_make_smaller_deviations():
+    few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), 3, 16) for g in (15, 120))
+    ratio = few.log_response_step_sigma(0.25, 0.75) / many.log_response_step_sigma(0.25, 0.75)
+    assert 1.7 < ratio < 5
+    assert many.log_vignette_sigma(np.array([1.0]))[0] < few.log_vignette_sigma(np.array([1.0]))[0]
+
+
+def test_nothing_is_known_of_what_was_not_measured():
+    camera = Camera(GAMMA)
+    dark = camera.pairs(0)
+    below = np.repeat(np.all(dark.grey.reshape(-1, 2) < 0.5, axis=1), 2)
+    fit = fitted(dark.where(below))
+    assert fit.log_response_step_sigma(0.6, 0.9) > 5 * fit.log_response_step_sigma(0.15, 0.45)
+    still = replace(dark, position=np.repeat(dark.position[::2], 2, axis=0))
+    assert fitted(still).vignette_sigma_at_corner > 0.2
+
+
+# The same whatever does not matter.
+
+
+def assert_same_fit(a, b):
+    """Assert that two fits differ by no more than the rounds stop at: a tenth of a deviation in all directions."""
+    change = a.parameters - b.parameters
+    assert np.sqrt(change @ np.linalg.solve(a.covariance, change)) < 0.15
+    np.testing.assert_allclose(np.sqrt(np.diag(a.covariance)), np.sqrt(np.diag(b.covariance)), rtol=0.05)
+
+
+SOME = Camera(RESPONSES["srgb"](), outliers=0.03).pairs(5, groups=20, points=60)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_order_of_the_points_does_not_matter(seed):
+    order = np.random.default_rng(seed).permutation(len(SOME.starts))
+    assert_same_fit(fitted(SOME), fitted(reordered(SOME, order)))
+
+
+def test_the_order_of_the_two_frames_does_not_matter():
+    swapped = SOME.where(np.arange(len(SOME)).reshape(-1, 2)[:, ::-1].ravel())
+    assert_same_fit(fitted(SOME), fitted(swapped))
+
+
+@pytest.mark.parametrize("factor", [1e-6, 0.5, 2.0, 3e4])
+def test_a_factor_on_all_exposures_does_not_matter(factor):
+    assert_same_fit(fitted(SOME), fitted(replace(SOME, log_exposure=SOME.log_exposure + np.log(factor))))
+
+
+@pytest.mark.parametrize("sign", [(-1, 1), (1, -1), (-1, -1)])
+def test_mirroring_the_images_mirrors_the_vignette(sign):
+    mirrored = replace(SOME, position=SOME.position * sign)
+    assert_same_fit(fitted(SOME), fitted(mirrored))
+    plain, other = fitted(SOME, free_centre=True), fitted(mirrored, free_centre=True)
+    centres = [fit.vignette_basis.centre(fit.vignette_parameters) for fit in (plain, other)]
+    np.testing.assert_allclose(centres[1], centres[0] * sign, atol=2e-4)
+    assert log_step(plain) == pytest.approx(log_step(other), abs=0.1 * plain.log_response_step_sigma(0.25, 0.75))
+
+
+def test_the_same_sightings_give_the_same_fit_bit_for_bit():
+    one, other = fitted(SOME), fitted(SOME)
+    np.testing.assert_array_equal(one.parameters, other.parameters)
+    np.testing.assert_array_equal(one.covariance, other.covariance)
+
+
+def test_a_fit_may_start_from_another_and_ends_at_the_same():
+    estimator = JointEstimator(ResponseBasis(32), VignetteBasis(4), NOISE)
+    first = estimator.fit(SOME)
+    again = estimator.fit(SOME, first)
+    assert log_step(again) == pytest.approx(log_step(first), abs=0.003)
+    assert log_fall(again) == pytest.approx(log_fall(first), abs=0.003)
+
+
+# Monotone whatever happens.
+
+values = st.one_of(st.sampled_from([0.0, 1.0, 0.5, 1 / 255]), st.floats(0, 1))
+
+
+@st.composite
+def nasty_sightings(draw):
+    """Draw sightings that nothing real would make."""
+    points = draw(st.integers(3, 60))
+    seen = draw(st.integers(2, 4))
+    n = points * seen
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    grey = random.choice(draw(st.lists(values, min_size=1, max_size=8)), n)
+    if draw(st.booleans()):
+        grey = np.clip(grey + random.normal(0, 0.2, n), 0, 1)
+    exposures = random.choice(draw(st.lists(st.floats(-8, 8), min_size=1, max_size=5)), n)
+    if draw(st.booleans()):
+        # The brighter, the shorter the exposure: the opposite of any response.
+        exposures = -5 * grey
+    return Sightings(
+        grey=grey,
+        log_exposure=exposures.astype(float),
+        position=random.uniform(-0.7, 0.7, (n, 2)) * draw(st.sampled_from([0.0, 1e-6, 1.0])),
+        gradient=random.choice(draw(st.lists(st.floats(0, 0.1), min_size=1, max_size=3)), n).astype(float),
+        pixels_averaged=np.ones(n),
+        frame=np.tile(np.arange(seen), points),
+        point=np.repeat(np.arange(points), seen),
+        group=np.sort(random.integers(0, draw(st.integers(1, 9)), points)).repeat(seen),
+    )
+
+
+@given(nasty_sightings(), st.booleans())
+def test_a_response_increases_strictly_and_deviations_are_finite_whatever_was_seen(sightings, free_centre):
+    fit = fitted(sightings, 2, 16, free_centre=free_centre)
+    assert np.all(np.isfinite(fit.parameters))
+    assert np.all(np.diff(fit.response_basis.log_of(fit.response_parameters)) > 0)
+    for max_grey in (255, 4095):
+        response = response_of(fit, max_grey)
+        assert np.all(np.diff(response.inverse_table) > 0)
+        assert np.all(np.isfinite(response.inverse_sigma))
+    assert np.linalg.eigvalsh(fit.covariance).min() > -1e-6 * np.abs(fit.covariance).max()
+    assert np.all(np.isfinite(vignette_of(fit, (16, 12)).image()))

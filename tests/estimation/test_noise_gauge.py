@@ -1,0 +1,67 @@
+"""Noise of single pixels: measured on images whose noise is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.estimation.noise_gauge import NoiseGauge
+
+
+def scene(seed=0, texture=0.0):
+    """Return a smooth scene through all grey levels, optionally with edges in four fifths of it."""
+    x, y = np.meshgrid(np.linspace(0, 1, 640), np.linspace(0, 1, 480))
+    level = 0.5 + 0.43 * np.sin(5 * x + 3 * y + seed)
+    edges = np.repeat(np.random.default_rng(seed).random((480, 160)), 4, axis=1) - 0.5
+    return level + texture * edges * (x > 0.2)
+
+
+def gauged(read, shot, *, max_grey=255, images=4, texture=0.0):
+    gauge, random = NoiseGauge(max_grey), np.random.default_rng(1)
+    for index in range(images):
+        level = np.clip(scene(index, texture), 0, 1)
+        noisy = level + random.normal(0, 1, level.shape) * np.sqrt(read + shot * level)
+        gauge.watch(
+            np.clip(np.rint(noisy * max_grey), 0, max_grey).astype(np.uint8 if max_grey == 255 else np.uint16)
+        )
+    return gauge.model()
+
+
+@pytest.mark.parametrize("max_grey", [255, 4095])
+@pytest.mark.parametrize(("read", "shot"), [(2e-5, 1e-4), (1e-4, 0.0), (2e-5, 1e-3)])
+def test_known_noise_is_measured(read, shot, max_grey):
+    model = gauged(read, shot, max_grey=max_grey)
+    grey = np.array([0.15, 0.3, 0.5, 0.8])
+    quantisation = 1 / 12 / max_grey**2
+    np.testing.assert_allclose(model.variance(grey), read + shot * grey + quantisation, rtol=0.15)
+
+
+def test_edges_are_not_taken_for_noise():
+    model = gauged(2e-5, 1e-4, texture=0.15)
+    assert model.variance(0.5) < 2 * (2e-5 + 0.5e-4)
+
+
+@pytest.mark.parametrize("max_grey", [255, 65535])
+def test_noise_is_never_less_than_quantisation(max_grey):
+    assert gauged(0.0, 0.0, max_grey=max_grey).read_variance >= 1 / 12 / max_grey**2
+
+
+@given(st.integers(0, 255), st.tuples(st.integers(10, 24), st.integers(10, 24)))
+def test_images_that_tell_nothing_leave_quantisation(level, shape):
+    gauge = NoiseGauge(255)
+    gauge.watch(np.full(shape, level, np.uint8))
+    model = gauge.model()
+    assert model.read_variance > 0
+    assert model.shot_variance == 0
+    assert NoiseGauge(255).model() == model
+
+
+@given(st.integers(0, 2**32 - 1), st.tuples(st.integers(10, 60), st.integers(10, 60)))
+def test_whatever_is_seen_the_variance_is_positive(seed, shape):
+    random = np.random.default_rng(seed)
+    gauge = NoiseGauge(255)
+    for _ in range(3):
+        gauge.watch((random.random(shape) ** random.uniform(0.1, 8) * 255).astype(np.uint8))
+    assert np.all(gauge.model().variance([0.0, 0.5, 1.0]) > 0)
