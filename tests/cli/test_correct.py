@@ -1,0 +1,306 @@
+"""``ospc correct``: what it writes is true of the light, opens again, and never costs what was there before."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.correct import command
+from ospc.correction.recording import correct_recording
+from ospc.errors import ExposureError, FormatError, NotObservableError, OspcError, RecordingError, SettingError
+from ospc.formats.opening import open_photometry
+from ospc.formats.validation import validate
+from ospc.photometry.calibration import Calibration, Verdict
+from ospc.recording import open_recording
+from ospc.simulation import SimulationSettings, irradiances, simulate
+
+SETTINGS = SimulationSettings(
+    size=(64, 48), frames=6, noise="none", exposure="cycle", exposures_ms=(4.0, 10.0, 20.0), vignette="decentred"
+)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return simulate(tmp_path_factory.mktemp("simulated") / "recording", SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def deep(tmp_path_factory):
+    return simulate(tmp_path_factory.mktemp("deep") / "recording", replace(SETTINGS, bit_depth=12))
+
+
+@pytest.fixture(scope="module")
+def calibration(made, tmp_path_factory):
+    known = Calibration(SETTINGS.size, made.response, made.vignette)
+    return known.save(tmp_path_factory.mktemp("calibration") / "calibration.json")
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(command, [str(a) for a in arguments])
+
+
+def written(folder):
+    return [cv2.imread(str(p), cv2.IMREAD_UNCHANGED) for p in sorted((folder / "images").iterdir())]
+
+
+def content_of(folder):
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def true_irradiances(made):
+    """Give e·L without vignette, and how much of it a half grey value is."""
+    attenuation = made.vignette.image().astype(float)
+    for irradiance in irradiances(made.truth.settings):
+        grey = np.rint(made.response(irradiance) * made.truth.settings.max_grey)
+        half = 0.51 / made.truth.settings.max_grey
+        edges = [made.response.inverse(grey / made.truth.settings.max_grey + side) for side in (-half, half)]
+        yield irradiance / attenuation, (edges[1] - edges[0]) / attenuation, irradiance < 0.99
+
+
+def test_irradiance_is_the_true_one_in_floats(made, calibration, tmp_path):
+    result = run(made.path, calibration, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    images = written(tmp_path / "out")
+    assert len(images) == 6
+    for image, (true, step, exposed) in zip(images, true_irradiances(made), strict=True):
+        assert image.dtype == np.float32
+        assert np.isfinite(image).all()
+        assert np.all((np.abs(image - true) <= step + 1e-5)[exposed])
+    assert not (tmp_path / "out" / "pcalib.txt").exists()
+    for expected in ("6 images", "irradiance e·L = g(M)/V", "saturated"):
+        assert expected in result.output
+
+
+def test_normalised_irradiance_is_radiance_and_masks_what_is_saturated(made, calibration, tmp_path):
+    result = run(made.path, calibration, "-o", tmp_path / "out", "--normalise-exposure", "--mask-saturated")
+    assert "radiance L per ms" in result.output
+    original = [frame.image for frame in open_recording(made.path)]
+    truths = zip(true_irradiances(made), made.exposures_ms, original, written(tmp_path / "out"), strict=True)
+    for (true, step, _), exposure_ms, recorded, image in truths:
+        np.testing.assert_array_equal(np.isnan(image), recorded == 255)
+        seen = np.isfinite(image)
+        assert np.all((np.abs(image - true / exposure_ms) <= (step + 1e-5) / exposure_ms)[seen])
+    times = np.loadtxt(tmp_path / "out" / "times.txt")
+    np.testing.assert_array_equal(times[:, 2], 1.0)
+    np.testing.assert_allclose(times[:, 1], made.stamps_s, atol=1e-9)
+    note = json.loads((tmp_path / "out" / "correction.json").read_text())
+    np.testing.assert_allclose(note["original_exposures_ms"], made.exposures_ms, rtol=1e-8)
+    assert note["finished"] is True
+
+
+@pytest.mark.parametrize(("output", "limit"), [("grey8", 255), ("grey16", 65535)])
+@pytest.mark.parametrize("depth", ["made", "deep"])
+def test_grey_output_is_a_linear_recording_without_vignette(output, limit, depth, request, tmp_path):
+    recording = request.getfixturevalue(depth)
+    out = tmp_path / "out"
+    assert run(recording.path, recording.path, "-o", out, "--output", output).exit_code == 0
+    opened = open_recording(out)
+    assert (opened.kind, opened.size, len(opened), opened.max_grey) == ("tum_mono", (64, 48), 6, limit)
+    np.testing.assert_allclose(opened.exposures_ms, recording.exposures_ms, rtol=1e-8)
+    for frame, (true, step, exposed) in zip(opened, true_irradiances(recording), strict=True):
+        expected = np.clip(true, 0, 1)
+        assert np.all((np.abs(frame.image / limit - expected) <= step + 1e-5 + 0.51 / limit)[exposed])
+    files = [out / name for name in ("pcalib.txt", "vignette.png", "times.txt")]
+    assert validate(files, "dso", (64, 48)).valid
+    assert validate(files, "mono", (64, 48)).valid
+    again = tmp_path / "again"
+    assert run(out, out, "-o", again, "--output", output).exit_code == 0
+    for first, second in zip(written(out), written(again), strict=True):
+        np.testing.assert_array_equal(first, second)
+    assert (out / "camera.txt").read_bytes() == (recording.path / "camera.txt").read_bytes()
+
+
+def test_normalised_grey_brings_all_to_one_exposure(made, calibration, tmp_path):
+    def exposures(name, *options):
+        out = tmp_path / name
+        assert run(made.path, calibration, "-o", out, "--normalise-exposure", *options).exit_code == 0
+        return out, set(open_recording(out).exposures_ms)
+
+    shortest, found = exposures("a", "--output", "grey16")
+    assert found == {4.0}
+    for image, (true, step, exposed), e in zip(
+        written(shortest), true_irradiances(made), made.exposures_ms, strict=True
+    ):
+        wanted = true * 4.0 / e
+        assert np.all((np.abs(image / 65535 - wanted) <= step + 2e-5)[exposed & (wanted < 1)])
+    assert exposures("b", "--output", "grey8")[1] == {10.0}
+    assert exposures("c", "--output", "grey8", "--reference-ms", 5)[1] == {5.0}
+
+
+def test_white_makes_room_for_bright_corners(made, calibration, tmp_path):
+    clipped = {}
+    for white in ("1", "4"):
+        out = tmp_path / white
+        assert run(made.path, calibration, "-o", out, "--output", "grey16", "--white", white).exit_code == 0
+        clipped[white] = json.loads((out / "correction.json").read_text())["clipped_share"]
+    assert clipped["1"] > 0
+    assert clipped["4"] == 0
+    ratio = written(tmp_path / "1")[0] / np.maximum(written(tmp_path / "4")[0].astype(float), 1)
+    assert np.median(ratio) == pytest.approx(4, rel=0.01)
+
+
+def test_masked_grey_has_white_where_the_camera_was_saturated(made, calibration, tmp_path):
+    options = ["--output", "grey16", "--normalise-exposure", "--mask-saturated"]
+    assert run(made.path, calibration, "-o", tmp_path / "out", *options).exit_code == 0
+    saturated = 0
+    for frame, image in zip(open_recording(made.path), written(tmp_path / "out"), strict=True):
+        assert np.all(image[frame.image == 255] == 65535)
+        saturated += np.count_nonzero(frame.image == 255)
+    assert saturated > 0
+
+
+def test_any_kind_of_calibration_does(made, calibration, tmp_path):
+    for number, source in enumerate(
+        [calibration, made.path, f"{made.path / 'pcalib.txt'},{made.path / 'vignette.png'}"]
+    ):
+        assert run(made.path, source, "-o", tmp_path / str(number)).exit_code == 0
+    first, *others = (written(tmp_path / str(number)) for number in range(3))
+    for images in others:
+        for a, b in zip(first, images, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-2)  # the true vignette's maximum is between two pixels
+
+
+# --- what is not whole -------------------------------------------------------------------------------------------
+
+
+def test_frames_that_cannot_be_read_are_left_out_and_counted(made, calibration, tmp_path):
+    broken = tmp_path / "broken"
+    (broken / "images").mkdir(parents=True)
+    for name, data in content_of(made.path).items():
+        (broken / name).write_bytes(data)
+    (broken / "images" / "00002.png").write_bytes(b"no image")
+    result = run(broken, calibration, "-o", tmp_path / "out", "--output", "grey8")
+    assert result.exit_code == 0
+    assert "1 frames were skipped" in result.output
+    opened = open_recording(tmp_path / "out")
+    assert [frame.name for frame in opened] == [f"{i:05d}.png" for i in (0, 1, 3, 4, 5)]
+    np.testing.assert_allclose(opened.exposures_ms, made.exposures_ms[[0, 1, 3, 4, 5]], rtol=1e-8)
+
+
+def test_an_unknown_part_is_refused_with_its_reason_unless_assumed(made, tmp_path):
+    verdicts = {"vignette": Verdict("not identifiable", "hardly any radial motion")}
+    partial = Calibration(SETTINGS.size, made.response, None, verdicts).save(tmp_path / "c.json")
+    refused = run(made.path, partial, "-o", tmp_path / "out")
+    assert isinstance(refused.exception, NotObservableError)
+    assert "no vignette (hardly any radial motion)" in str(refused.exception)
+    assert not (tmp_path / "out").exists()
+    result = run(made.path, partial, "-o", tmp_path / "out", "--assume-missing")
+    assert result.exit_code == 0
+    assert "warning: the vignette is unknown" in result.output
+    assert json.loads((tmp_path / "out" / "correction.json").read_text())["assumed_identity"] == ["vignette"]
+
+
+def test_another_size_is_refused_before_anything_is_written(made, calibration, tmp_path):
+    other = simulate(tmp_path / "other", replace(SETTINGS, size=(32, 24), frames=1))
+    refused = run(other.path, calibration, "-o", tmp_path / "out")
+    assert isinstance(refused.exception, SettingError)
+    for word in ("32x24", "64x48", "ospc export", "--size 32x24"):
+        assert word in str(refused.exception)
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_depth_is_said(deep, calibration, tmp_path):
+    result = run(deep.path, calibration, "-o", tmp_path / "out", "--output", "grey16")
+    assert result.exit_code == 0
+    assert "up to 255; its response is stretched to those of the recording, up to 4095" in result.output
+
+
+# --- what was there before ---------------------------------------------------------------------------------------
+
+
+def test_nothing_but_an_earlier_output_is_replaced_and_only_with_force(made, calibration, tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "diary.txt").write_text("mine")
+    recorded = content_of(made.path)
+    for out, options in [
+        (mine, []),
+        (mine, ["--force"]),
+        (made.path, ["--force"]),
+        (made.path / "images", ["--force"]),
+    ]:
+        assert isinstance(run(made.path, calibration, "-o", out, *options).exception, SettingError)
+    assert isinstance(run(made.path, calibration, "-o", mine / "diary.txt").exception, SettingError)
+    assert content_of(mine) == {"diary.txt": b"mine"}
+    assert content_of(made.path) == recorded
+    out = tmp_path / "out"
+    assert run(made.path, calibration, "-o", out, "--output", "grey8").exit_code == 0
+    (out / "diary.txt").write_text("mine")
+    before = content_of(out)
+    assert isinstance(run(made.path, calibration, "-o", out).exception, SettingError)
+    assert content_of(out) == before
+    assert run(made.path, calibration, "-o", out, "--force").exit_code == 0
+    assert {p.name for p in out.iterdir()} == {
+        "images",
+        "times.txt",
+        "camera.txt",
+        "groundtruthSync.txt",
+        "correction.json",
+        "diary.txt",
+    }
+    assert {p.suffix for p in (out / "images").iterdir()} == {".tiff"}
+
+
+def test_an_interrupted_run_leaves_no_recording_and_can_be_repeated(made, calibration, tmp_path, monkeypatch):
+    def interrupted(recording, photometry, folder, settings, _progress):
+        def stop(done, _total):
+            if done == 2:
+                raise KeyboardInterrupt
+
+        return correct_recording(recording, photometry, folder, settings, stop)
+
+    monkeypatch.setattr("ospc.correction.recording.correct_recording", interrupted)
+    result = run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8")
+    assert result.exit_code == 130
+    assert "not finished" in result.output
+    assert json.loads((tmp_path / "out" / "correction.json").read_text())["finished"] is False
+    with pytest.raises(RecordingError):
+        open_recording(tmp_path / "out")
+    monkeypatch.undo()
+    assert run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8", "--force").exit_code == 0
+    assert len(open_recording(tmp_path / "out")) == 6
+
+
+# --- wrong usage -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        (["--reference-ms", "5"], SettingError),
+        (["--normalise-exposure", "--reference-ms", "-5"], ExposureError),
+        (["--white", "0"], SettingError),
+        (["--white", "nan"], SettingError),
+        (["--kind", "polaroid"], RecordingError),
+    ],
+)
+def test_impossible_options_are_one_error_and_write_nothing(made, calibration, tmp_path, options, error):
+    result = run(made.path, calibration, "-o", tmp_path / "out", *options)
+    assert isinstance(result.exception, error)
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_and_damaged_input_is_one_error(made, calibration, tmp_path):
+    assert isinstance(run(tmp_path / "no", calibration, "-o", tmp_path / "out").exception, RecordingError)
+    assert isinstance(run(made.path, tmp_path / "no.json", "-o", tmp_path / "out").exception, FormatError)
+    (tmp_path / "bad.json").write_text("{")
+    assert isinstance(run(made.path, tmp_path / "bad.json", "-o", tmp_path / "out").exception, OspcError)
+    assert run(made.path, calibration).exit_code == 2
+    assert run(made.path, calibration, "-o", tmp_path / "out", "--output", "exr").exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_quiet_is_quiet(made, calibration, tmp_path):
+    assert run(made.path, calibration, "-o", tmp_path / "out", "-q").output == ""
+
+
+def test_the_pair_opens_as_what_it_is(made, calibration, tmp_path):
+    run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey16")
+    now = open_photometry(tmp_path / "out")
+    np.testing.assert_allclose(now.response.inverse_table, np.linspace(0, 1, 256), atol=1e-7)
+    np.testing.assert_array_equal(now.vignette.image(), 1)

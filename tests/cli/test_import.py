@@ -1,0 +1,110 @@
+"""``ospc import``: somebody else's files become a calibration, and come back unchanged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.main import cli
+from ospc.errors import FormatError, SettingError
+from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette, PolynomialVignette
+
+SIZE = (64, 48)
+
+
+@pytest.fixture
+def files(tmp_path):
+    pcalib = write_pcalib(Response.gamma(2.2), tmp_path / "pcalib.txt")
+    return pcalib, write_vignette(LogVignette(SIZE, (-0.6, -0.2), (0.1, 0.0)), tmp_path / "vignette.png")
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(cli, [str(a) for a in arguments])
+
+
+def test_export_gives_the_same_files_back(files, tmp_path):
+    place = tmp_path / "calibration.json"
+    assert run("import", *files, "-o", place).exit_code == 0
+    assert run("export", place, "--to", "dso", "-o", tmp_path / "back").exit_code == 0
+    for file in files:
+        assert (tmp_path / "back" / file.name).read_bytes() == file.read_bytes()
+
+
+def test_it_says_where_everything_is_from_and_claims_no_uncertainty(files, tmp_path):
+    result = run("import", *files, "-o", tmp_path / "c.json")
+    assert "64x48" in result.output
+    assert "pcalib.txt" in result.output
+    calibration = Calibration.load(tmp_path / "c.json")
+    assert (calibration.size, calibration.max_grey, calibration.complete) == (SIZE, 255, True)
+    assert calibration.response.inverse_sigma is None
+    assert "nothing about its uncertainty" in calibration.verdicts["response"].reason
+    assert "pcalib.txt" in calibration.source["imported_from"]
+    np.testing.assert_allclose(calibration.response.inverse_table, np.linspace(0, 1, 256) ** 2.2, atol=1e-8)
+
+
+def test_a_single_part_stays_a_single_part(files, tmp_path):
+    pcalib, vignette = files
+    assert run("import", pcalib, "--size", "64x48", "-o", tmp_path / "g.json").exit_code == 0
+    response_only = Calibration.load(tmp_path / "g.json")
+    assert response_only.vignette is None
+    assert not response_only.verdicts["vignette"].known
+    assert run("import", vignette, "-o", tmp_path / "v.json").exit_code == 0
+    vignette_only = Calibration.load(tmp_path / "v.json")
+    assert vignette_only.response is None
+    assert vignette_only.size == SIZE
+    assert run("import", tmp_path / "g.json", tmp_path / "v.json", "-o", tmp_path / "both.json").exit_code == 0
+    assert Calibration.load(tmp_path / "both.json").complete
+
+
+def test_a_folder_and_a_calibration_are_taken_whole(files, tmp_path):
+    assert run("import", tmp_path, "-o", tmp_path / "out.json").exit_code == 0
+    assert Calibration.load(tmp_path / "out.json").complete
+    whole = Calibration(SIZE, Response.gamma(2.0), PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)), counts={"pairs": 7})
+    place = whole.save(tmp_path / "whole.json")
+    assert run("import", place, "--max-grey", 4095, "-o", tmp_path / "again.json").exit_code == 0
+    again = Calibration.load(tmp_path / "again.json")
+    assert (again.counts, again.max_grey) == ({"pairs": 7}, 4095)
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "max_grey"),
+    [(256, [], 255), (4096, [], 4095), (65536, [], 65535), (256, ["--max-grey", 4095], 4095)],
+)
+def test_the_depth_is_that_of_the_table_unless_stated(files, tmp_path, values, options, max_grey):
+    write_pcalib(Response.gamma(1.5, values), files[0], values)
+    assert run("import", *files, *options, "-o", tmp_path / "c.json").exit_code == 0
+    assert Calibration.load(tmp_path / "c.json").max_grey == max_grey
+
+
+def test_what_does_not_make_a_calibration_is_refused(files, tmp_path):
+    pcalib, vignette = files
+    out = tmp_path / "c.json"
+    cases = [
+        ((pcalib,), SettingError, "image size"),
+        ((pcalib, pcalib), FormatError, "one is to hold"),
+        ((tmp_path, vignette), FormatError, "one is to hold"),
+        ((pcalib, vignette, "--size", "32x24"), SettingError, "64x48"),
+        ((tmp_path / "no.txt",), FormatError, "no such file"),
+    ]
+    for arguments, error, words in cases:
+        result = run("import", *arguments, "-o", out)
+        assert isinstance(result.exception, error), arguments
+        assert words in str(result.exception)
+        assert not out.exists()
+    before = pcalib.read_bytes()
+    assert isinstance(run("import", pcalib, vignette, "-o", pcalib).exception, SettingError)
+    assert pcalib.read_bytes() == before
+    falling = tmp_path / "falling.txt"
+    falling.write_text(" ".join(str(255 - i) for i in range(256)))
+    assert isinstance(run("import", falling, vignette, "-o", out).exception, FormatError)
+    assert run("import", pcalib, vignette).exit_code == 2
+    assert run("import", pcalib, "--max-grey", 0, "-o", out).exit_code == 2
+
+
+def test_it_is_called_import():
+    assert "import" in run("--help").output
+    assert "PCALIB" in run("import", "--help").output

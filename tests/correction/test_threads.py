@@ -1,0 +1,71 @@
+"""Work on a stream: in order, bounded, and without losing errors."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from ospc.correction.threads import default_workers, mapped
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize("count", [0, 1, 20])
+def test_results_come_in_the_order_of_the_items(workers, count):
+    def work(number):
+        time.sleep(0.001 * (number % 3))
+        return number**2
+
+    assert list(mapped(work, range(count), workers)) == [n**2 for n in range(count)]
+    assert default_workers() >= 1
+
+
+def test_no_more_items_are_drawn_than_may_be_in_flight():
+    drawn, given_back = [], 0
+
+    def items():
+        for number in range(50):
+            drawn.append(number)
+            assert len(drawn) - given_back <= 2 + 3 + 1
+            yield number
+
+    for _ in mapped(lambda n: n, items(), workers=2, ahead=3):
+        given_back += 1
+    assert given_back == 50
+
+
+def test_items_are_drawn_by_one_thread():
+    drawing = set()
+
+    def items():
+        for number in range(10):
+            drawing.add(threading.get_ident())
+            yield number
+
+    list(mapped(lambda n: n, items(), workers=3))
+    assert drawing == {threading.get_ident()}
+
+
+def test_an_error_in_the_work_ends_it():
+    done = []
+
+    def work(number):
+        if number == 3:
+            raise ValueError("three")
+        done.append(number)
+        return number
+
+    with pytest.raises(ValueError, match="three"):
+        list(mapped(work, range(1000), workers=2))
+    assert len(done) < 20
+
+
+def test_an_interruption_while_drawing_ends_it():
+    def items():
+        yield from range(5)
+        raise KeyboardInterrupt
+
+    results = []
+    with pytest.raises(KeyboardInterrupt):
+        results.extend(mapped(lambda n: n, items(), workers=2))
