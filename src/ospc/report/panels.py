@@ -137,6 +137,7 @@ def draw_exposures_over_time(axes: Any, calibration: Calibration) -> None:
     chosen = chosen[np.argsort(ratios.frames[chosen].max(axis=1), kind="stable")]
     frame, metadata, estimated = ratios.frames[chosen].max(axis=1), ratios.metadata[chosen], ratios.estimated[chosen]
     axes.set(title="The same along the recording", xlabel="frame", ylabel="exposure ratio k")
+    axes.locator_params(axis="x", integer=True)
     axes.plot(frame, metadata, "x", color=BLACK, ms=5, mew=1.1, label="metadata", zorder=3)
     axes.plot(frame, estimated, "o", color=GREEN, ms=5, mew=0, alpha=0.7, label="from the images")
     limits = _limits(metadata, estimated, np.ones(len(chosen), dtype=np.bool_))
@@ -154,7 +155,9 @@ def _chosen_pairs(ratios: ExposureRatios) -> tuple[IntArray, BoolArray]:
 
 def _limits(metadata: FloatArray, estimated: FloatArray, founded: BoolArray) -> tuple[float, float]:
     """Return limits that show all well-founded pairs; a failed registration must not squeeze them together."""
-    shown = np.concatenate([metadata[founded], estimated[founded]] if founded.any() else [metadata, estimated])
+    if 2 * np.sum(founded) >= founded.size:
+        metadata, estimated = metadata[founded], estimated[founded]
+    shown = np.concatenate([metadata, estimated])
     return float(shown.min() / 1.15), float(shown.max() * 1.15)
 
 
@@ -200,7 +203,7 @@ def _logarithmic(axes: Any, low: float, high: float, names: str) -> None:
         getattr(axes, f"set_{name}scale")("log")
         axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(FixedLocator(ticks[:: int(np.ceil(ticks.size / 7))].tolist()))
-        axis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:.3g}"))
+        axis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}"))
         axis.set_minor_locator(NullLocator())
 
 
