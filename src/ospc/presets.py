@@ -143,7 +143,7 @@ class JointSettings:
     series_intervals: int = 64
     radial_terms: int = 4
     rounds: int = 8
-    still_px: float = 0.3
+    still_px: float = 0.7
     series_pixels: int = 1_500
     min_points: int = 200
     min_log_exposure_change: float = 0.05

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -12,6 +12,8 @@ from ospc.arrays import FloatArray, IntArray
 _GREY_CELLS = 8
 _GRADIENT_CELLS = 4
 _MIN_PER_CELL = 40
+_EXTREME_FACTORS = (0.25, 25.0)
+_FACTOR_GREYS = np.array([0.0, 0.03, 0.08, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.91, 0.95, 0.975, 1.0])
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,9 @@ class ErrorModel:
         Standard deviation of the registration, in pixels of the image sampled.
     glint
         Standard deviation of the radiance itself, relative: surfaces are not quite Lambertian, light flickers.
+    factors
+        What the sum is multiplied by at certain grey levels, because cameras do more than this law knows; empty for
+        one everywhere.
     """
 
     constant: float = (0.5 / 255) ** 2
@@ -38,12 +43,17 @@ class ErrorModel:
     read: float = 0.0
     slip_px: float = 0.5
     glint: float = 0.005
+    factors: tuple[float, ...] = ()
 
-    def variance(self, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray) -> FloatArray:
+    def variance(
+        self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray
+    ) -> FloatArray:
         """Return the variance of each sighting's grey level, shape (n,).
 
         Parameters
         ----------
+        grey
+            Grey level expected, shape (n,).
         slope
             dM/d ln e at the grey level expected, shape (n,).
         irradiance
@@ -52,7 +62,10 @@ class ErrorModel:
             Grey gradient around the sample, shape (n,).
         """
         carried = slope**2 * ((self.read / irradiance + self.shot) / irradiance + self.glint**2)
-        return np.asarray(self.constant + carried + (self.slip_px * gradient) ** 2)
+        variance = self.constant + carried + (self.slip_px * gradient) ** 2
+        if self.factors:
+            variance = variance * np.exp(np.interp(grey, _FACTOR_GREYS, np.log(self.factors)))
+        return np.asarray(variance)
 
     def refitted(
         self, squared: FloatArray, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray
@@ -76,13 +89,29 @@ class ErrorModel:
         relative = np.array(rows) / np.array(targets)[:, None]
         scale = np.maximum(relative.max(axis=0), 1e-300)
         found = nnls(relative / scale, np.ones(len(rows)))[0] / scale
-        return ErrorModel(
+        law = ErrorModel(
             max(float(found[0]), (0.05 / 255) ** 2),
             float(found[1]),
             float(found[2]),
             float(np.sqrt(found[3])),
             max(float(np.sqrt(found[4])), 1e-4),
         )
+        return replace(law, factors=_factors(squared / law.variance(grey, slope, irradiance, gradient), grey))
+
+
+def _factors(ratio: FloatArray, grey: FloatArray) -> tuple[float, ...]:
+    """Return how much larger than the law squared residuals are around each of the grey levels of the factors."""
+    edges = (_FACTOR_GREYS[1:] + _FACTOR_GREYS[:-1]) / 2
+    near = np.searchsorted(edges, grey)
+    factors = np.full(len(_FACTOR_GREYS), np.nan)
+    for number in range(len(factors)):
+        inside = ratio[near == number]
+        if len(inside) >= _MIN_PER_CELL:
+            factors[number] = np.clip(np.median(inside) / 0.4549, *_EXTREME_FACTORS)
+    known = np.isfinite(factors)
+    if not known.any():
+        return ()
+    return tuple(np.interp(_FACTOR_GREYS, _FACTOR_GREYS[known], factors[known]).tolist())
 
 
 def _quantile_index(values: FloatArray, cells: int) -> IntArray:

@@ -20,8 +20,8 @@ from ospc.correspondence.sightings import Sightings
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.latent import Latent, LatentModel, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import Prior
-from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.prior import Prior, Roughness
+from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.robust import robust_scale
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.noise import NoiseModel
@@ -53,8 +53,8 @@ class JointFit:
         Their covariance, shape (p, p).
     errors
         Error model of the sightings.
-    step
-        Step of the prior's walk that the data chose.
+    roughness
+        Roughness of the prior that the data chose.
     misfit
         Tempered sum of squared residuals: comparable between vignette models of the same sightings.
     points
@@ -68,7 +68,7 @@ class JointFit:
     parameters: FloatArray
     covariance: FloatArray
     errors: ErrorModel
-    step: float
+    roughness: Roughness
     misfit: float
     points: int
     groups: int
@@ -147,11 +147,10 @@ class JointEstimator:
             return self._fit(sightings, start)
 
     def _fit(self, sightings: Sightings, start: JointFit | None) -> JointFit:
-        prior = Prior.of(self.response_basis, len(self.vignette_basis))
-        parameters = self._first_parameters(prior, start)
+        parameters = self._first_parameters(start)
         errors = start.errors if start else ErrorModel()
         weight = np.ones(len(sightings))
-        step = 1.0
+        roughness = start.roughness if start else Roughness(1.0, 1.0)
         for round_number in range(self.rounds + 1):
             trusted = round_number > 0 or start is not None
             model = self._latent_model(parameters, errors, trusted)
@@ -163,10 +162,14 @@ class JointEstimator:
             else:
                 bread = 1.0
             equations = self._equations(sightings, latent, weight, parameters)
-            equations = equations.tempered(prior.precision(step), bread)
-            step = equations.best_step(prior)
-            previous, parameters = parameters, equations.solve(prior, step, self._floor())
-            precision = equations.posterior_precision(prior, step)
+            prior = self._prior(parameters)
+            equations = equations.tempered(prior.precision(roughness), bread)
+            roughness = equations.best_roughness(prior)
+            previous, parameters = (
+                parameters,
+                self._limited(equations.solve(prior, roughness, self._floor()), parameters),
+            )
+            precision = equations.posterior_precision(prior, roughness)
             change = parameters - previous
             if round_number > 1 and float(change @ precision @ change) < _SETTLED**2:
                 break
@@ -176,15 +179,23 @@ class JointEstimator:
             parameters,
             cho_solve(cho_factor(precision), np.eye(len(parameters))),
             errors,
-            step,
+            roughness,
             equations.misfit(parameters),
             int(np.count_nonzero(np.add.reduceat(weight, sightings.starts))),
             len(np.unique(sightings.group)),
         )
 
-    def _first_parameters(self, prior: Prior, start: JointFit | None) -> FloatArray:
+    def _prior(self, parameters: FloatArray) -> Prior:
+        return Prior(self.response_basis.knots, parameters[: len(self.response_basis)], len(self.vignette_basis))
+
+    def _limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
+        """Return the parameters with no gamma further from the previous one than its linearised logarithm holds."""
+        n = len(self.response_basis)
+        return np.concatenate([np.clip(parameters[:n], previous[:n] / 3, previous[:n] * 3), parameters[n:]])
+
+    def _first_parameters(self, start: JointFit | None) -> FloatArray:
         if start is None:
-            return prior.mean.copy()
+            return np.concatenate([typical_gamma(self.response_basis.knots), np.zeros(len(self.vignette_basis))])
         vignette = np.zeros(len(self.vignette_basis))
         shared = min(self.vignette_basis.radial, start.vignette_basis.radial)
         vignette[:shared] = start.vignette_parameters[:shared]

@@ -146,7 +146,8 @@ class LatentModel:
             return self.noise
         grid = slice(None, None, 16)
         slope = 1 / np.maximum(self._stiffness[grid], 1e-12)
-        return NoiseModel(0.0, 0.0, tuple(self.errors.variance(slope, self._irradiance[grid], np.zeros(1))))
+        variance = self.errors.variance(self.basis.grid[grid], slope, self._irradiance[grid], np.zeros(1))
+        return NoiseModel(0.0, 0.0, tuple(variance))
 
     def _linearised(
         self, measured: FloatArray, grey: FloatArray, offset: FloatArray, weight: FloatArray, sightings: Sightings
@@ -158,7 +159,7 @@ class LatentModel:
         if self.trusted:
             excess = excess - self._clipping_bias[index]
         linear_log = self.log_response[index] + stiffness * excess
-        variance = self.errors.variance(1 / stiffness, self._irradiance[index], sightings.gradient)
+        variance = self.errors.variance(level, 1 / stiffness, self._irradiance[index], sightings.gradient)
         precision = 1 / (variance * stiffness**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, sightings)
         return _Linearised(index, level, stiffness, linear_log, precision, total, mean)

@@ -9,10 +9,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import nnls
 
 from ospc.arrays import FloatArray
-from ospc.estimation.prior import Prior
-
-STEPS = np.geomspace(0.05, 20.0, 27)
-"""Candidates for the step of the prior's random walk."""
+from ospc.estimation.prior import CANDIDATES, Prior, Roughness
 
 
 @dataclass(frozen=True)
@@ -55,28 +52,28 @@ class NormalEquations:
         tempering = float(bread**2 / max(spread, 1e-6))
         return NormalEquations(self.matrix, self.vector, self.square, self.scatter, tempering)
 
-    def posterior_precision(self, prior: Prior, step: float) -> FloatArray:
+    def posterior_precision(self, prior: Prior, roughness: Roughness) -> FloatArray:
         """Return the precision of the parameters given data and prior, shape (p, p)."""
-        return self.tempering * self.matrix + prior.precision(step)
+        return self.tempering * self.matrix + prior.precision(roughness)
 
-    def best_step(self, prior: Prior) -> float:
-        """Return the step of the prior's walk with the largest marginal likelihood (empirical Bayes)."""
-        return float(STEPS[int(np.argmax([self._log_evidence(prior, float(step)) for step in STEPS]))])
+    def best_roughness(self, prior: Prior) -> Roughness:
+        """Return the roughness of the prior with the largest marginal likelihood (empirical Bayes)."""
+        return max(CANDIDATES, key=lambda roughness: self._log_evidence(prior, roughness))
 
-    def solve(self, prior: Prior, step: float, floor: FloatArray) -> FloatArray:
+    def solve(self, prior: Prior, roughness: Roughness, floor: FloatArray) -> FloatArray:
         """Return the most probable parameters not below ``floor``, shape (p,): a non-negative least squares problem.
 
         Parameters
         ----------
         prior
             The prior.
-        step
-            Step of its walk.
+        roughness
+            Its roughness.
         floor
             Lowest value of each parameter, −inf for none, shape (p,).
         """
-        precision = self.posterior_precision(prior, step)
-        target = self._target(prior, step)
+        precision = self.posterior_precision(prior, roughness)
+        target = self._target(prior, roughness)
         free = cho_solve(cho_factor(precision), target)
         if np.all(free >= floor):
             return np.asarray(free)
@@ -98,13 +95,13 @@ class NormalEquations:
         square = self.square - 2 * self.vector @ parameters + parameters @ self.matrix @ parameters
         return float(self.tempering * square)
 
-    def _target(self, prior: Prior, step: float) -> FloatArray:
-        return np.asarray(self.tempering * self.vector + prior.precision(step) @ prior.mean)
+    def _target(self, prior: Prior, roughness: Roughness) -> FloatArray:
+        return np.asarray(self.tempering * self.vector + prior.precision(roughness) @ prior.mean)
 
-    def _log_evidence(self, prior: Prior, step: float) -> float:
-        precision, target = self.posterior_precision(prior, step), self._target(prior, step)
+    def _log_evidence(self, prior: Prior, roughness: Roughness) -> float:
+        precision, target = self.posterior_precision(prior, roughness), self._target(prior, roughness)
         factor = cho_factor(precision)
         mean = prior.mean
-        fit = target @ cho_solve(factor, target) - mean @ prior.precision(step) @ mean
+        fit = target @ cho_solve(factor, target) - mean @ prior.precision(roughness) @ mean
         log_determinant = 2 * np.sum(np.log(np.diag(factor[0])))
-        return float(0.5 * (fit - log_determinant + prior.log_determinant(step)))
+        return float(0.5 * (fit - log_determinant + prior.log_determinant(roughness)))

@@ -152,7 +152,9 @@ class JointMethod:
     def _watch_standing_still(self, frame: Frame) -> None:
         if self._series is not None:
             self._series.watch(frame)
-            if len(self._motions) >= 8 and not self._standing_still:
+            # Dark frames register badly: only plain motion, or long evidence, rules out that the camera stands still.
+            plain = len(self._motions) >= 8 and float(np.median(self._motions)) > 4 * self._settings.still_px
+            if plain or (len(self._motions) >= 60 and not self._standing_still):
                 self._series = None
 
     def _keep(self, samples: Samples) -> None:

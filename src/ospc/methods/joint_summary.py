@@ -17,6 +17,7 @@ from ospc.photometry.vignette import LogVignette
 from ospc.presets import JointSettings
 
 _MAX_LEVELS = 4096
+_BLACK, _WHITE = 1.5 / 255, 253.5 / 255
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,8 @@ def response_of(fit: JointFit, max_grey: int, sightings: Sightings | None = None
             "name": "local gamma",
             "knots": fit.response_basis.knots.tolist(),
             "coefficients": fit.response_parameters.tolist(),
-            "prior_step": fit.step,
+            "prior_walk": fit.roughness.walk,
+            "prior_drift": fit.roughness.drift,
         },
     )
 
@@ -129,11 +131,14 @@ def exposure_ratios(fit: JointFit, sightings: Sightings) -> ExposureRatios:
     log_g = np.interp(
         sightings.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters)
     ) - fit.vignette_basis.log_value(fit.vignette_parameters, sightings.position)
-    first = np.repeat(sightings.starts, sightings.counts)
-    later = np.flatnonzero(first != np.arange(len(sightings)))
-    observed = log_g[first[later]] - log_g[later]
-    metadata = sightings.log_exposure[first[later]] - sightings.log_exposure[later]
-    frames = np.stack([sightings.frame[first[later]], sightings.frame[later]], axis=1)
+    exposed = (sightings.grey > _BLACK) & (sightings.grey < _WHITE)
+    # Each sighting against the one before of the same point: a pair, or neighbours in a static series.
+    later = np.flatnonzero((np.diff(sightings.point) == 0) & exposed[1:] & exposed[:-1]) + 1
+    if not len(later):
+        return ExposureRatios.none()
+    observed = log_g[later - 1] - log_g[later]
+    metadata = sightings.log_exposure[later - 1] - sightings.log_exposure[later]
+    frames = np.stack([sightings.frame[later - 1], sightings.frame[later]], axis=1)
     pairs, member = np.unique(frames, axis=0, return_inverse=True)
     member = member.reshape(-1)
     order = np.argsort(member, kind="stable")
