@@ -1,0 +1,38 @@
+"""What the methods' tests share: one recording, made once, and a run over frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import pytest
+from recorded_in_memory import Recorded, recorded
+
+from ospc.calibrator import OnlineCalibrator
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.response import Response
+from ospc.presets import Settings
+from ospc.recording import Frame
+
+
+@pytest.fixture(scope="session")
+def walk() -> Recorded:
+    """A walk through the simulated room with auto exposure; its response is one of the paper's polynomials."""
+    return recorded(frames=150, noise="low", response=Response.gamma(2.0, 2041))
+
+
+@pytest.fixture(scope="session")
+def calibrated() -> Callable[..., Calibration]:
+    """Push frames one by one, all of which must be usable, and return the calibration."""
+
+    def run(
+        frames: Iterable[Frame], settings: Settings | str = "default", ask_after: tuple[int, ...] = ()
+    ) -> Calibration:
+        calibrator = OnlineCalibrator(settings)
+        for number, frame in enumerate(frames, start=1):
+            assert calibrator.push(frame)
+            if number in ask_after:
+                calibrator.calibration()
+                assert calibrator.status.frames == number
+        return calibrator.calibration()
+
+    return run

@@ -1,0 +1,215 @@
+"""The default method on simulated recordings: right, honest about what it cannot know, and repeatable."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from recorded_in_memory import recorded
+
+from ospc.calibrator import OnlineCalibrator
+from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
+from ospc.methods.joint import Schedule
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.vignette import radial_profile
+from ospc.presets import JointSettings
+from ospc.recording import Frame
+
+QUICK = replace(JointSettings(), points_per_pair=120, rounds=5)
+
+
+@pytest.fixture(scope="module")
+def result(walk, calibrated):
+    return calibrated(walk.frames[:90])
+
+
+def as_text(calibration):
+    return json.dumps(calibration.as_dict(), sort_keys=True)
+
+
+# Right.
+
+
+def test_response_and_vignette_are_found(result, walk):
+    assert result.complete
+    assert result.converged
+    assert response_shape_rmse(result.response, walk.truth.response) < 0.01
+    assert log_ratio_error(result.response, walk.truth.response) < 0.01
+    assert vignette_rmse(result.vignette, walk.truth.vignette) < 0.02
+    assert {v.state for v in result.verdicts.values()} == {"identifiable"}
+    assert "exposures of" in result.verdicts["response"].reason
+    assert "ln V at the corner" in result.verdicts["vignette"].reason
+    assert result.advice == ()
+
+
+def test_the_deviations_stated_are_not_far_from_the_errors(result, walk):
+    low, high = np.log([response.inverse([0.3, 0.7]) for response in (result.response, walk.truth.response)]).T
+    assert np.ptp(high - low) < 0.02
+    profile, truth = (radial_profile(v) for v in (result.vignette, walk.truth.vignette))
+    sigma = np.interp((np.arange(50) + 0.5) / 50, PROFILE_RADII, result.vignette_sigma)
+    assert np.mean(np.abs(profile - truth) < 3 * sigma + 0.004) > 0.8
+    assert result.vignette_sigma.shape == PROFILE_RADII.shape
+    assert result.vignette_sigma[0] < 1e-6
+    assert np.all(result.response.inverse_sigma >= 0)
+    assert result.response.inverse_sigma[0] == 0
+
+
+def test_exposures_are_predicted(result):
+    ratios = result.exposure_ratios
+    assert 0.8 * result.counts["pairs"] < len(ratios.metadata) <= result.counts["pairs"]
+    assert abs(ratios.bias) < 0.01
+    assert np.median(np.abs(ratios.log_residual)) < 0.02
+    assert np.all(ratios.samples > 0)
+
+
+def test_what_was_counted_adds_up(result):
+    assert result.counts["frames"] == 90
+    assert result.counts["skipped"] == 0
+    assert 60 <= result.counts["pairs"] < 90
+    assert result.counts["samples"] > 5000
+    assert result.size == (320, 240)
+    assert result.max_grey == 255
+    assert not result.partial
+    assert result.settings["preset"] == "default"
+    assert set(result.versions) >= {"ospc", "numpy", "opencv"}
+
+
+def test_the_result_can_be_saved_and_loaded(result, tmp_path):
+    assert as_text(Calibration.load(result.save(tmp_path / "calibration.json"))) == as_text(result)
+
+
+def test_covariances_name_their_parameters(result):
+    for part in ("response", "vignette"):
+        matrix = np.array(result.covariance[part]["matrix"])
+        assert matrix.shape == (len(result.covariance[part]["parameters"]),) * 2
+        np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
+        assert np.all(np.diag(matrix) > 0)
+
+
+def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
+    made = recorded(
+        frames=80, response="tum_narrow", vignette="decentred", noise="high", bit_depth=12, seed=3, exposure="sweep",
+        exposure_min_ms=4.0, exposure_max_ms=16.0,
+    )  # fmt: skip
+    result = calibrated(made.frames)
+    assert result.max_grey == 4095
+    assert result.response.inverse_table.shape == (4096,)
+    assert response_shape_rmse(result.response, made.truth.response) < 0.01
+    assert vignette_pixel_rmse(result.vignette, made.truth.vignette) < 0.02
+
+
+# Repeatable.
+
+
+def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated):
+    plain = calibrated(walk.frames[:60], QUICK)
+    asked = calibrated(walk.frames[:60], QUICK, ask_after=(1, 2, 20, 45))
+    assert as_text(asked) == as_text(plain)
+
+
+@pytest.mark.parametrize("factor", [2.0])
+def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calibrated, factor):
+    plain = calibrated(walk.frames[:50], QUICK)
+    scaled = calibrated([replace(f, exposure_ms=factor * f.exposure_ms) for f in walk.frames[:50]], QUICK)
+    # Rounding may make a round more or less of a fit, each of which then changes next to nothing.
+    change = np.abs(scaled.response.inverse_table - plain.response.inverse_table)
+    assert change.max() < 0.2 * plain.response.inverse_sigma.max()
+    change = np.abs(scaled.vignette.image() - plain.vignette.image())
+    assert change.max() < 0.2 * plain.vignette_sigma.max()
+    np.testing.assert_allclose(scaled.exposure_ratios.metadata, plain.exposure_ratios.metadata, rtol=1e-9)
+    assert [v.state for v in scaled.verdicts.values()] == [v.state for v in plain.verdicts.values()]
+
+
+def test_frames_that_cannot_be_used_leave_no_trace(walk, calibrated):
+    good = walk.frames[:40]
+
+    def unreadable():
+        from ospc.errors import FrameError
+
+        raise FrameError("bad.png: cannot be decoded; copy it again")
+
+    bad = [
+        Frame(900, 0.0, 1e4, "bad.png", unreadable),
+        replace(good[0], exposure_ms=float("nan")),
+        replace(good[0], exposure_ms=0.0),
+        replace(good[0], exposure_ms=-3.0),
+        Frame.of_array(np.full((48, 64), 90, np.uint8), 3.0),
+    ]
+    calibrator = OnlineCalibrator(QUICK)
+    for number, frame in enumerate(good):
+        assert calibrator.push(frame)
+        assert not calibrator.push(bad[number % 5])
+    mixed, clean = calibrator.calibration(), calibrated(good, QUICK)
+    assert mixed.counts["skipped"] == 40
+    assert mixed.counts["frames"] == 80
+    assert as_text(replace(mixed, counts=clean.counts)) == as_text(clean)
+
+
+# What cannot be known.
+
+
+def test_a_constant_exposure_tells_nothing_of_the_response(calibrated):
+    result = calibrated(recorded(frames=25, exposure="constant").frames)
+    assert result.response is None
+    assert result.vignette is None
+    assert result.verdicts["response"].state == "not identifiable"
+    assert result.verdicts["response"].reason.startswith("the exposure hardly changes (10 to 10 ms)")
+    assert "auto exposure" in result.advice[0]
+    assert not result.converged
+    assert result.covariance == {}
+
+
+def test_a_camera_that_stands_still_tells_nothing_of_the_vignette(calibrated, tmp_path):
+    made = recorded(frames=24, motion="static", exposure="sweep", exposure_min_ms=2.0, exposure_max_ms=20.0)
+    result = calibrated(made.frames)
+    assert result.vignette is None
+    assert result.vignette_sigma is None
+    assert "vignette" not in result.covariance
+    assert result.verdicts["vignette"].state == "not identifiable"
+    assert "stands still" in result.verdicts["vignette"].reason
+    assert any("pan" in line for line in result.advice)
+    assert response_shape_rmse(result.response, made.truth.response) < 0.01
+    assert Calibration.load(result.save(tmp_path / "c.json")).vignette is None
+
+
+def test_exposures_that_do_not_belong_to_the_frames_are_noticed(walk, calibrated):
+    shuffled = np.random.default_rng(0).permutation(60)
+    mixed_up = [
+        replace(f, exposure_ms=f.exposure_ms * (0.5, 1.0, 2.0, 4.0)[i % 4])
+        for f, i in zip(walk.frames[:60], shuffled, strict=True)
+    ]
+    result = calibrated(mixed_up, QUICK)
+    assert result.response is None
+    assert "does not show in the images" in result.verdicts["response"].reason
+    assert "belongs to its frame" in result.verdicts["response"].remedy
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_a_few_frames_are_too_few(walk, calibrated, count):
+    result = calibrated(walk.frames[:count])
+    assert result.response is None
+    assert result.vignette is None
+    assert all(v.state == "not identifiable" and v.reason and v.remedy for v in result.verdicts.values())
+
+
+def test_images_without_structure_give_no_calibration(calibrated):
+    grey = [Frame.of_array(np.full((120, 160), 60 + 8 * i, np.uint8), 1.0 + i / 5, index=i) for i in range(12)]
+    result = calibrated(grey)
+    assert result.vignette is None
+
+
+# Which frames are looked at.
+
+
+@given(st.integers(1, 100), st.integers(1, 3000))
+def test_looks_become_rarer_by_one_frame_after_so_many(slowdown, frames):
+    schedule = Schedule(slowdown)
+    looks = [frame for frame in range(frames) if schedule.wants_next()]
+    expected = np.cumsum([0, *(1 + look // slowdown for look in range(frames))])
+    np.testing.assert_array_equal(looks, expected[expected < frames])
+    # So the work grows with the square root of a recording's length.
+    assert len(looks) <= slowdown + np.sqrt(2 * slowdown * frames)

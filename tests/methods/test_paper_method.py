@@ -1,0 +1,240 @@
+"""The paper's method on simulated recordings, with windows small enough to fill several times."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from recorded_in_memory import recorded
+
+from ospc.calibrator import OnlineCalibrator
+from ospc.correspondence.correspondences import Correspondences
+from ospc.correspondence.features import Features
+from ospc.evaluation.metrics import response_shape_rmse, vignette_rmse
+from ospc.methods.sequential import SequentialMethod
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.vignette import PolynomialVignette
+from ospc.presets import PaperSettings
+from ospc.recording import Frame
+
+SMALL = replace(
+    PaperSettings(),
+    max_features=1200,
+    response_window=50,
+    response_max_radial_displacement=0.02,
+    vignette_window=50,
+    vignette_offset=10,
+    vignette_min_radial_displacement=0.08,
+)
+QUICK = replace(SMALL, features="orb", max_features=600, response_window=20, vignette_window=30, min_samples=40)
+
+
+@pytest.fixture(scope="module")
+def run(walk):
+    """All 150 frames, and the progress after each."""
+    calibrator, progress = OnlineCalibrator(SMALL), []
+    for frame in walk.frames:
+        assert calibrator.push(frame)
+        progress.append(calibrator.status.progress)
+    return calibrator.calibration(), progress
+
+
+def as_text(calibration):
+    return json.dumps(calibration.as_dict(), sort_keys=True)
+
+
+def test_response_and_vignette_are_found(run, walk):
+    result, _ = run
+    assert result.complete
+    assert result.converged
+    assert response_shape_rmse(result.response, walk.truth.response) < 0.04
+    assert vignette_rmse(result.vignette, walk.truth.vignette) < 0.1
+    assert isinstance(result.vignette, PolynomialVignette)
+    assert result.response.model["name"] == "polynomial"
+    c = result.response.model["coefficients"]
+    assert len(c) == 3
+    assert c[0] == pytest.approx(0, abs=1e-9)
+    assert sum(c) == pytest.approx(1, abs=1e-9)
+
+
+def test_every_window_made_an_estimate(run):
+    result, _ = run
+    assert result.verdicts["response"].state == "identifiable"
+    assert result.verdicts["response"].reason.startswith("3 windows")
+    assert result.verdicts["vignette"].state == "identifiable"
+    assert "windows of frames gave estimates" in result.verdicts["vignette"].reason
+
+
+def test_estimates_are_repeated_and_their_spread_is_stated(run):
+    result, progress = run
+    assert result.response.inverse_sigma.shape == (256,)
+    assert 0 < result.response.inverse_sigma.max() < 0.1
+    assert result.response.inverse_sigma[[0, -1]] == pytest.approx(0, abs=1e-9)
+    assert result.vignette_sigma.shape == PROFILE_RADII.shape
+    assert 0 < result.vignette_sigma[-1] < 0.3
+    assert result.covariance["response"]["parameters"] == ["c0", "c1", "c2"]
+    assert result.covariance["vignette"]["parameters"] == ["v1", "v2", "v3"]
+    assert np.shape(result.covariance["vignette"]["matrix"]) == (3, 3)
+    # Nothing is known of the spread of a single estimate; the second ends its window 50 frames later.
+    assert progress[60].response_spread is None
+    assert progress[100].response_spread == pytest.approx(progress[101].response_spread)
+    assert progress[-1].response_spread == pytest.approx(result.response.inverse_sigma.max())
+    assert progress[-1].vignette_spread == pytest.approx(result.vignette_sigma[-1])
+
+
+def test_progress_only_grows(run):
+    result, progress = run
+    for before, after in pairwise(progress):
+        assert after.pairs >= before.pairs
+        assert after.samples >= before.samples
+    assert (progress[-1].pairs, progress[-1].samples) == (result.counts["pairs"], result.counts["samples"])
+
+
+def test_exposures_are_predicted(run):
+    result, _ = run
+    ratios = result.exposure_ratios
+    assert np.median(np.abs(ratios.log_residual)) < SMALL.acceptance_tolerance
+    # The ratios of an accepted vignette are those of its pairs: so many frames apart.
+    np.testing.assert_array_equal(np.diff(ratios.frames, axis=1), SMALL.vignette_offset)
+
+
+def test_the_result_can_be_saved_and_loaded(run, tmp_path):
+    result, _ = run
+    assert as_text(Calibration.load(result.save(tmp_path / "calibration.json"))) == as_text(result)
+    assert result.settings["preset"] == "paper"
+    assert result.settings["response_window"] == 50
+
+
+def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated):
+    plain = calibrated(walk.frames[:75], QUICK)
+    asked = calibrated(walk.frames[:75], QUICK, ask_after=(1, 19, 20, 21, 44, 60))
+    assert as_text(asked) == as_text(plain)
+    assert plain.response is not None
+
+
+def test_a_factor_on_all_exposures_changes_nothing(walk, calibrated):
+    plain = calibrated(walk.frames[:60], QUICK)
+    doubled = calibrated([replace(f, exposure_ms=2 * f.exposure_ms) for f in walk.frames[:60]], QUICK)
+    np.testing.assert_array_equal(doubled.response.inverse_table, plain.response.inverse_table)
+    assert as_text(replace(doubled, verdicts={})) == as_text(replace(plain, verdicts={}))
+
+
+def test_an_open_window_counts_only_where_no_full_one_did(walk, calibrated):
+    alone = calibrated(walk.frames[:40], replace(QUICK, response_window=1000, vignette_window=1000))
+    assert alone.response is not None
+    assert alone.verdicts["response"].state == "marginal"
+    assert alone.verdicts["response"].reason == "a single window of frames gave an estimate"
+    assert "record longer" in alone.advice
+    assert alone.response.inverse_sigma is None
+    assert not alone.converged
+    # Twenty frames after a full window of twenty change nothing until their own window is full.
+    full, more = (calibrated(walk.frames[:n], QUICK) for n in (20, 39))
+    np.testing.assert_array_equal(full.response.inverse_table, more.response.inverse_table)
+
+
+def test_a_constant_exposure_tells_nothing(calibrated):
+    result = calibrated(recorded(frames=30, exposure="constant", size=(160, 120)).frames, QUICK)
+    assert result.response is None
+    assert result.vignette is None
+    assert result.verdicts["response"].state == "not identifiable"
+    assert "the exposure hardly changes (10 to 10 ms)" in result.verdicts["response"].reason
+    assert result.verdicts["vignette"].reason == "without a response there is no irradiance to compare"
+    assert "auto exposure" in result.advice[0]
+
+
+def test_a_camera_that_stands_still_tells_nothing_of_the_vignette(calibrated):
+    made = recorded(frames=40, motion="static", exposure="sweep", exposure_min_ms=5.0, exposure_max_ms=20.0)
+    result = calibrated(made.frames, QUICK)
+    assert result.response is not None
+    assert result.vignette is None
+    assert result.verdicts["vignette"].state == "not identifiable"
+    assert "moves radially" in result.verdicts["vignette"].reason
+    assert any("pan" in line for line in result.advice)
+
+
+def test_estimates_that_do_not_predict_the_exposures_are_not_accepted(walk, calibrated):
+    strict = calibrated(walk.frames[:45], replace(QUICK, acceptance_tolerance=1e-6))
+    assert strict.response is None
+    assert "none of 2 estimates predicted the exposure ratios" in strict.verdicts["response"].reason
+    assert "check that exposures belong" in strict.verdicts["response"].remedy
+
+
+# With matches that are exact, everything after the matching is, too.
+
+
+class PerfectMatcher:
+    """Matches without noise of a camera whose g is c₁M + c₂M² and whose vignette is a polynomial."""
+
+    def __init__(self, c1, v, size=(640, 480), astray=0.0):
+        self.c1, self.c2 = c1, 1 - c1
+        self.vignette, self.size, self.astray = PolynomialVignette(size, v), size, astray
+
+    def features(self, frame):
+        return Features(frame.index, frame.exposure_ms, np.empty((0, 2)), np.empty(0), np.empty((0, 1), np.uint8))
+
+    def correspondences(self, left, right, size):
+        random = np.random.default_rng((left.frame, right.frame))
+        centre = (np.array(size) - 1) / 2
+        points0, points1 = random.uniform(0, 1, (2, 60, 2)) * 2 * centre
+        # A third keeps its radius exactly, as does what would move little.
+        change = [np.linalg.norm(p - centre, axis=1) / np.linalg.norm(centre) for p in (points0, points1)]
+        keeps = (np.arange(60) < 20) | (np.abs(change[0] - change[1]) < 0.02)
+        points1[keeps] = 2 * centre - points0[keeps]
+        light = random.uniform(0.05, 0.9, 60) / max(left.exposure_ms, right.exposure_ms)
+        grey = [
+            self.grey(f.exposure_ms * light * self.vignette.at(p)) for f, p in ((left, points0), (right, points1))
+        ]
+        astray = random.random(60) < self.astray
+        grey[1] = np.where(astray, random.uniform(0.1, 0.9, 60), grey[1])
+        ratio = left.exposure_ms / right.exposure_ms
+        return Correspondences((left.frame, right.frame), ratio, size, points0, points1, *grey)
+
+    def grey(self, irradiance):
+        return 2 * irradiance / (self.c1 + np.sqrt(self.c1**2 + 4 * self.c2 * irradiance))
+
+
+V = (-0.3, 0.05, -0.15)
+
+
+def after_matching(matcher, settings=None, frames=430):
+    """Run the method with its own windows on perfect matches; the images do not matter."""
+    settings = settings or PaperSettings()
+    method = SequentialMethod(settings, matcher.size, 255, matcher)
+    image = np.zeros((1, 1), np.uint8)
+    for index in range(frames):
+        exposure_ms = 10.0 * np.exp(0.5 * np.sin(index / 9) + 0.05 * np.sin(index * 1.7))
+        method.push(Frame.of_array(image, exposure_ms, index=index))
+    return method.calibration()
+
+
+@pytest.mark.parametrize("solver", ["l2", "l1", "m-estimator"])
+@pytest.mark.parametrize(
+    ("c1", "positivity"), [(0.3, "never"), (0.3, "always"), (1.4, "when needed"), (1.4, "never")]
+)
+def test_perfect_matches_give_the_truth(solver, c1, positivity):
+    settings = replace(PaperSettings(), vignette_solver=solver, response_positivity=positivity)
+    result = after_matching(PerfectMatcher(c1, V), settings)
+    np.testing.assert_allclose(result.response.model["coefficients"], [0, c1, 1 - c1], atol=1e-6)
+    profiles = [v.profile(PROFILE_RADII) for v in (result.vignette, PolynomialVignette((640, 480), V))]
+    # Between the 256 levels of its table the response is straight.
+    np.testing.assert_allclose(*profiles, atol=1e-3)
+    np.testing.assert_allclose(result.exposure_ratios.estimated, result.exposure_ratios.metadata, rtol=1e-3)
+    assert result.verdicts["response"].reason.startswith("2 windows")
+    assert result.verdicts["vignette"].state == "marginal"
+
+
+def test_coefficients_that_may_not_be_negative_are_not():
+    result = after_matching(PerfectMatcher(1.4, V), replace(PaperSettings(), response_positivity="always"))
+    assert result.response is None or min(result.response.model["coefficients"]) >= 0
+
+
+def test_the_m_estimator_bears_wrong_matches_better_than_least_squares():
+    error = {}
+    for solver in ("l2", "m-estimator"):
+        settings = replace(PaperSettings(), vignette_solver=solver, acceptance_tolerance=5.0)
+        result = after_matching(PerfectMatcher(0.3, V, astray=0.05), settings)
+        error[solver] = np.inf if result.vignette is None else abs(result.vignette.profile(1.0) - 1 - sum(V))
+    assert error["m-estimator"] < error["l2"]

@@ -1,0 +1,263 @@
+"""The calibrator: what it passes on, what it refuses and counts, and what it returns when interrupted."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.calibrator import OnlineCalibrator, calibrate
+from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
+from ospc.methods.method import Progress
+from ospc.photometry.calibration import Calibration
+from ospc.presets import JointSettings, PaperSettings, as_dict, preset, with_overrides
+from ospc.recording import ArrayRecording, Frame
+from ospc.recording.identity import identity
+
+IMAGE = np.full((6, 8), 90, np.uint8)
+
+
+class Noting:
+    """A method that notes what it is given."""
+
+    def __init__(self, size, max_grey):
+        self.size, self.max_grey, self.frames = size, max_grey, []
+
+    def push(self, frame):
+        if frame.name == "frame 13":
+            raise FrameError("frame 13: the method cannot use it")
+        self.frames.append(frame.index)
+
+    @property
+    def progress(self):
+        return Progress(pairs=len(self.frames))
+
+    def calibration(self):
+        return Calibration(self.size, max_grey=self.max_grey, counts={"pairs": len(self.frames)})
+
+
+@dataclass(frozen=True)
+class NotingSettings:
+    """Settings of a method that notes what it is given."""
+
+    strength: float = 1.5
+    made: list = field(default_factory=list, compare=False)
+
+    name = "noting"
+
+    def build(self, size, max_grey):
+        self.made.append(Noting(size, max_grey))
+        return self.made[-1]
+
+
+def frame(index, exposure_ms=1.0, image=IMAGE):
+    return Frame.of_array(image, exposure_ms, index=index)
+
+
+def unreadable(index):
+    def fail():
+        raise FrameError(f"{index}.png: cannot be decoded; copy it again")
+
+    return Frame(index, 0.0, 1.0, f"{index}.png", fail)
+
+
+# One frame after the other.
+
+
+def test_good_frames_reach_the_method_in_their_order():
+    settings = NotingSettings()
+    calibrator = OnlineCalibrator(settings)
+    assert all(calibrator.push(frame(i)) for i in range(5))
+    (method,) = settings.made
+    assert method.frames == [0, 1, 2, 3, 4]
+    assert (method.size, method.max_grey) == ((8, 6), 255)
+    result = calibrator.calibration()
+    assert result.counts == {"frames": 5, "skipped": 0, "pairs": 5}
+    assert result.size == (8, 6)
+    assert result.settings["strength"] == 1.5
+    assert result.settings["preset"] == "noting"
+    assert not result.partial
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        (unreadable(7), "7.png: cannot be decoded; copy it again"),
+        (frame(7, float("nan")), "frame 7: exposure nan ms is not a positive number"),
+        (frame(7, float("inf")), "frame 7: exposure inf ms is not a positive number"),
+        (frame(7, 0.0), "frame 7: exposure 0.0 ms is not a positive number"),
+        (frame(7, -1.0), "frame 7: exposure -1.0 ms is not a positive number"),
+        (frame(7, image=np.zeros((8, 6), np.uint8)), "frame 7: 6×8 pixels, but the first frame has 8×6"),
+        (frame(13), "frame 13: the method cannot use it"),
+    ],
+    ids=["unreadable", "nan", "infinite", "zero", "negative", "other size", "refused by the method"],
+)
+def test_a_bad_frame_is_skipped_counted_and_its_reason_kept(bad, reason):
+    settings = NotingSettings()
+    calibrator = OnlineCalibrator(settings)
+    assert calibrator.push(frame(0))
+    assert not calibrator.push(bad)
+    assert calibrator.push(frame(1))
+    assert settings.made[0].frames == [0, 1]
+    status = calibrator.status
+    assert status.frames == 3
+    assert len(status.skipped) == 1
+    assert status.skipped[0].startswith(reason)
+    assert calibrator.calibration().counts == {"frames": 3, "skipped": 1, "pairs": 2}
+
+
+def test_the_first_frame_that_can_be_read_says_how_large_they_are():
+    calibrator = OnlineCalibrator(NotingSettings())
+    assert not calibrator.push(unreadable(0))
+    assert not calibrator.push(frame(1, 0.0, np.zeros((3, 3), np.uint8)))
+    assert calibrator.push(frame(2))
+    assert calibrator.calibration().size == (8, 6)
+
+
+def test_only_the_latest_reasons_are_remembered_but_all_are_counted():
+    calibrator = OnlineCalibrator(NotingSettings())
+    calibrator.push(frame(0))
+    for index in range(1, 101):
+        assert not calibrator.push(unreadable(index))
+    status = calibrator.status
+    assert len(status.skipped) == OnlineCalibrator.REMEMBERED
+    assert status.skipped[-1].startswith("100.png")
+    assert calibrator.calibration().counts["skipped"] == 100
+
+
+def test_before_any_frame_there_is_progress_but_no_calibration():
+    calibrator = OnlineCalibrator()
+    assert calibrator.status.frames == 0
+    assert calibrator.status.progress == Progress()
+    with pytest.raises(OspcError, match=r"^no frame could be used$"):
+        calibrator.calibration()
+    calibrator.push(unreadable(3))
+    with pytest.raises(OspcError, match=r"^no frame could be used: 3\.png: cannot be decoded; copy it again$"):
+        calibrator.calibration()
+
+
+def test_errors_that_are_not_the_frames_are_not_swallowed():
+    class Broken(Noting):
+        def push(self, frame):
+            raise ZeroDivisionError
+
+    @dataclass(frozen=True)
+    class BrokenSettings(NotingSettings):
+        def build(self, size, max_grey):
+            return Broken(size, max_grey)
+
+    with pytest.raises(ZeroDivisionError):
+        OnlineCalibrator(BrokenSettings()).push(frame(0))
+
+
+def test_an_unknown_preset_is_named_beside_those_that_are_known():
+    with pytest.raises(SettingError, match="'fast'; known: default, paper"):
+        OnlineCalibrator("fast")
+
+
+def test_a_wrong_setting_is_an_error_not_a_bad_frame():
+    with pytest.raises(SettingError, match="brisk"):
+        OnlineCalibrator(replace(PaperSettings(), features="brisk")).push(frame(0))
+
+
+# A whole recording.
+
+
+def recording(count=9, images=None):
+    images = images or [IMAGE] * count
+    return ArrayRecording(images, np.linspace(1, 2, len(images)), name="kitchen")
+
+
+def test_a_recording_is_calibrated_and_named():
+    seen = []
+    result = calibrate(recording(), NotingSettings(), progress=seen.append)
+    assert result.counts == {"frames": 9, "skipped": 0, "pairs": 9}
+    assert result.source == identity(recording())
+    assert result.source["name"] == "kitchen"
+    assert not result.partial
+    assert [status.frames for status in seen] == list(range(1, 10))
+    assert [status.progress.pairs for status in seen] == list(range(1, 10))
+
+
+@pytest.mark.parametrize("last", [1, 4, 9])
+def test_interrupted_it_returns_what_is_known_marked_as_partial(last):
+    def interrupt(status):
+        if status.frames == last:
+            raise KeyboardInterrupt
+
+    result = calibrate(recording(), NotingSettings(), progress=interrupt)
+    assert result.partial
+    assert result.counts == {"frames": last, "skipped": 0, "pairs": last}
+    assert result.source == identity(recording())
+
+
+def test_frames_of_another_size_are_skipped_within_a_recording():
+    images = [IMAGE, np.zeros((5, 5), np.uint8), IMAGE]
+    result = calibrate(recording(images=images), NotingSettings())
+    assert result.counts == {"frames": 3, "skipped": 1, "pairs": 2}
+
+
+def test_a_path_that_holds_no_recording_is_named(tmp_path):
+    with pytest.raises(RecordingError, match="nothing-here"):
+        calibrate(tmp_path / "nothing-here")
+
+
+def test_exposures_no_camera_has_are_refused_before_any_work():
+    with pytest.raises(ExposureError):
+        calibrate(ArrayRecording([IMAGE] * 2, [1.0, float("nan")]))
+
+
+@pytest.mark.parametrize("name", ["default", "paper"])
+def test_images_without_anything_to_see_give_an_empty_calibration(name, tmp_path):
+    grey = [np.full((96, 128), 40 + 9 * i, np.uint8) for i in range(6)]
+    result = calibrate(ArrayRecording(grey, 2.0 ** np.arange(6)), name)
+    assert result.vignette is None
+    assert result.verdicts["vignette"].state == "not identifiable"
+    saved = Calibration.load(result.save(tmp_path / "calibration.json"))
+    assert saved.as_dict() == result.as_dict()
+
+
+# Presets.
+
+
+@pytest.mark.parametrize(("name", "kind"), [("default", JointSettings), ("paper", PaperSettings)])
+def test_presets_have_names_and_json_compatible_values(name, kind):
+    settings = preset(name)
+    assert isinstance(settings, kind)
+    content = as_dict(settings)
+    assert content["preset"] == name
+    assert set(content) == {"preset", *(f.name for f in fields(kind))}
+    assert json.loads(json.dumps(content, allow_nan=False)) == content
+
+
+def test_the_papers_numbers_are_those_of_the_paper():
+    paper = PaperSettings()
+    assert (paper.response_window, paper.vignette_window, paper.vignette_offset) == (200, 400, 30)
+    assert (paper.exposure_ratio_low, paper.exposure_ratio_high) == (0.92, 1.08)
+    assert (paper.response_max_radial_displacement, paper.vignette_min_radial_displacement) == (0.01, 0.2)
+    assert (paper.filter_blocks, paper.filter_bins, paper.filter_min_matches) == (15, 10, 5)
+    assert (paper.features, paper.response_degree, paper.vignette_solver) == ("sift", 2, "m-estimator")
+
+
+@given(st.sampled_from(["default", "paper"]), st.data())
+def test_any_setting_can_be_given_as_text(name, data):
+    settings = preset(name)
+    setting = data.draw(st.sampled_from([f.name for f in fields(settings)]))
+    value = getattr(settings, setting)
+    other = {int: 7, float: 0.25, str: "orb"}[type(value)]
+    changed = with_overrides(settings, {setting: str(other)})
+    assert getattr(changed, setting) == other
+    assert type(getattr(changed, setting)) is type(value)
+    assert replace(changed, **{setting: value}) == settings
+    assert preset(name) == settings
+
+
+def test_settings_that_do_not_exist_or_do_not_fit_are_refused():
+    with pytest.raises(SettingError, match=r"no setting is called 'speed' in preset 'default'; known: .*views"):
+        with_overrides(JointSettings(), {"speed": "3"})
+    with pytest.raises(SettingError, match=r"views takes a value of type int, not '2\.5'"):
+        with_overrides(JointSettings(), {"views": "2.5"})
