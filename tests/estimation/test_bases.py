@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import lsq_linear
+from scipy.stats import multivariate_normal
 
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import Prior
+from ospc.estimation.prior import CANDIDATES, Prior
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.geometry import normalised, pixel_grid
 
+ANY = CANDIDATES[0]
 seeds = st.integers(0, 2**32 - 1)
 intervals = st.sampled_from([8, 16, 32])
 
@@ -122,27 +126,60 @@ def test_the_jacobian_of_a_free_centre_takes_the_non_radial_part_along():
 # The linear system.
 
 
-@given(seeds, st.booleans(), st.floats(0.1, 5.0), st.floats(0.2, 3.0))
-def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, step, tempering):
+@dataclass(frozen=True)
+class Belief:
+    """A normal distribution of parameters, whatever its roughness is said to be."""
+
+    mean: np.ndarray
+    matrix: np.ndarray
+
+    def precision(self, _roughness):
+        return self.matrix
+
+
+def belief(random, p):
+    root = random.normal(0, 1, (p, p))
+    return Belief(random.normal(0.5, 1, p), root @ root.T + 0.1 * np.eye(p))
+
+
+@given(seeds, st.booleans(), st.floats(0.2, 3.0))
+def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, tempering):
     random = np.random.default_rng(seed)
-    prior = Prior.of(ResponseBasis(6), 3)
-    p = len(prior.mean)
-    rows, target = random.normal(0, 1, (30, p)), random.normal(0, 2, 30)
-    floor = np.full(p, -np.inf)
+    prior = belief(random, 10)
+    rows, target = random.normal(0, 1, (30, 10)), random.normal(0, 2, 30)
+    floor = np.full(10, -np.inf)
     if bounded:
         floor[:7] = 0.3
-    equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(p), tempering)
-    found = equations.solve(prior, step, floor)
+    equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(10), tempering)
+    found = equations.solve(prior, ANY, floor)
     assert np.all(found >= floor)
     # The prior as rows of its own: precision = RᵀR, and R·mean on the right.
-    root = np.linalg.cholesky(prior.precision(step)).T
+    root = np.linalg.cholesky(prior.matrix).T
     system = np.vstack([np.sqrt(tempering) * rows, root])
     right = np.concatenate([np.sqrt(tempering) * target, root @ prior.mean])
     reference = lsq_linear(system, right, bounds=(floor, np.inf), tol=1e-14)
     np.testing.assert_allclose(found, reference.x, atol=1e-5)
     cost = [np.sum((system @ x - right) ** 2) for x in (found, reference.x)]
     assert cost[0] <= cost[1] * (1 + 1e-9)
-    np.testing.assert_allclose(equations.posterior_precision(prior, step), system.T @ system, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(equations.posterior_precision(prior, ANY), system.T @ system, rtol=1e-9, atol=1e-9)
+
+
+def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable():
+    basis = ResponseBasis(8)
+    random = np.random.default_rng(0)
+    for bend in (0.0, 0.3, 1.0):
+        prior = Prior(basis.knots, np.full(9, 2.0), 1)
+        truth = np.append(2 + bend * np.sin(9 * basis.knots), -0.3)
+        rows = random.normal(0, 1, (40, 10))
+        target = rows @ truth + random.normal(0, 1, 40)
+        equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(10))
+
+        def log_probability(roughness, prior=prior, rows=rows, target=target):
+            spread = np.eye(40) + rows @ np.linalg.inv(prior.precision(roughness)) @ rows.T
+            return multivariate_normal(rows @ prior.mean, spread).logpdf(target)
+
+        best = max(map(log_probability, CANDIDATES))
+        assert log_probability(equations.best_roughness(prior)) == pytest.approx(best, abs=1e-6)
 
 
 @given(seeds)
@@ -155,7 +192,7 @@ def test_the_misfit_is_the_tempered_sum_of_squares(seed):
 
 def test_errors_common_to_a_group_leave_as_little_information_as_there_are_groups():
     random = np.random.default_rng(0)
-    prior = Prior.of(ResponseBasis(4), 0)
+    weak = 1e-3 * np.eye(5)
     members, groups = 20, 400
     rows = np.repeat(random.normal(0, 1, (groups, 5)), members, axis=0)
     for common, expected in ((0.0, 1.0), (1.0, 1 / members)):
@@ -163,5 +200,5 @@ def test_errors_common_to_a_group_leave_as_little_information_as_there_are_group
         residual = np.sqrt(common) * np.repeat(random.normal(0, 1, groups), members) + np.sqrt(1 - common) * own
         scores = (rows * residual[:, None]).reshape(groups, members, -1).sum(axis=1)
         equations = NormalEquations(rows.T @ rows, rows.T @ residual, 1.0, scores.T @ scores)
-        tempered = equations.tempered(prior.precision(1.0), 1.0)
+        tempered = equations.tempered(weak, 1.0)
         assert tempered.tempering == pytest.approx(expected, rel=0.15)
