@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
     from ospc.benchmark.case import Case, Row
-    from ospc.benchmark.run import Task
+    from ospc.benchmark.tasks import Task
     from ospc.benchmark.summary import CaseResult
     from ospc.benchmark.tables import Table
 
@@ -56,7 +56,7 @@ def accuracy(
     from ospc.benchmark.design import accuracy_cases
     from ospc.benchmark.files import as_json as everything
     from ospc.benchmark.files import write_results
-    from ospc.benchmark.run import choose
+    from ospc.benchmark.tasks import choose
     from ospc.presets import preset
 
     names = [name.strip() for name in presets.split(",") if name.strip()]
@@ -86,7 +86,7 @@ def _run(cases: Sequence[Case], presets: Sequence[str], cache: Path, jobs: int) 
     from rich.console import Console
     from rich.progress import Progress
 
-    from ospc.benchmark.run import Task, run
+    from ospc.benchmark.tasks import Task, run
     from ospc.benchmark.store import Store
     from ospc.benchmark.summary import CaseResult
 
