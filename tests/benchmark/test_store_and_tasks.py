@@ -8,8 +8,8 @@ import pytest
 from fake_cases import FakeCase
 
 from ospc.benchmark import store as store_module
-from ospc.benchmark.tasks import Task, choose, run
 from ospc.benchmark.store import Store, key_of
+from ospc.benchmark.tasks import Task, choose, run
 from ospc.errors import SettingError
 
 

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
     from ospc.benchmark.case import Case, Row
-    from ospc.benchmark.tasks import Task
     from ospc.benchmark.summary import CaseResult
     from ospc.benchmark.tables import Table
+    from ospc.benchmark.tasks import Task
 
 _INTERRUPTED = 130
 _WIDTH = 400
@@ -86,9 +86,9 @@ def _run(cases: Sequence[Case], presets: Sequence[str], cache: Path, jobs: int) 
     from rich.console import Console
     from rich.progress import Progress
 
-    from ospc.benchmark.tasks import Task, run
     from ospc.benchmark.store import Store
     from ospc.benchmark.summary import CaseResult
+    from ospc.benchmark.tasks import Task, run
 
     tasks = [Task(case, preset) for preset in presets for case in cases]
     found: dict[tuple[str, str], list[Row]] = {}
