@@ -13,7 +13,9 @@ from ospc.errors import OspcError
 _COMMANDS = {
     "bench": "Measure the methods on recordings whose truth is known.",
     "calibrate": "Calibrate the camera of a recording.",
+    "check": "Say what a calibration of a recording could find, and what is wrong with it.",
     "compare": "Compare two calibrations.",
+    "convert": "Write any recording as a folder that DSO and its descendants read.",
     "correct": "Take response and vignette out of a recording's images.",
     "demo": "Simulate a short recording, calibrate it and compare with the truth.",
     "evaluate": "Evaluate trajectories, and what a calibration does for tracking.",

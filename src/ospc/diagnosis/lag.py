@@ -1,0 +1,148 @@
+"""Which frame an exposure belongs to: by how many frames the metadata come late."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.diagnosis.flicker import Flicker, find_flicker, without_waves
+from ospc.diagnosis.lag_decision import SILENT, LagEstimate, LagState, Trial, decide, flicker_columns
+from ospc.diagnosis.lag_likelihood import Fit, Observations, fit_exposures
+from ospc.diagnosis.shifted import corrected
+
+__all__ = ["MAX_LAG", "LagEstimate", "LagState", "corrected", "estimate_lag"]
+
+MAX_LAG = 5
+"""Largest lag tried, either way: one to three frames are common."""
+
+_MIN_PAIRS = 20
+_MIN_LOG_CHANGE = 0.005
+_MAX_FLICKERS = 2
+_MAX_LINES = 3
+_SAME_LINE = 0.01
+_MIN_FLICKER_LEAD = 15.0
+_LONGER_STEPS = (4, 8)
+_AGREED_SIGMAS = 2.4
+_OPPOSED_SIGMAS = 4.0
+_SMALL_LEAD = 3.0
+
+
+def estimate_lag(seen: Observations, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
+    """Estimate by how many frames exposures come late.
+
+    Every lag is fitted to the same pairs of frames (those whose exposure is known for all lags). The most likely lag
+    is accepted if it beats every other clearly, both in likelihood and against the scatter of its lead from pair to
+    pair (Vuong 1989), on several pairs, in the whole recording, and not by lying half way to a neighbour.
+
+    Parameters
+    ----------
+    seen
+        Changes of brightness between consecutive frames.
+    exposures_ms
+        Exposure of every frame of the recording, shape (frames,).
+    max_lag
+        Largest lag tried, either way.
+    """
+    lags = np.arange(-max_lag, max_lag + 1)
+    log_exposure = np.log(exposures_ms)
+    last = len(exposures_ms) - 1
+    inner = seen.where((seen.frame - max_lag >= 0) & (seen.frame + 1 + max_lag <= last))
+    constant = float(np.ptp(log_exposure)) < _MIN_LOG_CHANGE
+    if len(inner.driven) < _MIN_PAIRS:
+        return _unknown("constant exposure" if constant else "too few pairs", lags, inner)
+    changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
+    if constant or np.abs(changes).max() < _MIN_LOG_CHANGE / 10:
+        steady, flickers = _fit_with_flicker(inner, changes[max_lag : max_lag + 1])
+        return _unknown("constant exposure", lags, inner, steady[0], flickers)
+    fits, flickers = _fit_with_flicker(inner, changes)
+    first = decide(Trial(inner, log_exposure, lags, changes, tuple(fits), flickers))
+    if first.state not in ("ambiguous", *SILENT):
+        return first
+    overs = [over for step in _LONGER_STEPS if (over := _over(step, seen, log_exposure, lags, flickers)) is not None]
+    agreed = next((over for over in overs if _agree(first, over)), None)
+    chosen = agreed or (next((over for over in overs if over.state not in SILENT), None) if first.silent else None)
+    if chosen is None:
+        return first
+    # Pictures and figures stay those of changes from frame to frame.
+    at = int(np.flatnonzero(lags == chosen.candidates[0])[0])
+    shown = replace(chosen, pairs=first.pairs, fit=fits[at], frame=inner.frame)
+    return shown if agreed else replace(shown, state="ambiguous", frames=None)
+
+
+def _unknown(
+    state: LagState, lags: IntArray, seen: Observations, fit: Fit | None = None, flicker: tuple[Flicker, ...] = ()
+) -> LagEstimate:
+    nothing = np.zeros(len(lags))
+    return LagEstimate(
+        state, None, (), lags, nothing, nothing, pairs=len(seen), fit=fit, frame=seen.frame, flicker=flicker
+    )
+
+
+def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
+    """Return whether changes over several frames settle what those from frame to frame leave open.
+
+    They overlap, and slow errors weigh more in them. So what they say must be clearer the less the others agree.
+    """
+    if longer.frames is None or longer.frames not in first.candidates:
+        return False
+    at = int(np.flatnonzero(longer.lags == longer.frames)[0])
+    needed = _AGREED_SIGMAS if longer.frames == first.candidates[0] else _OPPOSED_SIGMAS
+    sure = np.delete(longer.sigmas, at).min() >= needed
+    return bool(sure and first.score[at] > -_SMALL_LEAD)
+
+
+def _over(
+    step: int, seen: Observations, log_exposure: FloatArray, lags: IntArray, flickers: tuple[Flicker, ...]
+) -> LagEstimate | None:
+    """Return the estimate from changes over several frames; None where there are too few.
+
+    Errors of single exposures (they are often rounded) weigh less against a change over several frames.
+    """
+    longer = seen.summed(step)
+    fits_in = (longer.frame + lags[0] >= 0) & (longer.frame + step + lags[-1] < len(log_exposure))
+    longer = longer.where(fits_in)
+    if len(longer.driven) < _MIN_PAIRS:
+        return None
+    changes = np.stack([longer.log_change(log_exposure, lag) for lag in lags.tolist()])
+    columns = flicker_columns(longer, flickers)
+    fits = tuple(fit_exposures(longer, change, columns) for change in changes)
+    return decide(Trial(longer, log_exposure, lags, changes, fits, flickers))
+
+
+def _fit_with_flicker(seen: Observations, changes: FloatArray) -> tuple[list[Fit], tuple[Flicker, ...]]:
+    """Fit every lag; where periodic changes beside the exposures make them much more likely, fit all beside these.
+
+    An exposure control that follows the flicker of a lamp is as periodic as the lamp, and a frame late. What it does
+    at that frequency says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the
+    lines that any lag leaves are tried.
+    """
+    flickers: tuple[Flicker, ...] = ()
+    fits = [fit_exposures(seen, change) for change in changes]
+    for _ in range(_MAX_FLICKERS):
+        trials = []
+        for line in _lines(seen, fits, flickers):
+            columns = flicker_columns(seen, (*flickers, line))
+            trials.append((line, [fit_exposures(seen, change, columns) for change in changes]))
+        if not trials:
+            break
+        line, better = max(trials, key=lambda trial: _likeliest(trial[1]))
+        if _likeliest(better) - _likeliest(fits) < _MIN_FLICKER_LEAD:
+            break
+        flickers, fits = (*flickers, line), better
+    return fits, flickers
+
+
+def _likeliest(fits: list[Fit]) -> float:
+    return max(fit.total for fit in fits)
+
+
+def _lines(seen: Observations, fits: list[Fit], flickers: tuple[Flicker, ...]) -> list[Flicker]:
+    """Return the different frequencies that stand out in what the lags leave unexplained."""
+    lines: list[Flicker] = []
+    for fit in sorted(fits, key=lambda fit: -fit.total):
+        line = find_flicker(seen.frame, without_waves(seen.frame, fit.unexplained, flickers))
+        if line is not None and all(abs(line.cycles_per_frame - f.cycles_per_frame) > _SAME_LINE for f in lines):
+            lines.append(line)
+    return lines[:_MAX_LINES]

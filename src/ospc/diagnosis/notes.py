@@ -1,0 +1,134 @@
+"""What else a user should know about a recording, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ospc.diagnosis.exposures import BrightnessReport
+from ospc.diagnosis.lag import MAX_LAG
+from ospc.diagnosis.pixel_statistics import PixelReport
+from ospc.diagnosis.timing import Timing
+from ospc.diagnosis.tone_mapping import LocalTone
+from ospc.diagnosis.verdicts import Figures
+
+_MANY_CLIPPED = 0.10
+_SURE_SPREAD_LOG = 0.010
+_POSSIBLE_SPREAD_LOG = 0.006
+_SURROUND_EFFECT = 0.15
+_SURROUND_SIGMAS = 5.0
+_DARK_CORNER_SHARE = 0.05
+_WEAK_SLOPE = 0.15
+
+
+def notes(figures: Figures, tone: LocalTone | None, timing: Timing, unreadable: int) -> tuple[str, ...]:
+    """Return what is worth telling, worst first."""
+    said = [
+        *_about_frames(timing, unreadable),
+        *_about_lag(figures),
+        *_about_brightness(figures.brightness, timing),
+        *_about_tone(tone),
+        *_about_pixels(figures.pixels),
+    ]
+    return tuple(said)
+
+
+def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:
+    if unreadable:
+        yield f"{unreadable} of the frames looked at cannot be read; remove them or copy them again"
+    if timing.duplicate_frames:
+        yield (
+            f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the image of the one before, "
+            f"the first is frame {timing.duplicate_frames[0]}: frames were dropped and filled up, and exposures "
+            f"may belong to other frames; record without filling up"
+        )
+    if timing.dropped_frames:
+        yield (
+            f"{timing.dropped_frames} frames are missing in {timing.gaps} gaps between time stamps, "
+            f"of {1 / timing.interval_s:.3g} frames a second"
+        )
+
+
+def _about_lag(figures: Figures) -> Iterator[str]:
+    lag, cycle = figures.lag, figures.exposure.cycle_frames
+    if lag.frames is not None and cycle is not None and cycle <= 2 * MAX_LAG:
+        yield (
+            f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} cannot be told from one of "
+            f"{lag.frames - cycle} or {lag.frames + cycle}, which are less likely"
+        )
+    if lag.fit is not None and lag.fit.slopes.any() and float(np.median(lag.fit.slopes)) < _WEAK_SLOPE:
+        yield (
+            "brightness follows the exposure only weakly; gain control or tone mapping may work against it: "
+            "switch them off"
+        )
+
+
+def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> Iterator[str]:
+    if brightness is None:
+        return
+    for flicker in brightness.flicker:
+        often = f"every {1 / flicker.cycles_per_frame:.2g} frames"
+        if np.isfinite(timing.interval_s) and timing.interval_s > 0:
+            often += f" ({flicker.cycles_per_frame / timing.interval_s:.3g} Hz as sampled)"
+        yield (
+            f"brightness flickers by ±{flicker.brightness_amplitude:.1%} {often}, which the exposures do not "
+            f"explain; use daylight, or exposures that are multiples of the lamp's period (10 ms at 50 Hz)"
+        )
+
+
+def _about_tone(tone: LocalTone | None) -> Iterator[str]:
+    if tone is None:
+        return
+    follows_surround = (
+        tone.surround_effect is not None
+        and tone.surround_sigmas is not None
+        and abs(tone.surround_effect) > _SURROUND_EFFECT
+        and tone.surround_sigmas > _SURROUND_SIGMAS
+    )
+    spread = tone.place_spread_log
+    if spread > _SURE_SPREAD_LOG or follows_surround:
+        certainty = "there are clear signs of local tone mapping"
+    elif spread > _POSSIBLE_SPREAD_LOG:
+        certainty = "there may be local tone mapping"
+    else:
+        return
+    yield (
+        f"{certainty}: parts of the image change in brightness differently from the rest, by {spread:.1%} a frame; "
+        f"switch off local contrast, HDR and shading correction in the camera"
+    )
+
+
+def _about_pixels(pixels: PixelReport) -> Iterator[str]:
+    if pixels.saturated_share > _MANY_CLIPPED:
+        yield f"{pixels.saturated_share:.0%} of all pixels are saturated; use shorter exposures or less light"
+    black = pixels.black_share - pixels.surround_share
+    if black > _MANY_CLIPPED:
+        yield f"{black:.0%} of all pixels are black; use longer exposures or more light"
+    if pixels.surround == "disc":
+        yield f"the image is a disc in a black surround ({pixels.surround_share:.0%} of it): a fisheye lens; mask it"
+    if pixels.surround == "border":
+        yield f"{pixels.surround_share:.1%} of the image, along its border, are always black; crop or mask them"
+    if pixels.empty_low_bits:
+        yield (
+            f"the lowest {pixels.empty_low_bits} bits of all grey values are empty: the values are padded, and "
+            f"only every {2**pixels.empty_low_bits}th occurs"
+        )
+    elif pixels.missing_levels_share:
+        yield (
+            f"{pixels.missing_levels_share:.0%} of the grey values between the extremes never occur: contrast was "
+            f"stretched after recording, or the values have fewer bits than they are stored with"
+        )
+    if pixels.piled_low:
+        yield (
+            f"no grey value is below {pixels.lowest_grey} of {pixels.max_grey}, and many have it: a black level was "
+            f"added, or video of limited range was not expanded"
+        )
+    if pixels.piled_high:
+        yield (
+            f"no grey value is above {pixels.highest_grey} of {pixels.max_grey}, and many have it: the image clips "
+            f"below the end of its scale; state the true largest grey value"
+        )
+    corner = pixels.mean_radius_share[-1]
+    if pixels.surround == "none" and np.isfinite(corner) and corner < _DARK_CORNER_SHARE:
+        yield "the corners are hardly ever well exposed; the vignette there would be a continuation"

@@ -1,0 +1,211 @@
+"""What a check of a recording found, as a value."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ospc.arrays import ImageSize
+from ospc.diagnosis.brightness import GREY_BINS
+from ospc.diagnosis.exposures import BrightnessReport, ExposureReport
+from ospc.diagnosis.lag import LagEstimate
+from ospc.diagnosis.motion import MotionReport
+from ospc.diagnosis.pixel_statistics import PixelReport
+from ospc.diagnosis.timing import Timing
+from ospc.diagnosis.tone_mapping import LocalTone
+from ospc.photometry.calibration import Verdict
+
+SCHEMA = "ospc-check/1"
+
+
+@dataclass(frozen=True)
+class RecordingReport:
+    """What a recording can tell of its camera, and what is wrong with it.
+
+    Attributes
+    ----------
+    name, kind
+        The recording's name and kind.
+    frames
+        Number of its frames.
+    size
+        Width and height in pixels.
+    max_grey
+        Largest grey value the sensor delivers.
+    looked_at
+        Indices of the frames looked at.
+    unreadable
+        Number of frames among them that could not be read.
+    exposure
+        The exposures written, of all frames.
+    lag
+        By how many frames they come late.
+    brightness
+        How much of the brightness they explain; None where too few frames could be compared.
+    local_tone
+        Whether places of the image behave differently; None where that cannot be told.
+    pixels
+        Coverage of grey levels and radii, clipping, surround.
+    timing
+        Frame rate, dropped and repeated frames.
+    motion
+        Motion of the scene in the image.
+    verdicts
+        For ``"response"``, ``"vignette"`` and ``"exposures"``: identifiable, marginal or not, why, and what to record
+        instead.
+    notes
+        Everything else a user should know, worst first.
+    """
+
+    name: str
+    kind: str
+    frames: int
+    size: ImageSize
+    max_grey: int
+    looked_at: tuple[int, ...]
+    unreadable: int
+    exposure: ExposureReport
+    lag: LagEstimate
+    brightness: BrightnessReport | None
+    local_tone: LocalTone | None
+    pixels: PixelReport
+    timing: Timing
+    motion: MotionReport
+    verdicts: dict[str, Verdict]
+    notes: tuple[str, ...]
+
+    @property
+    def exposure_lag_frames(self) -> int | None:
+        """By how many frames exposures come late; None where that cannot be determined."""
+        return self.lag.frames
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as JSON-compatible values; what is unknown is None."""
+        return {
+            "schema": SCHEMA,
+            "recording": {
+                "name": self.name,
+                "kind": self.kind,
+                "frames": self.frames,
+                "width_px": self.size[0],
+                "height_px": self.size[1],
+                "max_grey": self.max_grey,
+                "frames_looked_at": len(self.looked_at),
+                "frames_unreadable": self.unreadable,
+            },
+            "exposure_lag_frames": self.exposure_lag_frames,
+            "verdicts": {name: vars(verdict) for name, verdict in self.verdicts.items()},
+            "exposure": _exposure(self.exposure),
+            "lag": _lag(self.lag),
+            "brightness": _brightness(self),
+            "local_tone_mapping": _local_tone(self.local_tone),
+            "grey_levels": _grey_levels(self.pixels),
+            "radii": _radii(self),
+            "timing": _timing(self.timing),
+            "notes": list(self.notes),
+        }
+
+
+def _known(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _exposure(exposure: ExposureReport) -> dict[str, Any]:
+    return {
+        "lowest_ms": exposure.lowest_ms,
+        "highest_ms": exposure.highest_ms,
+        "ratio": exposure.ratio,
+        "different_values": exposure.values,
+        "changed_frames_share": exposure.changed_share,
+        "cycle_frames": exposure.cycle_frames,
+    }
+
+
+def _lag(lag: LagEstimate) -> dict[str, Any]:
+    slopes = None if lag.fit is None or not lag.fit.slopes.any() else lag.fit.slopes.tolist()
+    return {
+        "state": lag.state,
+        "frames": lag.frames,
+        "candidates_frames": list(lag.candidates),
+        "tried_frames": lag.lags.tolist(),
+        "log_likelihood_difference": lag.score.tolist(),
+        "lead_sigmas": lag.sigmas.tolist(),
+        "offset_between_frames": lag.fraction_frames,
+        "compared_pairs": lag.pairs,
+        "log_slopes": slopes,
+        "log_slopes_grey_edges": GREY_BINS.tolist(),
+    }
+
+
+def _brightness(report: RecordingReport) -> dict[str, Any] | None:
+    found = report.brightness
+    if found is None:
+        return None
+    interval_s = report.timing.interval_s
+    return {
+        "change_rms_log": found.change_rms_log,
+        "unexplained_rms_log": found.unexplained_rms_log,
+        "unexplained_share": _known(found.unexplained_share),
+        "unexplained_drift_log": found.unexplained_drift_log,
+        "stale_metadata": found.stale,
+        "flicker": [
+            {
+                "cycles_per_frame": f.cycles_per_frame,
+                "seen_frequency_hz": _known(f.cycles_per_frame / interval_s) if interval_s else None,
+                "grey_amplitude_log": f.brightness_amplitude,
+                "share": f.share,
+            }
+            for f in found.flicker
+        ],
+    }
+
+
+def _local_tone(tone: LocalTone | None) -> dict[str, Any] | None:
+    if tone is None:
+        return None
+    return {
+        "place_spread_log": tone.place_spread_log,
+        "surround_effect_share": tone.surround_effect,
+        "surround_effect_sigmas": tone.surround_sigmas,
+        "compared_pairs": tone.pairs,
+    }
+
+
+def _grey_levels(pixels: PixelReport) -> dict[str, Any]:
+    covered = pixels.covered_grey
+    return {
+        "covered_share": float(covered.mean()),
+        "pixel_share_by_grey": pixels.grey_share.mean(axis=0).tolist(),
+        "saturated_share": pixels.saturated_share,
+        "black_share": pixels.black_share,
+        "lowest_grey": pixels.lowest_grey,
+        "highest_grey": pixels.highest_grey,
+        "empty_low_bits": pixels.empty_low_bits,
+        "missing_levels_share": pixels.missing_levels_share,
+        "black_surround": pixels.surround,
+        "black_surround_share": pixels.surround_share,
+    }
+
+
+def _radii(report: RecordingReport) -> dict[str, Any]:
+    return {
+        "exposed_share_by_radius": [_known(value) for value in report.pixels.mean_radius_share],
+        "radial_reach_half_diagonals": report.motion.radial_reach,
+        "motion_px_per_frame": _known(report.motion.median_px_per_frame),
+        "found_again_share": report.motion.found_share,
+        "camera_still": report.motion.still,
+    }
+
+
+def _timing(timing: Timing) -> dict[str, Any]:
+    interval_s = _known(timing.interval_s)
+    return {
+        "median_interval_s": interval_s,
+        "frames_per_s": 1 / interval_s if interval_s else None,
+        "gaps": timing.gaps,
+        "dropped_frames": timing.dropped_frames,
+        "duplicate_frames": len(timing.duplicate_frames),
+        "duplicate_frame_indices": list(timing.duplicate_frames[:100]),
+        "frames_compared_with_previous": timing.compared_frames,
+    }
