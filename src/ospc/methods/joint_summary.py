@@ -9,6 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.sightings import Sightings
 from ospc.estimation.joint_fit import JointFit
+from ospc.methods.joint_coverage import coverage_of
 from ospc.methods.joint_verdicts import response_verdict, vignette_verdict
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
 from ospc.photometry.noise import NoiseModel
@@ -76,6 +77,7 @@ def summarise(evidence: Evidence, settings: JointSettings) -> Calibration:
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
         counts={"pairs": evidence.pairs, "samples": points},
         advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
+        coverage=None if sightings is None else coverage_of(sightings, fit, evidence.size),
     )
 
 

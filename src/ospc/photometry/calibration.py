@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import FormatError
+from ospc.photometry.coverage import Coverage
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
@@ -129,6 +130,8 @@ class Calibration:
         Identification of the input.
     advice
         What would reduce the uncertainty most, most helpful first.
+    coverage
+        What the measurements cover and how far they are from the calibration; None where the method keeps no tables.
     """
 
     size: ImageSize
@@ -147,6 +150,7 @@ class Calibration:
     source: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     advice: tuple[str, ...] = ()
+    coverage: Coverage | None = None
 
     @property
     def complete(self) -> bool:
@@ -300,6 +304,7 @@ class Calibration:
                 "bias": None if not ratios.metadata.size else ratios.bias,
             },
             "covariance": self.covariance,
+            "coverage": None if self.coverage is None else self.coverage.as_dict(),
             "counts": self.counts,
             "advice": list(self.advice),
             "settings": self.settings,
@@ -402,4 +407,5 @@ def _from_dict(content: dict[str, Any], place: Path) -> Calibration:
         source=content["source"],
         versions=content["versions"],
         advice=tuple(content["advice"]),
+        coverage=None if content.get("coverage") is None else Coverage.from_dict(content["coverage"]),
     )

@@ -1,0 +1,96 @@
+"""What sightings cover, and how far they are from a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize, IntArray
+from ospc.correspondence.sightings import Sightings
+from ospc.estimation.joint_fit import JointFit
+from ospc.photometry.coverage import QUANTILES, Coverage
+from ospc.photometry.geometry import half_diagonal
+
+_GREYS, _RADII, _MOST_EXPOSURES = 32, 20, 16
+_COLUMNS = 16
+_FEWEST = 10
+_BLACK, _WHITE = 1.5 / 255, 253.5 / 255
+
+
+def coverage_of(sightings: Sightings, fit: JointFit | None, size: ImageSize) -> Coverage:
+    """Return the tables of a report: counts of sightings and, where there is a fit, their residuals.
+
+    Parameters
+    ----------
+    sightings
+        What was seen.
+    fit
+        Fit to the sightings; None where they do not allow one.
+    size
+        Width and height of the frames in pixels.
+    """
+    radius = np.linalg.norm(sightings.position, axis=1)
+    ring = np.clip((radius * _RADII).astype(np.int64), 0, _RADII - 1)
+    grey = np.clip((sightings.grey * _GREYS).astype(np.int64), 0, _GREYS - 1)
+    edges = _exposure_edges(sightings.log_exposure)
+    exposure = np.clip(np.searchsorted(edges, sightings.log_exposure, "right") - 1, 0, len(edges) - 2)
+    later = np.flatnonzero(np.diff(sightings.point) == 0) + 1
+    counted = (
+        np.exp(edges),
+        _counts(exposure, grey, (len(edges) - 1, _GREYS)),
+        _counts(ring[later - 1], ring[later], (_RADII, _RADII)),
+    )
+    if fit is None:
+        return Coverage(*counted)
+    residual = _residuals(sightings, fit)
+    rows = max(1, round(_COLUMNS * size[1] / size[0]))
+    by_place = _quantiles(residual, _place(sightings, size, rows), rows * _COLUMNS)
+    return Coverage(
+        *counted,
+        _quantiles(residual, grey, _GREYS),
+        _quantiles(residual, ring, _RADII),
+        by_place[:, QUANTILES.index(0.5)].reshape(rows, _COLUMNS),
+    )
+
+
+def _exposure_edges(log_exposure: FloatArray) -> FloatArray:
+    """Return limits of equal classes of ln e, no more of them than there are values."""
+    low, high = float(log_exposure.min()), float(log_exposure.max())
+    classes = min(_MOST_EXPOSURES, len(np.unique(log_exposure)))
+    room = max(1e-3, 1e-6 * abs(high))  # the highest belongs to the last class
+    return np.linspace(low, max(high, low) + room, classes + 1)
+
+
+def _counts(first: IntArray, second: IntArray, shape: tuple[int, int]) -> IntArray:
+    return np.bincount(first * shape[1] + second, minlength=shape[0] * shape[1]).reshape(shape)
+
+
+def _residuals(sightings: Sightings, fit: JointFit) -> FloatArray:
+    """Return the residual of each sighting; NaN where it is clipped, or alone."""
+    log_g = np.interp(sightings.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters))
+    log_radiance = (
+        log_g - fit.vignette_basis.log_value(fit.vignette_parameters, sightings.position) - sightings.log_exposure
+    )
+    exposed = (sightings.grey > _BLACK) & (sightings.grey < _WHITE)
+    count = np.add.reduceat(exposed.astype(np.float64), sightings.starts)
+    total = np.add.reduceat(np.where(exposed, log_radiance, 0.0), sightings.starts)
+    mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
+    return np.where(exposed, log_radiance - np.repeat(mean, sightings.counts), np.nan)
+
+
+def _place(sightings: Sightings, size: ImageSize, rows: int) -> IntArray:
+    pixel = sightings.position * half_diagonal(size) + (np.array(size) - 1) / 2
+    cell = np.clip((pixel / np.array(size) * (_COLUMNS, rows)).astype(np.int64), 0, (_COLUMNS - 1, rows - 1))
+    return np.asarray(cell[:, 1] * _COLUMNS + cell[:, 0])
+
+
+def _quantiles(residual: FloatArray, member: IntArray, classes: int) -> FloatArray:
+    """Return :data:`QUANTILES` of the residuals of each class, shape (classes, 3)."""
+    known = np.isfinite(residual)
+    residual, member = residual[known], member[known]
+    order = np.argsort(member, kind="stable")
+    parts = np.split(residual[order], np.cumsum(np.bincount(member, minlength=classes))[:-1])
+    found = np.full((classes, len(QUANTILES)), np.nan)
+    for row, part in zip(found, parts, strict=True):
+        if len(part) >= _FEWEST:
+            row[:] = np.quantile(part, QUANTILES)
+    return found
