@@ -1,0 +1,202 @@
+"""Dataclasses as JSON and arrays, and back: by the types their fields declare, so a file can only hold what fits.
+
+No name of a class or function is ever read from a file. What is packed is decided by the type annotations alone:
+truth values, numbers, texts, arrays, tuples, lists, None, and dataclasses of these.
+"""
+
+from __future__ import annotations
+
+import math
+import typing
+from dataclasses import fields, is_dataclass
+from functools import cache
+from hashlib import sha256
+from types import NoneType, UnionType
+from typing import Any, TypeVar, get_args, get_origin
+
+import numpy as np
+
+from ospc.errors import FormatError
+from ospc.state.container import Array
+
+T = TypeVar("T")
+
+
+def pack(value: object) -> tuple[Any, dict[str, Array]]:
+    """Return the JSON-compatible content and the arrays of a dataclass.
+
+    Raises
+    ------
+    TypeError
+        If there is something in it that no file may hold.
+    """
+    arrays: dict[str, Array] = {}
+    return _packed(value, type(value), "", arrays), arrays
+
+
+def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T:
+    """Return the dataclass that :func:`pack` made content and arrays of.
+
+    Raises
+    ------
+    FormatError
+        If they do not fit its fields.
+    """
+    try:
+        found: T = _unpacked(content, kind, arrays)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise FormatError(f"its content does not fit ({error})") from None
+    return found
+
+
+@cache
+def layout(kind: type) -> str:
+    """Return a hash of the names and types of all fields of a dataclass, those of its parts included."""
+    return sha256(_described(kind).encode()).hexdigest()[:16]
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    hints = typing.get_type_hints(kind)
+    return {entry.name: hints[entry.name] for entry in fields(kind)}
+
+
+def _described(hint: Any) -> str:
+    if is_dataclass(hint):
+        parts = (f"{name}:{_described(part)}" for name, part in _hints(typing.cast(type, hint)).items())
+        return "{" + ",".join(parts) + "}"
+    if get_args(hint) and get_origin(hint) is not np.ndarray:
+        return f"{get_origin(hint)}[{','.join(_described(part) for part in get_args(hint))}]"
+    return str(hint)
+
+
+def _is_column_wise(kind: Any) -> bool:
+    """Tell whether a list of these is packed as one array a field: thousands of small arrays would be slow."""
+    return is_dataclass(kind) and all(get_origin(h) is np.ndarray for h in _hints(typing.cast(type, kind)).values())
+
+
+def _without_none(hint: Any) -> Any:
+    if get_origin(hint) in (UnionType, typing.Union):
+        kinds = [part for part in get_args(hint) if part is not NoneType]
+        if len(kinds) == 1:
+            return kinds[0]
+    return hint
+
+
+def _packed(value: Any, hint: Any, place: str, arrays: dict[str, Array]) -> Any:
+    hint = _without_none(hint)
+    if value is None:
+        return None
+    if is_dataclass(hint):
+        return {
+            name: _packed(getattr(value, name), part, f"{place}.{name}" if place else name, arrays)
+            for name, part in _hints(typing.cast(type, hint)).items()
+        }
+    if get_origin(hint) is np.ndarray:
+        arrays[place] = value
+        return place
+    if get_origin(hint) in (list, tuple):
+        return _packed_sequence(list(value), hint, place, arrays)
+    return _packed_scalar(value, place)
+
+
+def _packed_scalar(value: Any, place: str) -> Any:
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        number = float(value)
+        return number if math.isfinite(number) else str(number)
+    if isinstance(value, str | dict):
+        return value
+    raise TypeError(f"{place} of type {type(value).__name__} cannot be stored")
+
+
+def _packed_sequence(values: list[Any], hint: Any, place: str, arrays: dict[str, Array]) -> Any:
+    item = get_args(hint)[0]
+    if get_origin(item) is np.ndarray:
+        return _packed_arrays(values, place, arrays)
+    if _is_column_wise(item):
+        columns = {name: [getattr(value, name) for value in values] for name in _hints(item)}
+        return {
+            "columns": {name: _packed_arrays(column, f"{place}.{name}", arrays) for name, column in columns.items()}
+        }
+    return [_packed(value, item, f"{place}.{number}", arrays) for number, value in enumerate(values)]
+
+
+def _packed_arrays(values: list[Array], place: str, arrays: dict[str, Array]) -> dict[str, Any]:
+    if values:
+        arrays[place] = np.concatenate(values)
+    return {"name": place, "lengths": [len(value) for value in values]}
+
+
+def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> Any:
+    optional = _without_none(hint)
+    if content is None and optional is not hint:
+        return None
+    hint = optional
+    if is_dataclass(hint):
+        hints = _hints(typing.cast(type, hint))
+        if set(content) != set(hints):
+            raise ValueError(f"{sorted(set(content) ^ set(hints))} missing or unknown")
+        kind = typing.cast(type, hint)
+        return kind(**{name: _unpacked(content[name], part, arrays) for name, part in hints.items()})
+    origin = get_origin(hint)
+    if origin is np.ndarray:
+        return _array(arrays[content], hint)
+    if origin is list:
+        return _unpacked_list(content, get_args(hint)[0], arrays)
+    if origin is tuple:
+        return _unpacked_tuple(content, get_args(hint), arrays)
+    return _checked(content, origin or hint)
+
+
+def _unpacked_list(content: Any, item: Any, arrays: typing.Mapping[str, Array]) -> list[Any]:
+    if get_origin(item) is np.ndarray:
+        return [_array(part, item) for part in _split(content, arrays)]
+    if _is_column_wise(item):
+        columns = content["columns"]
+        hints = _hints(item)
+        if set(columns) != set(hints):
+            raise ValueError("columns are missing or unknown")
+        parts = {name: [_array(a, hints[name]) for a in _split(column, arrays)] for name, column in columns.items()}
+        return [item(**dict(zip(parts, row, strict=True))) for row in zip(*parts.values(), strict=True)]
+    return [_unpacked(value, item, arrays) for value in _checked(content, list)]
+
+
+def _unpacked_tuple(content: Any, items: tuple[Any, ...], arrays: typing.Mapping[str, Array]) -> tuple[Any, ...]:
+    if len(items) == 2 and items[1] is Ellipsis:
+        return tuple(_unpacked_list(content, items[0], arrays))
+    return tuple(_unpacked(value, item, arrays) for value, item in zip(content, items, strict=True))
+
+
+def _split(content: dict[str, Any], arrays: typing.Mapping[str, Array]) -> list[Array]:
+    lengths = [_checked(length, int) for length in content["lengths"]]
+    if not lengths:
+        return []
+    whole = arrays[content["name"]]
+    if min(lengths) < 0 or sum(lengths) != len(whole):
+        raise ValueError("the lengths of parts do not add up")
+    return np.split(whole, np.cumsum(lengths)[:-1])
+
+
+def _array(array: Array, hint: Any) -> Array:
+    """Return the array if it is of the declared type; any type that images have where none is declared."""
+    declared = get_args(get_args(hint)[1])
+    wanted = None if not declared or declared[0] is Any else np.dtype(declared[0])
+    if wanted is not None and array.dtype != wanted:
+        raise ValueError(f"an array is of type {array.dtype} instead of {wanted}")
+    return array
+
+
+def _checked(content: Any, kind: Any) -> Any:
+    if kind is float:
+        if isinstance(content, bool) or not isinstance(content, int | float | str):
+            raise ValueError(f"{content!r} is not a number")
+        return float(content)
+    if kind is Any:
+        return content
+    if type(content) is not kind:
+        raise ValueError(f"{content!r} is not of type {kind.__name__}")
+    return content

@@ -1,0 +1,133 @@
+"""Dataclasses in files: by their declared types, and nothing that does not fit them."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.arrays import FloatArray, Image, IntArray
+from ospc.errors import FormatError
+from ospc.state.values import layout, pack, unpack
+
+
+@dataclass(frozen=True)
+class Columns:
+    grey: FloatArray
+    frame: IntArray
+
+
+@dataclass
+class Part:
+    _hidden: float = 0.0
+    places: IntArray | None = None
+    images: list[Image] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Whole:
+    name: str
+    yes: bool
+    count: int
+    span: tuple[float, float]
+    many: tuple[float, ...]
+    nested: list[list[float]]
+    part: Part | None
+    columns: list[Columns]
+
+
+NUMBERS = st.floats(allow_nan=False)
+COLUMNS = st.integers(1, 4).map(lambda n: Columns(np.arange(n) / 3, np.arange(n)))
+PARTS = st.builds(
+    Part,
+    NUMBERS,
+    st.none() | st.just(np.arange(3)),
+    st.lists(st.just(np.arange(4, dtype=np.uint8)), max_size=3),
+)
+WHOLES = st.builds(
+    Whole,
+    st.text(),
+    st.booleans(),
+    st.integers(-(2**53), 2**53),
+    st.tuples(NUMBERS, NUMBERS),
+    st.lists(NUMBERS, max_size=3).map(tuple),
+    st.lists(st.lists(NUMBERS, max_size=2), max_size=3),
+    st.none() | PARTS,
+    st.lists(COLUMNS, max_size=3),
+)
+
+
+def same(left, right):
+    if isinstance(left, np.ndarray):
+        return left.dtype == right.dtype and np.array_equal(left, right)
+    if isinstance(left, list):
+        return len(left) == len(right) and all(map(same, left, right))
+    if hasattr(left, "__dataclass_fields__"):
+        return type(left) is type(right) and all(
+            same(getattr(left, f.name), getattr(right, f.name)) for f in fields(left)
+        )
+    return left == right
+
+
+@given(WHOLES)
+def test_what_is_packed_comes_out_the_same(whole):
+    content, arrays = pack(whole)
+    assert same(unpack(Whole, json.loads(json.dumps(content, allow_nan=False)), arrays), whole)
+
+
+def test_numbers_that_json_has_no_word_for():
+    content, arrays = pack(Part(math.inf))
+    assert unpack(Part, content, arrays)._hidden == math.inf
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"_hidden": "much"},
+        {"_hidden": True},
+        {"_hidden": None},
+        {"places": "nowhere"},
+        {"places": 3},
+        {"images": 3},
+        {"images": {"name": "images", "lengths": [5, -1]}},
+        {"images": {"name": "images", "lengths": [1]}},
+        {"unknown": 1},
+    ],
+)
+def test_what_does_not_fit_is_refused(change):
+    content, arrays = pack(Part(1.0, np.arange(3), [np.zeros(4, np.uint8)]))
+    with pytest.raises(FormatError, match="does not fit"):
+        unpack(Part, content | change, arrays)
+
+
+def test_an_array_of_another_type_is_refused():
+    content, arrays = pack(Part(1.0, np.arange(3)))
+    with pytest.raises(FormatError, match="type float64 instead of int64"):
+        unpack(Part, content, arrays | {"places": np.zeros(3)})
+
+
+def test_what_no_file_may_hold_is_refused():
+    with pytest.raises(TypeError, match="_hidden of type object"):
+        pack(Part(object()))  # type: ignore[arg-type]
+
+
+def test_a_layout_tells_classes_apart_by_names_and_types():
+    @dataclass
+    class Other:
+        _hidden: float
+        places: IntArray | None
+        images: list[Image]
+
+    @dataclass
+    class Renamed:
+        hidden: float
+        places: IntArray | None
+        images: list[Image]
+
+    assert layout(Other) == layout(Part)
+    assert len({layout(Part), layout(Renamed), layout(Whole), layout(Columns)}) == 4
