@@ -248,7 +248,9 @@ def test_any_setting_can_be_given_as_text(name, data):
     settings = preset(name)
     setting = data.draw(st.sampled_from([f.name for f in fields(settings)]))
     value = getattr(settings, setting)
-    other = {int: 7, float: 0.25, str: "orb"}[type(value)]
+    choices = {"features": "orb", "response_positivity": "always", "vignette_solver": "l2"}
+    other = choices[setting] if isinstance(value, str) else value + type(value)(1)
+    other = 0.25 if setting == "exposure_ratio_low" else other
     changed = with_overrides(settings, {setting: str(other)})
     assert getattr(changed, setting) == other
     assert type(getattr(changed, setting)) is type(value)
@@ -256,8 +258,35 @@ def test_any_setting_can_be_given_as_text(name, data):
     assert preset(name) == settings
 
 
+@given(st.sampled_from(["default", "paper"]), st.data(), st.sampled_from(["0", "-1", "nan", "inf", "magic"]))
+def test_settings_that_make_no_sense_are_refused(name, data, text):
+    settings = preset(name)
+    setting = data.draw(st.sampled_from([f.name for f in fields(settings)]))
+    with pytest.raises(SettingError, match=setting):
+        with_overrides(settings, {setting: text})
+
+
 def test_settings_that_do_not_exist_or_do_not_fit_are_refused():
     with pytest.raises(SettingError, match=r"no setting is called 'speed' in preset 'default'; known: .*views"):
         with_overrides(JointSettings(), {"speed": "3"})
     with pytest.raises(SettingError, match=r"views takes a value of type int, not '2\.5'"):
         with_overrides(JointSettings(), {"views": "2.5"})
+
+
+def test_frames_too_small_to_compare_are_refused():
+    calibrator = OnlineCalibrator()
+    assert not calibrator.push(Frame.of_array(np.zeros((400, 31), np.uint8), 1.0))
+    assert "31×400 pixels are too small" in calibrator.status.skipped[0]
+
+
+@pytest.mark.parametrize("name", ["default", "paper"])
+@pytest.mark.parametrize("size", [(32, 32), (33, 70), (400, 32)])
+@pytest.mark.parametrize("moving", [False, True])
+def test_the_smallest_frames_give_a_verdict(name, size, moving):
+    scene = np.random.default_rng(0).integers(10, 200, (size[1] + 30, size[0] + 30)).astype(np.uint8)
+    calibrator = OnlineCalibrator(name)
+    for i in range(20):
+        shift = i * moving
+        image = scene[shift : shift + size[1], shift : shift + size[0]]
+        assert calibrator.push(Frame.of_array(image, 1.0 + i % 5, index=i))
+    assert set(calibrator.calibration().verdicts) >= {"response", "vignette"}

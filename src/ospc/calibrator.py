@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,7 @@ import numpy as np
 import scipy
 
 import ospc
-from ospc.arrays import ImageSize
+from ospc.arrays import Image, ImageSize
 from ospc.errors import ExposureError, FrameError, OspcError
 from ospc.methods.method import Method, Progress
 from ospc.photometry.calibration import Calibration
@@ -74,11 +75,9 @@ class OnlineCalibrator:
         self._frames += 1
         try:
             self._check(frame)
-            self._method_for(frame).push(frame)
-        except FrameError as error:
-            self._skip(str(error))
-            return False
-        except ExposureError as error:
+            method = self._method_for(frame)
+            method.push(replace(frame, load=partial(_of_size, frame, self._size)))
+        except (FrameError, ExposureError) as error:
             self._skip(str(error))
             return False
         return True
@@ -107,23 +106,33 @@ class OnlineCalibrator:
     def _check(self, frame: Frame) -> None:
         if not (np.isfinite(frame.exposure_ms) and frame.exposure_ms > 0):
             raise ExposureError(f"{frame.name}: exposure {frame.exposure_ms} ms is not a positive number")
-        height, width = frame.image.shape
-        if self._method is not None and (width, height) != self._size:
-            raise FrameError(
-                f"{frame.name}: {width}×{height} pixels, but the first frame has {self._size[0]}×{self._size[1]}; "
-                "calibrate each image size on its own"
-            )
+        # Most frames need not be decoded; that one is missing or cut off is found out nevertheless.
+        if frame.verify is not None:
+            frame.verify()
+        elif self._method is not None:
+            _of_size(frame, self._size)
 
     def _method_for(self, frame: Frame) -> Method:
         if self._method is None:
             height, width = frame.image.shape
+            self._method = self._settings.build((width, height), frame.max_grey)
             self._size = (width, height)
-            self._method = self._settings.build(self._size, frame.max_grey)
         return self._method
 
     def _skip(self, reason: str) -> None:
         self._skipped += 1
         self._reasons = [*self._reasons, reason][-self.REMEMBERED :]
+
+
+def _of_size(frame: Frame, size: ImageSize) -> Image:
+    """Return a frame's image, or say that it has another size than the first."""
+    height, width = frame.image.shape
+    if (width, height) != size:
+        raise FrameError(
+            f"{frame.name}: {width}×{height} pixels, but the first frame has {size[0]}×{size[1]}; "
+            "calibrate each image size on its own"
+        )
+    return frame.image
 
 
 def calibrate(
@@ -152,7 +161,9 @@ def calibrate(
     Raises
     ------
     RecordingError
-        If the recording cannot be opened, or none of its frames can be read.
+        If the recording cannot be opened.
+    OspcError
+        If none of its frames can be used.
     """
     source = open_recording(recording) if isinstance(recording, str | Path) else recording
     calibrator = OnlineCalibrator(settings)

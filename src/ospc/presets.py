@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -10,6 +11,19 @@ from ospc.errors import SettingError
 
 if TYPE_CHECKING:
     from ospc.methods.method import Method
+
+
+def _check_numbers(settings: Settings) -> None:
+    """Refuse numbers that are not positive: all of them are sizes, counts, thresholds or ratios."""
+    for entry in fields(settings):
+        value = getattr(settings, entry.name)
+        if isinstance(value, int | float) and not (math.isfinite(value) and value > 0):
+            raise SettingError(f"setting {entry.name} takes a positive number, not {value}")
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise SettingError(f"setting {name} is one of {', '.join(choices)}, not '{value}'")
 
 
 @dataclass(frozen=True)
@@ -75,6 +89,15 @@ class PaperSettings:
     min_samples: int = 100
 
     name = "paper"
+
+    def __post_init__(self) -> None:
+        """Check every setting."""
+        _check_numbers(self)
+        _check_choice("features", self.features, ("sift", "orb", "surf"))
+        _check_choice("response_positivity", self.response_positivity, ("never", "when needed", "always"))
+        _check_choice("vignette_solver", self.vignette_solver, ("l2", "l1", "m-estimator"))
+        if not self.exposure_ratio_low < 1 < self.exposure_ratio_high:
+            raise SettingError("exposure_ratio_low must be below 1 and exposure_ratio_high above")
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for images of a size and bit depth."""
@@ -150,6 +173,10 @@ class JointSettings:
     min_radial_reach: float = 0.1
 
     name = "default"
+
+    def __post_init__(self) -> None:
+        """Check every setting."""
+        _check_numbers(self)
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for images of a size and bit depth."""

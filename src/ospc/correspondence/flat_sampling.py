@@ -91,7 +91,7 @@ class FlatSampler:
         ends = [(view0, places0[chosen], position0[chosen]), (view1, places1[chosen], position1[chosen])]
         return Samples(
             _interleaved(ends, group),
-            float(found.mean()),
+            float(found.mean()) if found.size else 0.0,
             float(np.sqrt(np.mean(radial**2))) if radial.size else 0.0,
             motion * view0.reduction,
         )

@@ -52,7 +52,11 @@ class DirectionFilter:
         """
         displacement = points1 - points0
         length = np.linalg.norm(displacement, axis=1)
-        kept = np.asarray(length <= length.mean() + self.length_sigmas * length.std()) if len(length) else length > 0
+        if not len(length):
+            return np.zeros(0, dtype=np.bool_)
+        # Of equal displacements none is too long, whatever rounding makes of their mean and spread.
+        longest = length.mean() + self.length_sigmas * length.std() + 1e-9 * length.max()
+        kept = np.asarray(length <= longest)
         index = np.flatnonzero(kept)
         kept[index] = self._in_fullest_bin(points0[index], displacement[index], size)
         return kept

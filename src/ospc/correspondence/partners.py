@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.flat_sampling import Samples
 from ospc.correspondence.view import View
 
@@ -18,6 +18,30 @@ class _Kept:
     view: View
     order: int
     uses: int = 0
+
+
+@dataclass(frozen=True)
+class PartnersState:
+    """What :class:`Partners` knows, with views named by their frames instead of held.
+
+    Attributes
+    ----------
+    frames, orders, uses
+        Of every view kept: index of its frame, its number, how often it was chosen, shape (kept,) each.
+    seen, choices
+        Views added and choices made so far.
+    overlap, motion, trials
+        What is known of each age, shape (16,) each.
+    """
+
+    frames: IntArray
+    orders: IntArray
+    uses: IntArray
+    seen: int
+    choices: int
+    overlap: FloatArray
+    motion: FloatArray
+    trials: FloatArray
 
 
 @dataclass
@@ -73,6 +97,41 @@ class Partners:
             # The newest stay: they are the only ones that can still become old.
             step = np.log(np.append(ages[0] * 1.5, ages[:-2])) - np.log(ages[1:])
             del self._kept[int(np.argmin(step[: self.capacity // 2]))]
+
+    def state(self) -> PartnersState:
+        """Return all that is known, to be continued by :meth:`restore` and :meth:`recall`."""
+        columns = [(k.view.frame, k.order, k.uses) for k in self._kept]
+        frames, orders, uses = np.array(columns, dtype=np.int64).reshape(-1, 3).T
+        return PartnersState(
+            frames,
+            orders,
+            uses,
+            self._seen,
+            self._choices,
+            self._overlap.copy(),
+            self._motion.copy(),
+            self._trials.copy(),
+        )
+
+    def restore(self, state: PartnersState) -> None:
+        """Go on from a state, without the views themselves.
+
+        Raises
+        ------
+        ValueError
+            If it is none that :meth:`state` returns.
+        """
+        tables = (state.overlap, state.motion, state.trials)
+        if any(table.shape != (_AGES,) for table in tables) or len({len(state.frames), len(state.orders)}) != 1:
+            raise ValueError("the state of the partners has tables of the wrong length")
+        self._kept, self._seen, self._choices = [], state.seen, state.choices
+        self._overlap, self._motion, self._trials = (table.copy() for table in tables)
+
+    def recall(self, view: View, state: PartnersState) -> None:
+        """Keep a view again as it was kept when the state was taken; of another frame than those it is ignored."""
+        for number in np.flatnonzero(state.frames == view.frame):
+            self._kept.append(_Kept(view, int(state.orders[number]), int(state.uses[number])))
+        self._kept.sort(key=lambda kept: kept.order)
 
     def _worth(self, kept: _Kept, view: View, for_response: bool) -> float:
         age = self._age_class(kept.order)

@@ -112,6 +112,8 @@ def displacement_at(registration: Registration, points: FloatArray, scale: float
     scale
         Size of the reduced over that of the small image.
     """
+    if len(points) == 0:
+        return np.empty((0, 2)), np.empty(0)
     small = ((points + 0.5) / scale - 0.5).astype(np.float32).reshape(-1, 1, 2)
     forward = cv2.remap(registration.forward, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     mismatch = cv2.remap(registration.mismatch, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

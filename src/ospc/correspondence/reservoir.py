@@ -21,17 +21,19 @@ class Reservoir:
 
     capacity: int
     _parts: list[Sightings] = field(default_factory=list, repr=False)
-    _rate: float = 1.0
+    _halvings: int = 0
     points: int = 0
 
     def add(self, sightings: Sightings) -> None:
         """Add the sightings of new scene points."""
-        self._append(self._thinned(sightings, self._rate))
+        for halving in range(self._halvings):
+            sightings = _halved(sightings, halving)
+        self._append(sightings)
         while self.points > self.capacity:
             parts, self._parts, self.points = self._parts, [], 0
-            self._rate /= 2
             for part in parts:
-                self._append(self._thinned(part, 0.5))
+                self._append(_halved(part, self._halvings))
+            self._halvings += 1
 
     def all(self) -> Sightings:
         """Return all that is kept.
@@ -56,9 +58,10 @@ class Reservoir:
             self._parts.append(part)
             self.points += len(part.starts)
 
-    @staticmethod
-    def _thinned(part: Sightings, rate: float) -> Sightings:
-        if rate >= 1.0 or not len(part):
-            return part
-        chosen = np.random.default_rng(int(part.group[0])).random(len(part.starts)) < rate
-        return part.of_points(chosen)
+
+def _halved(part: Sightings, halving: int) -> Sightings:
+    """Return about half of the points; which half is drawn anew, but reproducibly, at every halving."""
+    if not len(part):
+        return part
+    chosen = np.random.default_rng([int(part.group[0]), halving]).random(len(part.starts)) < 0.5
+    return part.of_points(chosen)

@@ -40,6 +40,8 @@ class NoiseGauge:
 
     def watch(self, image: Image) -> None:
         """Take an image: some bands of it."""
+        if min(image.shape) < _BLOCK + 2:
+            return
         tops = range(0, image.shape[0] - _BLOCK - 1, _BAND_SPACING)
         level, variance = np.concatenate([self._blocks(image[top : top + _BLOCK + 2]) for top in tops], axis=1)
         number = np.minimum((level * _BINS).astype(np.int64), _BINS - 1)

@@ -19,12 +19,15 @@ class Estimates:
         Coefficients of the accepted estimates.
     rejected
         Windows whose estimate did not predict the exposure ratios, or was no response at all.
+    impossible
+        Windows whose estimate was a vignette that is not positive everywhere.
     poor
         Windows with too few samples to estimate anything.
     """
 
     accepted: list[FloatArray] = field(default_factory=list)
     rejected: int = 0
+    impossible: int = 0
     poor: int = 0
 
     @property

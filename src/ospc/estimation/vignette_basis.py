@@ -52,11 +52,21 @@ class VignetteBasis:
         if self.free_centre:
             order = np.arange(1, self.radial + 1)
             by_squared = (squared[:, None] ** (order - 1)) @ (order * parameters[: self.radial])
-            columns.append(-2 * offset * by_squared[:, None])
+            columns.append(-2 * offset * by_squared[:, None] - self._slope_of_non_radial(parameters, offset))
         if self.non_radial:
             x, y = offset[:, 0], offset[:, 1]
             columns.append(np.stack([x * y, x**2 - y**2, x * squared, y * squared], axis=1))
         return np.concatenate(columns, axis=1)
+
+    def _slope_of_non_radial(self, parameters: FloatArray, offset: FloatArray) -> FloatArray:
+        """Return the derivative of the non-radial part by the offset from the centre, shape (n, 2)."""
+        if not self.non_radial:
+            return np.zeros_like(offset)
+        saddle, ellipse, slope_x, slope_y = parameters[-4:]
+        x, y = offset.T
+        by_x = saddle * y + 2 * ellipse * x + slope_x * (3 * x**2 + y**2) + 2 * slope_y * x * y
+        by_y = saddle * x - 2 * ellipse * y + 2 * slope_x * x * y + slope_y * (x**2 + 3 * y**2)
+        return np.stack([by_x, by_y], axis=1)
 
     def centre(self, parameters: FloatArray) -> FloatArray:
         """Return the centre of the fall-off relative to the image centre, in half diagonals, shape (2,)."""

@@ -8,19 +8,20 @@ import numpy as np
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.flat_sampling import FlatSampler, Samples
-from ospc.correspondence.partners import Partners
+from ospc.correspondence.partners import Partners, PartnersState
 from ospc.correspondence.registration import DenseRegistration, Equaliser
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.sightings import Sightings
 from ospc.correspondence.static_series import StaticSeries
-from ospc.correspondence.view import ViewMaker
+from ospc.correspondence.view import View, ViewMaker
 from ospc.estimation.joint_fit import JointEstimator, JointFit
 from ospc.estimation.noise_gauge import NoiseGauge
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.methods.joint_state import JointState
 from ospc.methods.joint_summary import Evidence, response_of, summarise
-from ospc.methods.method import Progress
+from ospc.methods.method import Progress, check_size
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.noise import NoiseModel
 from ospc.presets import JointSettings
@@ -45,14 +46,18 @@ class Schedule:
     _wait: int = 0
     _looks: int = 0
 
+    @property
     def wants_next(self) -> bool:
-        """Return whether the next frame is worth looking at."""
+        """Whether the next frame is worth looking at."""
+        return self._wait == 0
+
+    def advance(self) -> None:
+        """Go on to the frame after the next one, which was looked at if it was wanted."""
         if self._wait > 0:
             self._wait -= 1
-            return False
-        self._wait = self._looks // self.frames_per_slowdown
-        self._looks += 1
-        return True
+        else:
+            self._wait = self._looks // self.frames_per_slowdown
+            self._looks += 1
 
 
 class JointMethod:
@@ -69,6 +74,7 @@ class JointMethod:
     """
 
     def __init__(self, settings: JointSettings, size: ImageSize, max_grey: int) -> None:
+        check_size(size)
         self._settings = settings
         self._size = size
         self._max_grey = max_grey
@@ -91,22 +97,20 @@ class JointMethod:
         self._motions: list[float] = []
         self._pairs = 0
         self._log_exposures = (np.inf, -np.inf)
+        self._evidence: Evidence | None = None
+        self._to_recall: PartnersState | None = None
 
     def push(self, frame: Frame) -> None:
         """Take the next frame; most often it is not even decoded."""
-        self._note_exposure(frame)
+        # Nothing is noted before the image has been read: a frame that cannot be leaves no trace.
+        view = self._make_view(frame) if self._schedule.wants_next else None
+        self._evidence = self._to_recall = None
         self._watch_standing_still(frame)
-        if not self._schedule.wants_next():
-            return
-        view = self._make_view(frame)
-        self._noise.watch(frame.image)
-        partner = self._partners.choose(view)
-        if partner is not None:
-            registration = self._register(partner, view, self._equaliser)
-            samples = self._sample(partner, view, registration, self._pairs)
-            self._partners.learn(partner, samples)
-            self._keep(samples)
-        self._partners.add(view)
+        self._note_exposure(frame)
+        self._schedule.advance()
+        if view is not None:
+            self._noise.watch(frame.image)
+            self._compare(view)
 
     @property
     def progress(self) -> Progress:
@@ -123,6 +127,59 @@ class JointMethod:
 
     def calibration(self) -> Calibration:
         """Return what all that was seen amounts to."""
+        return summarise(self.evidence(), self._settings)
+
+    def evidence(self) -> Evidence:
+        """Return all that was seen, and the fit to it; asked for again, without fitting again."""
+        if self._evidence is None:
+            self._evidence = self._new_evidence()
+        return self._evidence
+
+    def state(self) -> JointState:
+        """Return all that was learned; to be used before the next frame is pushed."""
+        return JointState(
+            passed_over=self._schedule._wait,
+            looks=self._schedule._looks,
+            partners=self._partners.state(),
+            reservoir=self._reservoir,
+            series=self._series,
+            noise=self._noise,
+            fit=self._fit,
+            motions=self._motions,
+            pairs=self._pairs,
+            log_exposures=self._log_exposures,
+        )
+
+    @classmethod
+    def from_state(cls, settings: JointSettings, size: ImageSize, max_grey: int, state: JointState) -> JointMethod:
+        """Go on from a state; frames :attr:`wanted` should be given to :meth:`recall` before the next is pushed.
+
+        Raises
+        ------
+        ValueError
+            If it is none that :meth:`state` returns.
+        """
+        method = cls(settings, size, max_grey)
+        method._schedule = Schedule(settings.frames_per_slowdown, state.passed_over, state.looks)
+        method._partners.restore(state.partners)
+        method._reservoir, method._series, method._noise = state.reservoir, state.series, state.noise
+        method._motions, method._pairs, method._log_exposures = state.motions, state.pairs, state.log_exposures
+        method._to_recall = state.partners
+        if state.fit is not None:
+            method._rely_on(state.fit)
+        return method
+
+    @property
+    def wanted(self) -> frozenset[int]:
+        """Indices of the frames that the state it goes on from was comparing with."""
+        return frozenset() if self._to_recall is None else frozenset(self._to_recall.frames.tolist())
+
+    def recall(self, frame: Frame) -> None:
+        """Look again at a frame that new ones were being compared with."""
+        if self._to_recall is not None:
+            self._partners.recall(self._make_view(frame), self._to_recall)
+
+    def _new_evidence(self) -> Evidence:
         sightings = self._sightings()
         changes = self._log_exposures[1] - self._log_exposures[0]
         enough = sightings is not None and len(sightings.starts) >= self._settings.min_points
@@ -131,7 +188,7 @@ class JointMethod:
             fit = fit_with_chosen_vignette(
                 sightings, self._response_basis(), self._widest_vignette(), self._pixel_noise(), self._settings.rounds
             )
-        evidence = Evidence(
+        return Evidence(
             size=self._size,
             max_grey=self._max_grey,
             noise=self._noise.model(),
@@ -141,9 +198,17 @@ class JointMethod:
             standing_still=self._standing_still,
             pairs=self._pairs,
         )
-        return summarise(evidence, self._settings)
 
     # What push does besides comparing.
+
+    def _compare(self, view: View) -> None:
+        partner = self._partners.choose(view)
+        if partner is not None:
+            registration = self._register(partner, view, self._equaliser)
+            samples = self._sample(partner, view, registration, self._pairs)
+            self._partners.learn(partner, samples)
+            self._keep(samples)
+        self._partners.add(view)
 
     def _note_exposure(self, frame: Frame) -> None:
         log_exposure = float(np.log(frame.exposure_ms))
@@ -174,10 +239,14 @@ class JointMethod:
         estimator = JointEstimator(
             self._basis, VignetteBasis(self._settings.radial_terms), self._noise.model(), rounds
         )
-        self._fit = estimator.fit(some, self._fit)
-        reliable = self._fit.vignette_sigma_at_corner < 0.05
-        vignette = self._fit.vignette_basis.vignette(self._fit.vignette_parameters, self._size)
-        self._equaliser = Equaliser(response_of(self._fit, 255), vignette if reliable else None)
+        self._rely_on(estimator.fit(some, self._fit))
+
+    def _rely_on(self, fit: JointFit) -> None:
+        """Equalise frames by a fit from now on."""
+        self._fit = fit
+        reliable = fit.vignette_sigma_at_corner < 0.05
+        vignette = fit.vignette_basis.vignette(fit.vignette_parameters, self._size)
+        self._equaliser = Equaliser(response_of(fit, 255), vignette if reliable else None)
 
     # What the frames seen so far amount to.
 

@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from ospc.arrays import ImageSize
+from ospc.errors import FrameError
 from ospc.photometry.calibration import Calibration
 from ospc.recording.frame import Frame
+
+MIN_SIDE_PX = 32
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,20 @@ class Progress:
     samples: int = 0
     response_spread: float | None = None
     vignette_spread: float | None = None
+
+
+def check_size(size: ImageSize) -> None:
+    """Refuse images in which hardly anything could be found again.
+
+    Raises
+    ------
+    FrameError
+        If a side is shorter than :data:`MIN_SIDE_PX`.
+    """
+    if min(size) < MIN_SIDE_PX:
+        raise FrameError(
+            f"images of {size[0]}×{size[1]} pixels are too small to compare; each side needs {MIN_SIDE_PX} or more"
+        )
 
 
 class Method(Protocol):

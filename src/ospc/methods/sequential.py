@@ -16,7 +16,7 @@ from ospc.estimation.exposure_ratio import disagreement, estimate_ratios
 from ospc.estimation.polynomial_vignette import solve_vignette, vignette_rows, vignette_solver
 from ospc.estimation.quadratic_response import Positivity, polynomial_response, response_rows, solve_response
 from ospc.estimation.repetition import Estimates
-from ospc.methods.method import Progress
+from ospc.methods.method import Progress, check_size
 from ospc.methods.sequential_verdicts import response_verdict, vignette_verdict
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
 from ospc.photometry.response import Response
@@ -55,6 +55,7 @@ class SequentialMethod:
     def __init__(
         self, settings: PaperSettings, size: ImageSize, max_grey: int, matcher: Matcher | None = None
     ) -> None:
+        check_size(size)
         self._settings = settings
         self._size = size
         self._max_grey = max_grey
@@ -187,9 +188,11 @@ class SequentialMethod:
         rows, targets = zip(*(vignette_rows(p, response) for p in pairs), strict=True)
         coefficients = solve_vignette(np.concatenate(rows), np.concatenate(targets), self._weights)
         vignette = PolynomialVignette(self._size, tuple(coefficients.tolist()))
+        if not np.all(vignette.profile(PROFILE_RADII) > 0):
+            self._vignettes.impossible += 1
+            return
         ratios = estimate_ratios(pairs, response, vignette)
-        positive = bool(np.all(vignette.profile(PROFILE_RADII) > 0))
-        if not positive or disagreement(ratios) > self._settings.acceptance_tolerance:
+        if disagreement(ratios) > self._settings.acceptance_tolerance:
             self._vignettes.rejected += 1
             return
         self._vignettes.accepted.append(coefficients)

@@ -57,6 +57,8 @@ def vignette_verdict(settings: PaperSettings, estimates: Estimates, reach: float
 
 
 def _why_none(estimates: Estimates, wanted: str) -> str:
+    if estimates.impossible and not estimates.rejected:
+        return f"none of {estimates.impossible} estimates is positive everywhere"
     if estimates.rejected:
         return f"none of {estimates.rejected} estimates predicted the exposure ratios of the metadata"
     return f"too few matches with {wanted} between frames of different exposure"

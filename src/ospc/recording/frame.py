@@ -33,6 +33,9 @@ class Frame:
         Reads the image; raises :class:`~ospc.errors.FrameError` where that fails.
     max_grey
         Largest grey value the sensor delivers: 255 for 8 bit, 4095 for 12 bit.
+    verify
+        Looks whether the image is there and whole, without decoding it; raises :class:`~ospc.errors.FrameError`
+        where it is not. None where only :attr:`image` can tell.
     """
 
     index: int
@@ -41,6 +44,7 @@ class Frame:
     name: str
     load: Callable[[], Image] = field(repr=False, compare=False)
     max_grey: int = 255
+    verify: Callable[[], None] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of_array(

@@ -9,12 +9,15 @@ from pathlib import Path
 from types import TracebackType
 
 from ospc.arrays import FloatArray, Image, ImageSize
-from ospc.errors import RecordingError
-from ospc.recording.decoding import decode_grey
+from ospc.errors import OspcError
+from ospc.recording.channel import Channel
+from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, match_images
+from ospc.recording.image_header import read_header
 from ospc.recording.image_source import ImageSource
-from ospc.recording.pixel_layout import PixelLayout, find_layout
+from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.wording import escaped
 
 
@@ -40,6 +43,8 @@ class ImageSequence:
         Size and bit depth of the first readable image; a frame of another size is an unreadable one.
     notes
         What a user should know about how it was read.
+    channel
+        Channel taken of colour images; luma where None.
     """
 
     path: Path
@@ -50,6 +55,7 @@ class ImageSequence:
     stamps_s: FloatArray = field(repr=False)
     layout: PixelLayout
     notes: tuple[str, ...] = ()
+    channel: Channel | None = None
 
     @property
     def max_grey(self) -> int:
@@ -69,7 +75,15 @@ class ImageSequence:
         """Give the frames one by one, none decoded."""
         for index, name in enumerate(self.names):
             stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
-            yield Frame(index, stamp_s, exposure_ms, escaped(name), partial(self._load, name), self.max_grey)
+            yield Frame(
+                index,
+                stamp_s,
+                exposure_ms,
+                escaped(name),
+                partial(self._load, name),
+                self.max_grey,
+                partial(self._verify, name),
+            )
 
     def __enter__(self) -> ImageSequence:
         """Return itself."""
@@ -95,9 +109,14 @@ class ImageSequence:
         """
         return self.source.read(self.names[index])
 
+    def _verify(self, name: str) -> None:
+        label = self.source.label(name)
+        header = read_header(self.source.read(name), label)
+        self.layout.check_size((header.width, header.height), label)
+
     def _load(self, name: str) -> Image:
         label = self.source.label(name)
-        return self.layout.grey(decode_grey(self.source.read(name), label), label)
+        return self.layout.grey(decode_stored(self.source.read(name), label, self.channel).pixels, label)
 
 
 def open_sequence(
@@ -107,6 +126,7 @@ def open_sequence(
     table: FrameTable,
     notes: Sequence[str] = (),
     *,
+    options: ReadingOptions = DEFAULT,
     take_green: bool = False,
 ) -> ImageSequence:
     """Put a list of frames and their image files together; closes the source where that fails.
@@ -123,6 +143,8 @@ def open_sequence(
         The frames with their exposures.
     notes
         What is known about it so far.
+    options
+        What the user says about it.
     take_green
         Whether to take the green pixels where the images are a Bayer mosaic.
 
@@ -133,10 +155,16 @@ def open_sequence(
     """
     try:
         names, matching = match_images(table, source.names, str(source.place))
-        layout, pixels = find_layout(source, names, table.exposures_ms, take_green=take_green)
-    except RecordingError:
+
+        def read(index: int) -> StoredImage:
+            name = names[index]
+            return decode_stored(source.read(name), source.label(name), options.channel)
+
+        place = str(source.place)
+        layout, pixels = find_layout(read, table.exposures_ms, place, options, take_green=take_green)
+    except OspcError:
         source.close()
         raise
     numbered = () if table.stamped else (f"{table.source}: has no time stamps; frames are numbered, one a second",)
     said = (*notes, *table.notes, *numbered, *matching, *pixels)
-    return ImageSequence(path, kind, source, names, table.exposures_ms, table.stamps_s, layout, said)
+    return ImageSequence(path, kind, source, names, table.exposures_ms, table.stamps_s, layout, said, options.channel)

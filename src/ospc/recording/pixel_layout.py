@@ -2,21 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
-from ospc.errors import FrameError, RecordingError
-from ospc.recording.bayer import GreenPixels, find_green
+from ospc.errors import FrameError, RecordingError, SettingError
+from ospc.recording.bayer import GreenPixels, Mosaic, find_green
 from ospc.recording.bit_depth import BitDepth, detect_bit_depth
-from ospc.recording.decoding import decode_grey
-from ospc.recording.image_header import read_header
-from ospc.recording.image_source import ImageSource
+from ospc.recording.channel import Channel
+from ospc.recording.options import ReadingOptions
 
 _DEPTH_SAMPLES = 4
 """Frames looked at for the bit depth: the first readable and those with the longest exposures, which use all bits."""
+
+
+@dataclass(frozen=True)
+class StoredImage:
+    """An image as it is stored, of colour only the channel asked for.
+
+    Attributes
+    ----------
+    pixels
+        Shape (height, width), uint8 or uint16.
+    colour
+        Whether it was in colour.
+    mosaic
+        Where the colours are if it is said to be a Bayer mosaic.
+    """
+
+    pixels: Image
+    colour: bool = False
+    mosaic: Mosaic | None = None
 
 
 @dataclass(frozen=True)
@@ -30,12 +48,18 @@ class PixelLayout:
     depth
         Bits of the grey values.
     green
-        Which pixels to take of a Bayer mosaic; None where all are taken.
+        Which pixels of a Bayer mosaic are green; None where it is none, or all pixels are taken.
+    channel
+        Which channel of the mosaic is taken.
+    mosaic
+        Where its other colours are, if that is known.
     """
 
     stored_size: ImageSize
     depth: BitDepth
     green: GreenPixels | None = None
+    channel: Channel = Channel.GREEN
+    mosaic: Mosaic | None = None
 
     @property
     def size(self) -> ImageSize:
@@ -51,14 +75,33 @@ class PixelLayout:
         FrameError
             If its size, type or grey values are not those of the others.
         """
-        size = (stored.shape[1], stored.shape[0])
+        self.check_size((stored.shape[1], stored.shape[0]), label)
+        aligned = _aligned(stored, self.depth, label)
+        return aligned if self.green is None else self._of_mosaic(aligned, self.green)
+
+    def check_size(self, size: ImageSize, label: str) -> None:
+        """Check that a stored image has the size of the others.
+
+        Raises
+        ------
+        FrameError
+            If it has not.
+        """
         if size != self.stored_size:
             raise FrameError(
                 f"{label}: is {size[0]}x{size[1]} pixels where the recording has "
                 f"{self.stored_size[0]}x{self.stored_size[1]}; remove it or bring all images to one size"
             )
-        aligned = _aligned(stored, self.depth, label)
-        return aligned if self.green is None else self.green.of(aligned)
+
+    def _of_mosaic(self, image: Image, green: GreenPixels) -> Image:
+        if self.mosaic is None or self.channel is Channel.GREEN:
+            return green.of(image)
+        if self.channel is Channel.RED:
+            return self.mosaic.red(image)
+        if self.channel is Channel.BLUE:
+            return self.mosaic.blue(image)
+        blocks = np.stack([self.mosaic.blue(image), green.of(image), self.mosaic.red(image)], axis=2)
+        return Channel.LUMINANCE.of(blocks)
 
 
 def _aligned(image: Image, depth: BitDepth, label: str) -> Image:
@@ -77,59 +120,96 @@ def _aligned(image: Image, depth: BitDepth, label: str) -> Image:
 
 
 def find_layout(
-    source: ImageSource, names: Sequence[str], exposures_ms: FloatArray, *, take_green: bool
+    read: Callable[[int], StoredImage],
+    exposures_ms: FloatArray,
+    place: str,
+    options: ReadingOptions,
+    *,
+    take_green: bool,
 ) -> tuple[PixelLayout, list[str]]:
     """Find the layout from a few images, and what to tell about it.
 
     Parameters
     ----------
-    source
-        The image files.
-    names
-        Name of the image of every frame.
+    read
+        Gives the image of a frame by its index; raises FrameError where that fails.
     exposures_ms
         Exposure of every frame, shape (frames,).
+    place
+        Where the images are, for messages.
+    options
+        What the user says about them.
     take_green
-        Whether to take the green pixels of a Bayer mosaic; otherwise it is only told of.
+        Whether to take the green pixels of what looks like a Bayer mosaic; otherwise it is only told of.
 
     Raises
     ------
     RecordingError
         If no image is readable.
+    SettingError
+        If the images have no such channel.
     """
+    first = _first(read, len(exposures_ms), place)
+    depth = detect_bit_depth(_samples(first.pixels, read, exposures_ms))
+    notes = [] if depth.note is None else [depth.note]
+    size = (first.pixels.shape[1], first.pixels.shape[0])
+    if first.colour:
+        return PixelLayout(size, depth), [*notes, _colour_note(options.channel)]
+    mosaic = options.bayer or first.mosaic
+    green = find_green(first.pixels) if mosaic is None else mosaic.green
+    if green is None:
+        if options.channel not in (None, Channel.LUMINANCE):
+            raise SettingError(f"{place}: its images are grey and have no {options.channel.value} channel")
+        return PixelLayout(size, depth), notes
+    if options.channel is None and mosaic is None and not take_green:
+        notes.append(
+            "images look like a Bayer mosaic, whose colours answer differently; take one of them with --channel"
+        )
+        return PixelLayout(size, depth), notes
+    channel = options.channel or Channel.GREEN
+    if channel is not Channel.GREEN and mosaic is None:
+        raise SettingError(
+            f"{place}: its images do not say where in the Bayer mosaic {channel.value} is; state the pattern with "
+            f"--bayer ({', '.join(Mosaic.PATTERNS)})"
+        )
+    return PixelLayout(size, depth, green, channel, mosaic), [*notes, _mosaic_note(channel)]
+
+
+def _colour_note(channel: Channel | None) -> str:
+    if channel in (None, Channel.LUMINANCE):
+        return "colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B"
+    return f"of colour images the {channel.value} channel is taken"
+
+
+def _mosaic_note(channel: Channel) -> str:
+    what = {
+        Channel.GREEN: "the mean of the two green pixels",
+        Channel.RED: "the red pixel",
+        Channel.BLUE: "the blue pixel",
+        Channel.LUMINANCE: "0.299 R + 0.587 G + 0.114 B",
+    }[channel]
+    return f"images are a Bayer mosaic; {what} of each 2×2 block is taken"
+
+
+def _first(read: Callable[[int], StoredImage], count: int, place: str) -> StoredImage:
+    """Return the first readable image."""
     problem: FrameError | None = None
-    for name in names:
+    for index in range(count):
         try:
-            data = source.read(name)
-            first = decode_grey(data, source.label(name))
-            break
+            return read(index)
         except FrameError as error:
             problem = problem or error
-    else:
-        raise RecordingError(f"{source.place}: none of its {len(names)} images can be read; the first: {problem}")
-    depth = detect_bit_depth(_samples(first, source, names, exposures_ms))
-    notes = [] if depth.note is None else [depth.note]
-    green = None
-    if read_header(data, name).channels > 2:
-        notes.append("colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B")
-    else:
-        green = find_green(first)
-    if green is not None and take_green:
-        notes.append("images are a Bayer mosaic; the mean of the two green pixels of each 2×2 block is taken")
-    elif green is not None:
-        notes.append("images look like a Bayer mosaic, whose colours answer differently; use its green pixels only")
-        green = None
-    return PixelLayout((first.shape[1], first.shape[0]), depth, green), notes
+    raise RecordingError(f"{place}: none of its {count} images can be read; the first: {problem}")
 
 
-def _samples(first: Image, source: ImageSource, names: Sequence[str], exposures_ms: FloatArray) -> Iterator[Image]:
+def _samples(first: Image, read: Callable[[int], StoredImage], exposures_ms: FloatArray) -> Iterator[Image]:
     """Give the first image and, where there is more than 8 bit to find out about, those of longest exposure."""
     yield first
     if first.dtype == np.uint8:
         return
-    for index in np.argsort(-exposures_ms, kind="stable")[: _DEPTH_SAMPLES - 1]:
+    for index in sorted(np.argsort(-exposures_ms, kind="stable")[: _DEPTH_SAMPLES - 1]):
         try:
-            image = decode_grey(source.read(names[index]), source.label(names[index]))
+            image = read(int(index)).pixels
         except FrameError:
             continue
         if image.dtype == first.dtype:

@@ -1,0 +1,49 @@
+"""What the default method must remember to go on where it stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ospc.correspondence.partners import PartnersState
+from ospc.correspondence.reservoir import Reservoir
+from ospc.correspondence.static_series import StaticSeries
+from ospc.estimation.joint_fit import JointFit
+from ospc.estimation.noise_gauge import NoiseGauge
+
+
+@dataclass(frozen=True)
+class JointState:
+    """All that :class:`~ospc.methods.joint.JointMethod` has learned.
+
+    Attributes
+    ----------
+    passed_over, looks
+        Where the schedule of frames to look at stands.
+    partners
+        What is known of the views kept; the views themselves are made again of their frames.
+    reservoir
+        The sightings.
+    series
+        Pixels of a camera that may stand still; None once it moved.
+    noise
+        What was measured of the noise.
+    fit
+        The fit that registration relies on.
+    motions
+        Recent displacements in pixels.
+    pairs
+        Pairs of frames compared.
+    log_exposures
+        ln of the shortest and longest exposure in milliseconds.
+    """
+
+    passed_over: int
+    looks: int
+    partners: PartnersState
+    reservoir: Reservoir
+    series: StaticSeries | None
+    noise: NoiseGauge
+    fit: JointFit | None
+    motions: list[float]
+    pairs: int
+    log_exposures: tuple[float, float]
