@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,12 +16,16 @@ import scipy
 
 import ospc
 from ospc.arrays import Image, ImageSize
-from ospc.errors import ExposureError, FrameError, OspcError
+from ospc.errors import ExposureError, FormatError, FrameError, OspcError, SettingError
+from ospc.methods.joint import JointMethod
+from ospc.methods.joint_state import JointState
 from ospc.methods.method import Method, Progress
 from ospc.photometry.calibration import Calibration
-from ospc.presets import Settings, as_dict, preset
+from ospc.pooling.summary import Summary, summary_of
+from ospc.presets import JointSettings, Settings, as_dict, preset, with_overrides
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.identity import identity
+from ospc.state.run import RunState, load_run, save_run
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,11 @@ class OnlineCalibrator:
     settings
         Settings of the method, or the name of a preset.
 
+    Attributes
+    ----------
+    source
+        Identification of the recording the frames are of, kept with states; empty for a live camera.
+
     Examples
     --------
     >>> calibrator = OnlineCalibrator()
@@ -58,6 +69,8 @@ class OnlineCalibrator:
     """
 
     REMEMBERED = 20
+    _FIRST_REASONS = 3
+    _RECOGNISED_BY = 4
 
     def __init__(self, settings: Settings | str = "default") -> None:
         self._settings = preset(settings) if isinstance(settings, str) else settings
@@ -66,6 +79,9 @@ class OnlineCalibrator:
         self._frames = 0
         self._skipped = 0
         self._reasons: list[str] = []
+        self._first_reasons: list[str] = []
+        self._first_frames = ("", 0)
+        self.source: dict[str, Any] = {}
 
     def push(self, frame: Frame) -> bool:
         """Take the next frame and return whether it could be used.
@@ -77,6 +93,7 @@ class OnlineCalibrator:
             self._check(frame)
             method = self._method_for(frame)
             method.push(replace(frame, load=partial(_of_size, frame, self._size)))
+            self._recognise(frame)
         except (FrameError, ExposureError) as error:
             self._skip(str(error))
             return False
@@ -103,6 +120,119 @@ class OnlineCalibrator:
         counts = {"frames": self._frames, "skipped": self._skipped, **known.counts}
         return replace(known, counts=counts, settings=as_dict(self._settings), versions=versions())
 
+    # States.
+
+    @property
+    def frames(self) -> int:
+        """Frames pushed so far, skipped ones included; the index of the next where every frame is pushed."""
+        return self._frames
+
+    @property
+    def settings(self) -> Settings:
+        """Settings of the method."""
+        return self._settings
+
+    @property
+    def first_reasons(self) -> tuple[str, ...]:
+        """Why the first frames that could not be used were skipped, at most three of them."""
+        return tuple(self._first_reasons)
+
+    def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
+        """Write everything that is known to a file, whole or not at all, and return its path.
+
+        Nothing here is changed by it: the result is the same whether states are saved or not.
+
+        Parameters
+        ----------
+        path
+            Where to; an earlier file is replaced.
+        complete
+            Whether to add the summary by which ``ospc merge`` reads it fast; costs a fit, unless
+            :meth:`calibration` was asked for since the last frame.
+
+        Raises
+        ------
+        SettingError
+            If the method is one whose state is too large for that: preset "paper".
+        FormatError
+            If the file cannot be written.
+        """
+        if not isinstance(self._settings, JointSettings):
+            raise SettingError(
+                f"preset {self._settings.name} holds the features of hundreds of frames, which no state file takes; "
+                "use the default preset"
+            )
+        method = self._method if isinstance(self._method, JointMethod) else None
+        run = RunState(
+            settings=as_dict(self._settings),
+            size=self._size,
+            max_grey=0 if method is None else method.max_grey,
+            frames=self._frames,
+            skipped=self._skipped,
+            reasons=self._reasons,
+            first_reasons=self._first_reasons,
+            first_frames=self._first_frames,
+            source=self.source,
+            versions=versions(),
+        )
+        return save_run(path, run, None if method is None else method.state(), self.summary() if complete else None)
+
+    def summary(self) -> Summary | None:
+        """Return what is known as a value that can be merged with others; None where nothing is."""
+        if not isinstance(self._method, JointMethod):
+            return None
+        return summary_of(self._method.evidence(), self._first_frames[0], self.source, self._frames)
+
+    @classmethod
+    def load_state(cls, path: str | Path) -> OnlineCalibrator:
+        """Return a calibrator that goes on where another was when :meth:`save_state` wrote the file.
+
+        Give it the frames it :attr:`wants <wanted>` by :meth:`recall` before the next is pushed, as
+        :func:`remaining` does, and results are the same, bit for bit, as without the interruption. Where these
+        frames are gone, it goes on without: the first new frames then have no earlier ones to be compared with.
+
+        Raises
+        ------
+        FormatError
+            If there is no such file, it is torn or damaged, or another version wrote it.
+        """
+        saved = load_run(path)
+        run, method = saved.run, saved.method(JointState)
+        settings = _settings_of(run.settings, saved.name)
+        calibrator = cls(settings)
+        calibrator._size, calibrator._frames, calibrator._skipped = run.size, run.frames, run.skipped
+        calibrator._reasons, calibrator._first_reasons = run.reasons, run.first_reasons
+        calibrator._first_frames, calibrator.source = run.first_frames, run.source
+        if method is not None:
+            try:
+                calibrator._method = JointMethod.from_state(settings, run.size, run.max_grey, method)
+            except ValueError as error:
+                raise FormatError(f"{saved.name}: not readable as a state ({error})") from None
+        return calibrator
+
+    @property
+    def wanted(self) -> frozenset[int]:
+        """Indices of the frames that a calibrator just loaded should be shown again."""
+        return self._method.wanted if isinstance(self._method, JointMethod) else frozenset()
+
+    def recall(self, frame: Frame) -> None:
+        """Look again at a frame that new ones were being compared with.
+
+        Raises
+        ------
+        FrameError
+            If its image cannot be read any more, or has another size.
+        """
+        if isinstance(self._method, JointMethod):
+            self._method.recall(replace(frame, load=partial(_of_size, frame, self._size)))
+
+    def _recognise(self, frame: Frame) -> None:
+        """Take the first frames into the hash that tells this stream of frames from others."""
+        digest, count = self._first_frames
+        if count < self._RECOGNISED_BY:
+            seen = f"{digest} {frame.stamp_s!r} {frame.exposure_ms!r} ".encode() + frame.image.tobytes()
+            self._first_frames = (sha256(seen).hexdigest(), count + 1)
+
     def _check(self, frame: Frame) -> None:
         if not (np.isfinite(frame.exposure_ms) and frame.exposure_ms > 0):
             raise ExposureError(f"{frame.name}: exposure {frame.exposure_ms} ms is not a positive number")
@@ -122,6 +252,7 @@ class OnlineCalibrator:
     def _skip(self, reason: str) -> None:
         self._skipped += 1
         self._reasons = [*self._reasons, reason][-self.REMEMBERED :]
+        self._first_reasons = [*self._first_reasons, reason][: self._FIRST_REASONS]
 
 
 def _of_size(frame: Frame, size: ImageSize) -> Image:
@@ -133,6 +264,40 @@ def _of_size(frame: Frame, size: ImageSize) -> Image:
             "calibrate each image size on its own"
         )
     return frame.image
+
+
+def _settings_of(content: dict[str, Any], name: str) -> JointSettings:
+    try:
+        values = {key: str(value) for key, value in content.items() if key != "preset"}
+        settings = with_overrides(preset(str(content.get("preset"))), values)
+    except SettingError as error:
+        raise FormatError(f"{name}: was made by another version of this program ({error})") from None
+    if not isinstance(settings, JointSettings):
+        raise FormatError(f"{name}: is of preset {settings.name}, which has no state")
+    return settings
+
+
+def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Iterator[Frame]:
+    """Give the frames of a recording that a calibrator was not pushed yet, after showing it those it asks for.
+
+    Parameters
+    ----------
+    calibrator
+        New, or loaded from a state of a run over the same recording.
+    recording
+        All frames from the first on.
+
+    Raises
+    ------
+    FrameError
+        If a frame that had been read before cannot be read any more.
+    """
+    wanted, done = calibrator.wanted, calibrator.frames
+    for number, frame in enumerate(recording):
+        if number >= done:
+            yield frame
+        elif frame.index in wanted:
+            calibrator.recall(frame)
 
 
 def calibrate(

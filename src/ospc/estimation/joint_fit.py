@@ -8,7 +8,7 @@ the strength of the prior chosen anew.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -184,6 +184,31 @@ class JointEstimator:
             int(np.count_nonzero(np.add.reduceat(weight, sightings.starts))),
             len(np.unique(sightings.group)),
         )
+
+    def information(self, sightings: Sightings, fit: JointFit, about: FloatArray) -> NormalEquations:
+        """Return what the sightings say about the parameters of these models, without any prior.
+
+        Parameters
+        ----------
+        sightings
+            What was seen.
+        fit
+            Fit to them, possibly in other models: its response and its errors are relied on.
+        about
+            The same fit in parameters of these models, at which they are linearised, shape (p,).
+        """
+        with threadpool_limits(1, user_api="blas"):
+            own = replace(self, response_basis=fit.response_basis, vignette_basis=fit.vignette_basis)
+            model = own._latent_model(fit.parameters, fit.errors, trusted=True)
+            log_vignette = fit.vignette_basis.log_value(fit.vignette_parameters, sightings.position)
+            latent = model(sightings, log_vignette, np.ones(len(sightings)))
+            latent = model(sightings, log_vignette, self._weights(latent, model.pixel_noise)[0])
+            weight, bread = self._weights(latent, model.pixel_noise)
+            # The other model's response may not be one of these exactly; what was seen stays what it was.
+            here = self.response_basis.log_of(about[: len(self.response_basis)])
+            latent = replace(latent, linear_log=latent.linear_log + (here - model.log_response)[latent.index])
+            equations = self._equations(sightings, latent, weight, about)
+            return equations.tempered(self._prior(about).precision(fit.roughness), bread)
 
     def _prior(self, parameters: FloatArray) -> Prior:
         return Prior(self.response_basis.knots, parameters[: len(self.response_basis)], len(self.vignette_basis))

@@ -44,13 +44,13 @@ def fit_with_chosen_vignette(
         if richer == fit.vignette_basis or len(richer) <= len(fit.vignette_basis):
             continue
         wider = JointEstimator(response, richer, noise, rounds).fit(sightings, fit)
-        if not _asked_for(wider, len(richer) - len(fit.vignette_basis)):
+        if not asked_for(wider, len(richer) - len(fit.vignette_basis)):
             break
         fit = wider
     return fit
 
 
-def _asked_for(fit: JointFit, last: int) -> bool:
+def asked_for(fit: JointFit, last: int) -> bool:
     """Return whether the last so many parameters are worth their number."""
     value = fit.parameters[-last:]
     covariance = fit.covariance[-last:, -last:] + _SYSTEMATIC**2 * np.eye(last)

@@ -113,6 +113,11 @@ class JointMethod:
             self._compare(view)
 
     @property
+    def max_grey(self) -> int:
+        """Largest grey value of the frames."""
+        return self._max_grey
+
+    @property
     def progress(self) -> Progress:
         """How far it has come."""
         if self._fit is None:
@@ -140,7 +145,7 @@ class JointMethod:
         return JointState(
             passed_over=self._schedule._wait,
             looks=self._schedule._looks,
-            partners=self._partners.state(),
+            partners=self._partners.state() if self._to_recall is None else self._to_recall,
             reservoir=self._reservoir,
             series=self._series,
             noise=self._noise,

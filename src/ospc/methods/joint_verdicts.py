@@ -59,7 +59,7 @@ def response_verdict(
             f"only {points} scene points could be followed (at least {settings.min_points} are needed)",
             "record a longer sequence of a well-exposed scene with even surfaces and some texture, moving slowly",
         )
-    return _response_verdict_of_fit(fit, exposure_range_ms, _unexplained(ratios))
+    return _response_verdict_of_fit(fit, exposure_range_ms, unexplained_share(ratios))
 
 
 def _response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
@@ -112,7 +112,7 @@ def vignette_verdict(settings: JointSettings, fit: JointFit | None, reach: float
     return Verdict("identifiable", figure)
 
 
-def _unexplained(ratios: ExposureRatios) -> float:
+def unexplained_share(ratios: ExposureRatios) -> float:
     """Return the median misfit of ln k over its median size, where the exposure changes."""
     # Every scene point counts, not every pair: one whose registration failed has hardly any left, and wrong ones.
     log_k, residual = (np.repeat(values, ratios.samples) for values in (np.log(ratios.metadata), ratios.log_residual))

@@ -22,8 +22,15 @@ from ospc.state.container import Array
 T = TypeVar("T")
 
 
-def pack(value: object) -> tuple[Any, dict[str, Array]]:
+def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
     """Return the JSON-compatible content and the arrays of a dataclass.
+
+    Parameters
+    ----------
+    value
+        The dataclass.
+    name
+        What the names of its arrays begin with.
 
     Raises
     ------
@@ -31,7 +38,7 @@ def pack(value: object) -> tuple[Any, dict[str, Array]]:
         If there is something in it that no file may hold.
     """
     arrays: dict[str, Array] = {}
-    return _packed(value, type(value), "", arrays), arrays
+    return _packed(value, type(value), name, arrays), arrays
 
 
 def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T:
@@ -49,8 +56,7 @@ def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T
     return found
 
 
-@cache
-def layout(kind: type) -> str:
+def layout(kind: type[Any]) -> str:
     """Return a hash of the names and types of all fields of a dataclass, those of its parts included."""
     return sha256(_described(kind).encode()).hexdigest()[:16]
 

@@ -1,0 +1,201 @@
+"""What one recording says about its camera, small and additive: the information of its likelihood, without any prior.
+
+Near its maximum a log likelihood is a parabola, -½ θᵀAθ + bᵀθ + const. Independent recordings multiply their
+likelihoods, so A and b add up; the prior comes in once, when the sum is solved.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.correspondence.sightings import Sightings
+from ospc.estimation.joint_fit import JointEstimator, JointFit
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.methods.joint_summary import Evidence, exposure_ratios, radial_reach
+from ospc.methods.joint_verdicts import unexplained_share
+from ospc.photometry.noise import NoiseModel
+
+RESPONSE = ResponseBasis(32)
+VIGNETTE = VignetteBasis(4, free_centre=True, non_radial=True)
+"""The models whose parameters all summaries share, whatever the settings their recordings were calibrated with."""
+
+RESPONSE_PART = slice(0, len(RESPONSE))
+VIGNETTE_PART = slice(len(RESPONSE), len(RESPONSE) + len(VIGNETTE))
+"""Where in the parameters the two parts are."""
+
+_REACH_OF_SUPPORT = (0.002, 0.998)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What one recording says.
+
+    Attributes
+    ----------
+    key
+        Tells recordings apart: the same for all runs over the same one.
+    name
+        What to call it.
+    size, max_grey
+        Of the frames.
+    frames, pairs, points, groups
+        Frames pushed, pairs of them compared, scene points and groups of these used.
+    estimate
+        Its own estimate of the common parameters, at which the likelihood was approximated, shape (p,).
+    matrix, vector
+        A and b of the approximation, shapes (p, p) and (p,), tempered for errors that samples have in common.
+    exposure_range_ms
+        Shortest and longest exposure.
+    reach
+        Radial displacement, in half diagonals, that a tenth of the scene points exceed.
+    standing_still
+        Whether the camera did not move.
+    support
+        Grey levels that were seen, but for the last few in a thousand.
+    unexplained
+        Share of a typical change of exposure that does not show in the images.
+    noise
+        Noise of a grey value.
+    """
+
+    key: str
+    name: str
+    size: ImageSize
+    max_grey: int
+    frames: int
+    pairs: int
+    points: int
+    groups: int
+    estimate: FloatArray
+    matrix: FloatArray
+    vector: FloatArray
+    exposure_range_ms: tuple[float, float]
+    reach: float
+    standing_still: bool
+    support: tuple[float, float]
+    unexplained: float
+    noise: NoiseModel
+
+    def __post_init__(self) -> None:
+        """Refuse arrays that do not belong to the common models."""
+        p = VIGNETTE_PART.stop
+        if (self.estimate.shape, self.matrix.shape, self.vector.shape) != ((p,), (p, p), (p,)):
+            raise ValueError(f"a summary has {p} parameters")
+        if not all(np.isfinite(values).all() for values in (self.estimate, self.matrix, self.vector)):
+            raise ValueError("a summary has values that are not finite")
+
+    @property
+    def rank(self) -> tuple[int, int, str]:
+        """Which of two summaries of the same recording is kept: the larger; a total order."""
+        return self.frames, self.points, sha256(self.vector.tobytes() + self.matrix.tobytes()).hexdigest()
+
+
+def summary_of(evidence: Evidence, first_frames: str, source: dict[str, Any], frames: int) -> Summary | None:
+    """Return the summary of a run; None where it allowed no fit.
+
+    Parameters
+    ----------
+    evidence
+        What was seen and the fit to it.
+    first_frames
+        Hash that tells its stream of frames from others, used where ``source`` does not.
+    source
+        Identification of the recording; empty for a live stream.
+    frames
+        Frames pushed.
+    """
+    fit, sightings = evidence.fit, evidence.sightings
+    if fit is None or sightings is None:
+        return None
+    matrix, vector, estimate = _information(evidence, fit, sightings)
+    support = np.quantile(sightings.grey, _REACH_OF_SUPPORT)
+    return Summary(
+        key=_key(first_frames, source),
+        name=str(source.get("name", "live")),
+        size=evidence.size,
+        max_grey=evidence.max_grey,
+        frames=frames,
+        pairs=evidence.pairs,
+        points=fit.points,
+        groups=fit.groups,
+        estimate=estimate,
+        matrix=matrix,
+        vector=vector,
+        exposure_range_ms=evidence.exposure_range_ms,
+        reach=0.0 if evidence.standing_still else radial_reach(sightings),
+        standing_still=evidence.standing_still,
+        support=(float(support[0]), float(support[1])),
+        unexplained=unexplained_share(exposure_ratios(fit, sightings)),
+        noise=evidence.noise,
+    )
+
+
+def _key(first_frames: str, source: dict[str, Any]) -> str:
+    content = {name: source[name] for name in ("frames_sha256", "images_sha256") if name in source}
+    return sha256(json.dumps(content or first_frames, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _information(
+    evidence: Evidence, fit: JointFit, sightings: Sightings
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return A, b and the estimate in the common parameters."""
+    noise = None if sightings.pixels_averaged.max() <= 1 else evidence.noise
+    estimator = JointEstimator(RESPONSE, VIGNETTE, noise)
+    estimate = np.concatenate([_response_in_common(fit), _vignette_in_common(fit)])
+    equations = estimator.information(sightings, fit, estimate)
+    return equations.tempering * equations.matrix, equations.tempering * equations.vector, estimate
+
+
+def _response_in_common(fit: JointFit) -> FloatArray:
+    return np.interp(RESPONSE.knots, fit.response_basis.knots, fit.response_parameters)
+
+
+def _vignette_in_common(fit: JointFit) -> FloatArray:
+    """Return the vignette's parameters in the common model, radial terms fitted where their number differs."""
+    own, given = fit.vignette_basis, fit.vignette_parameters
+    common = np.zeros(len(VIGNETTE))
+    if own.free_centre:
+        common[VIGNETTE.radial : VIGNETTE.radial + 2] = own.centre(given)
+    if own.non_radial:
+        common[-4:] = given[-4:]
+    if own.radial:
+        squared = np.linspace(0, 1, 101) ** 2
+        value = (squared[:, None] ** np.arange(1, own.radial + 1)) @ given[: own.radial]
+        common[: VIGNETTE.radial] = np.linalg.lstsq(
+            squared[:, None] ** np.arange(1, VIGNETTE.radial + 1), value, rcond=None
+        )[0]
+    return common
+
+
+def without_part(summary: Summary, part: slice, prior_precision: FloatArray) -> Summary:
+    """Return the summary with one part (response or vignette) made its own: it then says nothing about it.
+
+    What it says about the other part is what remains when its own part is integrated out.
+
+    Parameters
+    ----------
+    summary
+        A summary.
+    part
+        :data:`RESPONSE_PART` or :data:`VIGNETTE_PART`.
+    prior_precision
+        Precision of the prior of all parameters about the estimate, which keeps the part from being singular, shape
+        (p, p).
+    """
+    p = len(summary.vector)
+    other = np.setdiff1d(np.arange(p), np.arange(p)[part])
+    inner = summary.matrix[part, part] + prior_precision[part, part]
+    # The prior is centred on the recording's own estimate: it only says that the part is free.
+    inner_vector = summary.vector[part] + prior_precision[part, part] @ summary.estimate[part]
+    carried = np.linalg.solve(inner, summary.matrix[part][:, other])
+    matrix, vector = np.zeros((p, p)), np.zeros(p)
+    matrix[np.ix_(other, other)] = summary.matrix[np.ix_(other, other)] - summary.matrix[other, part] @ carried
+    vector[other] = summary.vector[other] - carried.T @ inner_vector
+    return replace(summary, matrix=(matrix + matrix.T) / 2, vector=vector)

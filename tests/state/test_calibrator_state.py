@@ -1,0 +1,185 @@
+"""The state of a calibrator: going on from it changes nothing, and no wrong file is gone on from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ospc.calibrator import OnlineCalibrator, remaining
+from ospc.correspondence.sightings import Sightings
+from ospc.errors import FormatError, FrameError, SettingError
+from ospc.methods.joint import JointMethod
+from ospc.methods.joint_state import JointState
+from ospc.presets import JointSettings
+from ospc.recording import Frame
+from ospc.simulation import SimulationSettings, frames
+from ospc.state import container
+
+QUICK = replace(JointSettings(), points_per_pair=80, max_points=1500, rounds=4, views=6)
+MOST_BYTES = 5_000_000
+
+
+@pytest.fixture(scope="module", params=["handheld", "static"])
+def recording(request):
+    """A short recording, with a frame that cannot be read."""
+    simulated = list(frames(SimulationSettings(size=(160, 120), frames=48, motion=request.param, noise="low")))
+
+    def fail():
+        raise FrameError("frame 5: damaged")
+
+    simulated[5] = replace(simulated[5], load=fail)
+    return simulated
+
+
+def pushed(recording, calibrator):
+    for frame in remaining(calibrator, recording):
+        calibrator.push(frame)
+    return calibrator
+
+
+def as_text(calibrator):
+    return json.dumps(calibrator.calibration().as_dict())
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(recording):
+    return as_text(pushed(recording, OnlineCalibrator(QUICK)))
+
+
+@settings(max_examples=6)
+@given(data=st.data())
+def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, uninterrupted, tmp_path_factory, data):
+    place = tmp_path_factory.mktemp("state") / "state.ospc"
+    stops = sorted(data.draw(st.lists(st.integers(0, len(recording)), min_size=1, max_size=4)))
+    calibrator = OnlineCalibrator(QUICK)
+    for stop in stops:
+        pushed(recording[:stop], calibrator)
+        calibrator.save_state(place)
+        calibrator = OnlineCalibrator.load_state(place)
+        assert calibrator.frames == stop
+    assert as_text(pushed(recording, calibrator)) == uninterrupted
+
+
+def test_saving_changes_nothing_and_equal_states_are_equal_files(recording, uninterrupted, tmp_path):
+    calibrator = OnlineCalibrator(QUICK)
+    for frame in recording:
+        calibrator.push(frame)
+        calibrator.save_state(tmp_path / "a.ospc")
+    assert as_text(calibrator) == uninterrupted
+    OnlineCalibrator.load_state(tmp_path / "a.ospc").save_state(tmp_path / "b.ospc")
+    assert (tmp_path / "a.ospc").read_bytes() == (tmp_path / "b.ospc").read_bytes()
+
+
+def test_without_the_earlier_frames_it_goes_on_all_the_same(recording, tmp_path):
+    calibrator = pushed(recording[:30], OnlineCalibrator(QUICK))
+    before = calibrator.calibration().counts["pairs"]
+    calibrator.save_state(tmp_path / "state.ospc")
+    robot = OnlineCalibrator.load_state(tmp_path / "state.ospc")
+    assert robot.wanted
+    for frame in recording[30:]:
+        robot.push(frame)
+    after = robot.calibration().counts
+    assert after["frames"] == len(recording)
+    # The first new frame has no earlier one to be compared with.
+    assert before + 16 <= after["pairs"] < before + 18
+
+
+def test_the_state_of_a_large_and_long_recording_is_small(tmp_path):
+    """As large as it ever gets: all points kept, noise in every digit, and the series of a camera standing still."""
+    random = np.random.default_rng(0)
+    noise = random.integers(0, 65535, (600, 800), dtype=np.uint16)
+    calibrator = OnlineCalibrator()
+    calibrator.push(Frame.of_array(noise, 1.0))
+    kept, series = calibrator._method._reservoir, calibrator._method._series
+    points = kept.capacity // 300
+    for pair in range(300):
+        kept.add(seen_twice(random, points, pair))
+    for index in range(1, series.frames):
+        series.watch(Frame.of_array(noise, 1.0, index=index))
+    assert (kept.points, len(series)) == (JointSettings().max_points, series.frames)
+    assert calibrator.save_state(tmp_path / "state.ospc").stat().st_size < MOST_BYTES
+
+
+def seen_twice(random, points, pair):
+    n = 2 * points
+    return Sightings(
+        grey=random.random(n).astype(np.float32).astype(np.float64),
+        log_exposure=np.tile(random.random(2), points),
+        position=random.random((n, 2)),
+        gradient=random.random(n).astype(np.float32).astype(np.float64),
+        pixels_averaged=np.full(n, 28.0),
+        frame=np.tile([pair, pair + 7], points),
+        point=np.repeat(np.arange(points), 2),
+        group=np.full(n, pair),
+    )
+
+
+def test_everything_a_method_learns_is_in_its_state():
+    """An attribute that is neither saved nor made anew would be forgotten silently."""
+    made_anew = {"settings", "size", "max_grey", "make_view", "register", "equaliser", "sample", "basis"}
+    not_needed = {"evidence", "to_recall"}
+    saved = {"schedule", "partners", "reservoir", "series", "noise", "fit", "motions", "pairs", "log_exposures"}
+    method = JointMethod(JointSettings(), (64, 48), 255)
+    assert {name.lstrip("_") for name in vars(method)} == made_anew | not_needed | saved
+    assert set(JointState.__dataclass_fields__) == (saved - {"schedule"}) | {"passed_over", "looks"}
+
+
+def test_before_the_first_usable_frame_there_is_a_state_too(tmp_path):
+    calibrator = OnlineCalibrator(QUICK)
+    calibrator.push(Frame.of_array(np.zeros((8, 8), np.uint8), float("nan")))
+    calibrator.save_state(tmp_path / "state.ospc", complete=True)
+    again = OnlineCalibrator.load_state(tmp_path / "state.ospc")
+    assert again.status == calibrator.status
+    assert again.settings == QUICK
+
+
+def test_the_papers_method_has_no_state(tmp_path):
+    with pytest.raises(SettingError, match="preset paper"):
+        OnlineCalibrator("paper").save_state(tmp_path / "state.ospc")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    calibrator = OnlineCalibrator(QUICK)
+    for frame in frames(SimulationSettings(size=(160, 120), frames=6)):
+        calibrator.push(frame)
+    return calibrator.save_state(tmp_path_factory.mktemp("saved") / "state.ospc")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"layout": "0123456789abcdef"}, r"another version of the method .* cannot be continued"),
+        ({"run": {}}, "not readable as a state"),
+        ({"run": None}, "not readable as a state"),
+        ({"method": {}}, "not readable as a state"),
+    ],
+)
+def test_what_another_version_made_is_refused(saved, tmp_path, change, said):
+    found = container.load(saved, "calibrator", 1)
+    other = container.save(replace(found, content=found.content | change), tmp_path / "other.ospc")
+    with pytest.raises(FormatError, match=rf"^{other}: .*{said}"):
+        OnlineCalibrator.load_state(other)
+
+
+@pytest.mark.parametrize(
+    "settings_of_another",
+    [
+        {"preset": "future"},
+        {"preset": "default", "unknown": 1},
+        {"preset": "paper"},
+        {"preset": "default", "views": -1},
+    ],
+)
+def test_settings_of_another_version_are_refused(saved, tmp_path, settings_of_another):
+    found = container.load(saved, "calibrator", 1)
+    run = found.content["run"] | {"settings": settings_of_another}
+    other = container.save(replace(found, content=found.content | {"run": run}), tmp_path / "other.ospc")
+    with pytest.raises(FormatError, match=rf"^{other}: "):
+        OnlineCalibrator.load_state(other)
