@@ -59,6 +59,8 @@ class OnlineCalibrator:
     ----------
     source
         Identification of the recording the frames are of, kept with states; empty for a live camera.
+    saved_by
+        Versions of the software that saved the state it goes on from; empty if it began anew.
 
     Examples
     --------
@@ -82,6 +84,7 @@ class OnlineCalibrator:
         self._first_reasons: list[str] = []
         self._first_frames = ("", 0)
         self.source: dict[str, Any] = {}
+        self.saved_by: dict[str, Any] = {}
 
     def push(self, frame: Frame) -> bool:
         """Take the next frame and return whether it could be used.
@@ -133,6 +136,11 @@ class OnlineCalibrator:
         return self._settings
 
     @property
+    def has_state(self) -> bool:
+        """Whether its state can be saved; that of preset "paper" cannot."""
+        return isinstance(self._settings, JointSettings) and isinstance(self._method, JointMethod | None)
+
+    @property
     def first_reasons(self) -> tuple[str, ...]:
         """Why the first frames that could not be used were skipped, at most three of them."""
         return tuple(self._first_reasons)
@@ -157,7 +165,7 @@ class OnlineCalibrator:
         FormatError
             If the file cannot be written.
         """
-        if not isinstance(self._settings, JointSettings):
+        if not self.has_state:
             raise SettingError(
                 f"preset {self._settings.name} holds the features of hundreds of frames, which no state file takes; "
                 "use the default preset"
@@ -203,6 +211,7 @@ class OnlineCalibrator:
         calibrator._size, calibrator._frames, calibrator._skipped = run.size, run.frames, run.skipped
         calibrator._reasons, calibrator._first_reasons = run.reasons, run.first_reasons
         calibrator._first_frames, calibrator.source = run.first_frames, run.source
+        calibrator.saved_by = run.versions
         if method is not None:
             try:
                 calibrator._method = JointMethod.from_state(settings, run.size, run.max_grey, method)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
 from ospc.report.pictures import PICTURES, write_picture
 
+_STATE = re.compile(r"state\.ospc|\.state\.ospc\.\d+\.part")
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
 _DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt")
@@ -201,6 +203,9 @@ def _holds(recording: Path, place: Path) -> bool:
 
 
 def _is_earlier_output(place: Path) -> bool:
+    # A run that was killed before its end leaves its state, whole or in the making, and nothing else.
+    if all(_STATE.fullmatch(entry.name) for entry in place.iterdir()):
+        return True
     try:
         content = json.loads(read_text(place / "calibration.json"))
     except (OspcError, ValueError, RecursionError):

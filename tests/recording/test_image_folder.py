@@ -57,14 +57,14 @@ def test_units_come_from_the_header(opened: Open, header: str, exposure_ms: floa
 def test_a_missing_unit_is_stated_as_assumed(opened: Open) -> None:
     recording = opened({"anything.csv": "file;exposure\na.png;2\nb.png;4\nc.png;8\n"})
     assert recording.exposures_ms.tolist() == [2, 4, 8]
-    assert any("'exposure' are taken as ms: it names no unit" in note for note in recording.notes)
+    assert any("exposures are taken as ms: nothing names another unit" in note for note in recording.notes)
 
 
 def test_times_as_in_the_tum_datasets(opened: Open) -> None:
     recording = opened({"times.txt": "# made by hand\na 0.5 2\nb 1.5 4\nc 2.5 8\n"})
     assert recording.exposures_ms.tolist() == [2, 4, 8]
     assert recording.stamps_s.tolist() == [0.5, 1.5, 2.5]
-    assert any("taken as id, stamp[s], exposure[ms]" in note for note in recording.notes)
+    assert any("taken as id, stamp[s], exposure" in note for note in recording.notes)
 
 
 def test_a_commented_header_counts(opened: Open) -> None:

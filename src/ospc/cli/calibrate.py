@@ -29,6 +29,8 @@ class _Request:
     overrides: dict[str, str]
     kind: str | None
     truth: str | None
+    resume: bool
+    checkpoint_s: float
     force: bool
     quiet: bool
     as_json: bool
@@ -81,6 +83,18 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     metavar="PATH",
     help="A known calibration to compare with: calibration.json, or a folder with pcalib.txt and vignette.png.",
 )
+@click.option(
+    "--resume", is_flag=True, help="Go on where an earlier run into OUT was stopped or killed, if there was one."
+)
+@click.option(
+    "--checkpoint-every",
+    "checkpoint_s",
+    metavar="SECONDS",
+    type=click.FloatRange(min=0),
+    default=5.0,
+    show_default=True,
+    help="How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
+)
 @click.option("--force", is_flag=True, help="Write into OUT even if it holds other files; those named as results go.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
@@ -91,7 +105,7 @@ def command(**options: Any) -> None:
     folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures.
 
     OUT gets calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. What the recording does not
-    determine is not written, and why is said.
+    determine is not written, and why is said. OUT/state.ospc is what --resume goes on from and 'ospc merge' takes.
 
     Ctrl-C ends the run early; what is known by then is written and marked partial.
 
@@ -125,6 +139,7 @@ def one_line(work: Callable[[], int]) -> int:
 
 def _calibrate(request: _Request, interruption: Interruption) -> int:
     from ospc.cli.calibration_run import Options, calibrate_into
+    from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.recording import open_recording
@@ -133,7 +148,8 @@ def _calibrate(request: _Request, interruption: Interruption) -> int:
     truth = None if request.truth is None else open_photometry(request.truth)
     recording = open_recording(request.path, request.kind)
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
-    options = Options(request.quiet, request.as_json, truth)
+    checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume)
+    options = Options(request.quiet, request.as_json, truth, checkpoints)
     return calibrate_into(folder, recording, settings, interruption, options)
 
 

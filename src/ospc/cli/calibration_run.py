@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -17,14 +18,13 @@ from ospc.errors import OspcError
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator, Status
+    from ospc.cli.checkpoints import Checkpoints
     from ospc.evaluation.comparison import Comparison
     from ospc.formats.opening import Photometry
     from ospc.output import OutputFolder, Written
     from ospc.photometry.calibration import Calibration
     from ospc.presets import Settings
     from ospc.recording import Recording
-
-_REASONS_SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,14 @@ class Options:
         Print one JSON document instead of text.
     truth
         What to compare with.
+    checkpoints
+        Where states are saved, and whether to go on from one; None for nowhere.
     """
 
     quiet: bool = False
     as_json: bool = False
     truth: Photometry | None = None
+    checkpoints: Checkpoints | None = None
 
 
 COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
@@ -84,14 +87,25 @@ def calibrate_into(
     KeyboardInterrupt
         If the user gave up before anything was written.
     """
+    from ospc.output import Written
+
     talkative = not options.quiet and not options.as_json
     if talkative:
         say_notes(recording.notes)
     visible = not options.quiet and sys.stderr.isatty()
     with interruption.deferred():
-        outcome = run(recording, settings, interruption, visible=visible, announce=not options.quiet)
+        outcome = run(
+            recording,
+            settings,
+            interruption,
+            visible=visible,
+            announce=not options.quiet,
+            checkpoints=options.checkpoints,
+        )
         with interruption.held():
             outcome, written = _write(folder, recording, outcome, interruption, options.truth)
+            if options.checkpoints is not None and options.checkpoints.saved:
+                written += Written((options.checkpoints.place,))
             code = _exit_code(outcome)
             _report(outcome, recording, folder, written, options)
     if outcome.failure:
@@ -109,11 +123,13 @@ def _exit_code(outcome: Outcome) -> int:
 
 def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, written: Written, options: Options) -> None:
     comparison = _compare(outcome, options.truth)
+    saving = [] if options.checkpoints is None else options.checkpoints.notes
     if options.as_json:
         content = {"exit_code": _exit_code(outcome), **as_json(outcome, folder, written, comparison)}
-        content["notes"] = [*recording.notes, *written.notes]
+        content["notes"] = [*recording.notes, *saving, *written.notes]
         click.echo(json.dumps(content, indent=1))
     elif not options.quiet:
+        say_notes(saving)
         say_skipped(outcome)
         say_result(outcome, len(recording), folder, written)
         say_notes(written.notes)
@@ -154,7 +170,13 @@ def _compare(outcome: Outcome, truth: Photometry | None) -> Comparison | None:
 
 
 def run(
-    recording: Recording, settings: Settings, interruption: Interruption, *, visible: bool, announce: bool = True
+    recording: Recording,
+    settings: Settings,
+    interruption: Interruption,
+    *,
+    visible: bool,
+    announce: bool = True,
+    checkpoints: Checkpoints | None = None,
 ) -> Outcome:
     """Calibrate; what was seen before an interruption or a failure is not lost.
 
@@ -170,6 +192,8 @@ def run(
         Whether to show progress on standard error.
     announce
         Whether to say on standard error that an interruption was understood.
+    checkpoints
+        Where states are saved, and whether to go on from one; None for nowhere.
 
     Raises
     ------
@@ -180,19 +204,22 @@ def run(
     """
     from ospc.calibrator import OnlineCalibrator
 
-    calibrator = OnlineCalibrator(settings)
-    skipped: list[str] = []
     with _progress(len(recording), visible) as show, interruption.deferred():
-        failure = _push_all(recording, calibrator, skipped, interruption, show)
+        source = _identity(recording)
+        started = OnlineCalibrator if checkpoints is None else partial(checkpoints.calibrator, source=source)
+        calibrator = started(settings)
+        failure = _push_all(recording, calibrator, interruption, show, checkpoints)
         early = interruption.requested
         show(calibrator.status, "estimating")
         if early and announce:
             frames = calibrator.status.frames
             click.echo(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
         calibration = _estimate(calibrator, failure, early=early)
-        calibration = replace(calibration, source=_identity(recording))
+        calibration = replace(calibration, source=source)
+        if checkpoints is not None:
+            checkpoints.at_the_end(calibrator)
     stopped = interruption.requested
-    return Outcome(replace(calibration, partial=stopped or bool(failure)), tuple(skipped), stopped, failure)
+    return Outcome(replace(calibration, partial=stopped or bool(failure)), calibrator.first_reasons, stopped, failure)
 
 
 def sentence(error: BaseException) -> str:
@@ -207,16 +234,19 @@ _Show = Callable[["Status", str], None]
 def _push_all(
     recording: Recording,
     calibrator: OnlineCalibrator,
-    skipped: list[str],
     interruption: Interruption,
     show: _Show,
+    checkpoints: Checkpoints | None,
 ) -> str:
     """Push frames until their end or an interruption, and return what went wrong."""
+    from ospc.calibrator import remaining
+
     try:
-        for frame in recording:
-            if not calibrator.push(frame) and len(skipped) < _REASONS_SHOWN:
-                skipped.append(calibrator.status.skipped[-1])
+        for frame in remaining(calibrator, recording):
+            calibrator.push(frame)
             show(calibrator.status, "comparing")
+            if checkpoints is not None:
+                checkpoints.after_frame(calibrator)
             if interruption.requested:
                 break
     except KeyboardInterrupt:

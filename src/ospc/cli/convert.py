@@ -3,20 +3,40 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from ospc.cli.interruption import Interruption
 from ospc.cli.progress import progress_bar
 
+if TYPE_CHECKING:
+    from ospc.formats.conversion import Converted
+    from ospc.formats.conversion_images import ImageFormat
+
 INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class _Request:
+    """What the user asked for, option by option."""
+
+    path: Path
+    out: Path
+    kind: str | None
+    image_format: ImageFormat | None
+    archive: bool
+    lag: int
+    force: bool
+    quiet: bool
 
 
 @click.command("convert")
 @click.argument("path", metavar="RECORDING", type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write, new or empty.")
-@click.option("--kind", help="Kind of recording, instead of recognising it (tum_mono, euroc, …).")
+@click.option("--kind", metavar="KIND", help="Kind of recording, instead of recognising it (tum_mono, euroc, …).")
 @click.option(
     "--format",
     "image_format",
@@ -31,28 +51,50 @@ INTERRUPTED = 130
     metavar="FRAMES",
     help="Move exposures that come late by so many frames to where they belong; 'ospc check' finds the number.",
 )
+@click.option("--force", is_flag=True, help="Write into OUT even if it holds files; those of the same names go.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
-def command(
-    *, path: Path, out: Path, kind: str | None, image_format: Any, archive: bool, lag: int, quiet: bool
-) -> None:
+def command(**options: Any) -> None:
     """Write RECORDING in the layout of the TUM monocular data set, for DSO and its descendants.
 
     OUT gets images/ or images.zip, times.txt with integer ids, stamps in seconds and exposures in milliseconds, and
-    camera.txt if the recording has one. Nothing is left of it if the conversion fails.
+    camera.txt if the recording has intrinsics. If the conversion fails or is interrupted, OUT is as it was before.
     """
-    from ospc.diagnosis.lag import corrected
+    request = _Request(**options)
+    with Interruption() as interruption:
+        try:
+            converted = _convert(request, interruption)
+        except KeyboardInterrupt:
+            click.echo(f"ospc: interrupted; nothing was written to {request.out}", err=True)
+            sys.exit(INTERRUPTED)
+    if not request.quiet:
+        camera = ", times.txt and camera.txt" if converted.has_camera else " and times.txt"
+        click.echo(f"{converted.path}: {converted.frames} images ({converted.copied} of them copied){camera}")
+
+
+def _convert(request: _Request, interruption: Interruption) -> Converted:
+    from ospc.diagnosis.shifted import with_exposure_lag
     from ospc.formats.conversion import convert_recording
     from ospc.recording import open_recording
 
-    recording = corrected(open_recording(path, kind), lag)
-    try:
-        with progress_bar("converting", len(recording), visible=not quiet and sys.stderr.isatty()) as progress:
-            result = convert_recording(recording, out, image_format=image_format, archive=archive, progress=progress)
-    except KeyboardInterrupt:
-        click.echo(f"ospc: interrupted; nothing is left in {out}", err=True)
-        sys.exit(INTERRUPTED)
-    if quiet:
-        return
-    for note in (*recording.notes, *result.notes):
-        click.echo(f"note: {note}", err=True)
-    click.echo(f"{result.path}: {result.frames} images, {result.copied} of them copied, and times.txt")
+    recording = with_exposure_lag(open_recording(request.path, request.kind), request.lag)
+    visible = not request.quiet and sys.stderr.isatty()
+    with progress_bar("converting", len(recording), visible=visible) as show, interruption.deferred():
+
+        def step(done: int, total: int) -> None:
+            # Between two frames; what was written is removed on the way out.
+            if interruption.requested:
+                raise KeyboardInterrupt
+            show(done, total)
+
+        converted = convert_recording(
+            recording,
+            request.out,
+            image_format=request.image_format,
+            archive=request.archive,
+            overwrite=request.force,
+            progress=step,
+        )
+    if not request.quiet:
+        for note in (*recording.notes, *converted.notes):
+            click.echo(f"note: {note}", err=True)
+    return converted

@@ -10,9 +10,9 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.diagnosis.flicker import Flicker, find_flicker, without_waves
 from ospc.diagnosis.lag_decision import SILENT, LagEstimate, LagState, Trial, decide, flicker_columns
 from ospc.diagnosis.lag_likelihood import Fit, Observations, fit_exposures
-from ospc.diagnosis.shifted import corrected
+from ospc.diagnosis.shifted import with_exposure_lag
 
-__all__ = ["MAX_LAG", "LagEstimate", "LagState", "corrected", "estimate_lag"]
+__all__ = ["MAX_LAG", "LagEstimate", "LagState", "estimate_lag", "with_exposure_lag"]
 
 MAX_LAG = 5
 """Largest lag tried, either way: one to three frames are common."""
@@ -27,6 +27,8 @@ _LONGER_STEPS = (4, 8)
 _AGREED_SIGMAS = 2.4
 _OPPOSED_SIGMAS = 4.0
 _SMALL_LEAD = 3.0
+_WEAK_SLOPE = 0.25
+_SCATTERS = (2.0, 8.0)
 
 
 def estimate_lag(seen: Observations, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
@@ -57,17 +59,29 @@ def estimate_lag(seen: Observations, exposures_ms: FloatArray, max_lag: int = MA
         steady, flickers = _fit_with_flicker(inner, changes[max_lag : max_lag + 1])
         return _unknown("constant exposure", lags, inner, steady[0], flickers)
     fits, flickers = _fit_with_flicker(inner, changes)
-    first = decide(Trial(inner, log_exposure, lags, changes, tuple(fits), flickers))
-    if first.state not in ("ambiguous", *SILENT):
+    trial = Trial(inner, log_exposure, lags, changes, tuple(fits), flickers)
+    first = decide(trial)
+    doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _WEAK_SLOPE
+    settled = first.state not in ("ambiguous", *SILENT)
+    if settled and not doubtful:
         return first
-    overs = [over for step in _LONGER_STEPS if (over := _over(step, seen, log_exposure, lags, flickers)) is not None]
+    scattered = None if flickers else _with_scatter(inner, log_exposure, lags, changes)
+    if scattered is not None:
+        return replace(scattered, fit=fits[int(np.flatnonzero(lags == scattered.frames)[0])])
+    return first if settled else _over_longer(first, trial, seen)
+
+
+def _over_longer(first: LagEstimate, trial: Trial, seen: Observations) -> LagEstimate:
+    """Return what changes over several frames say where those from frame to frame settle nothing."""
+    tried = (_over(step, seen, trial.log_exposure, trial.lags, trial.flickers) for step in _LONGER_STEPS)
+    overs = [over for over in tried if over is not None]
     agreed = next((over for over in overs if _agree(first, over)), None)
     chosen = agreed or (next((over for over in overs if over.state not in SILENT), None) if first.silent else None)
     if chosen is None:
         return first
     # Pictures and figures stay those of changes from frame to frame.
-    at = int(np.flatnonzero(lags == chosen.candidates[0])[0])
-    shown = replace(chosen, pairs=first.pairs, fit=fits[at], frame=inner.frame)
+    at = int(np.flatnonzero(trial.lags == chosen.candidates[0])[0])
+    shown = replace(chosen, pairs=first.pairs, fit=trial.fits[at], frame=trial.seen.frame)
     return shown if agreed else replace(shown, state="ambiguous", frames=None)
 
 
@@ -91,6 +105,24 @@ def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
     needed = _AGREED_SIGMAS if longer.frames == first.candidates[0] else _OPPOSED_SIGMAS
     sure = np.delete(longer.sigmas, at).min() >= needed
     return bool(sure and first.score[at] > -_SMALL_LEAD)
+
+
+def _with_scatter(
+    seen: Observations, log_exposure: FloatArray, lags: IntArray, changes: FloatArray
+) -> LagEstimate | None:
+    """Return the estimate that takes single exposures to be inexact; None where it is not clear, however inexact.
+
+    Where errors of the metadata outweigh most changes of exposure, a model without them finds that brightness hardly
+    follows, and prefers whatever lag has nothing to say.
+    """
+    found: list[LagEstimate] = []
+    for scatter in _SCATTERS:
+        inexact = replace(seen, scatter=scatter)
+        fits = tuple(fit_exposures(inexact, change) for change in changes)
+        found.append(decide(Trial(inexact, log_exposure, lags, changes, fits, ())))
+    agreed = len({estimate.candidates[:1] for estimate in found}) == 1
+    possible = all(estimate.state in ("determined", "ambiguous") for estimate in found)
+    return next((e for e in found if e.frames is not None), None) if agreed and possible else None
 
 
 def _over(

@@ -26,9 +26,13 @@ LagState = Literal[
 SILENT: tuple[LagState, ...] = ("no response to exposure", "changes too small")
 """States in which exposures do not show in the images at all."""
 
+USUAL_LAG = 3
+"""Largest lag that is common; larger ones are believed only where nothing else fits."""
+
 _MIN_LEAD = 10.0
 _MIN_SIGMAS = 2.0
 _FLICKER_CAUTION = 1.5
+_UNUSUAL_CAUTION = 1.75
 _MIN_TELLING_PAIRS = 5
 _MIN_EXPLAINED_SHARE = 0.05
 _WEAK_SLOPE = 0.2
@@ -84,6 +88,22 @@ class LagEstimate:
     fit: Fit | None = field(default=None, repr=False)
     frame: IntArray = field(default_factory=lambda: np.empty(0, np.int64), repr=False)
     flicker: tuple[Flicker, ...] = ()
+
+    def correction(self, cycle_frames: int | None) -> int | None:
+        """Return the lag to correct exposures by; None where that is not certain.
+
+        Exposures that repeat are corrected alike by all lags that differ by whole cycles, so which of them it is
+        need not be known.
+
+        Parameters
+        ----------
+        cycle_frames
+            After how many frames the exposures repeat; None if they do not.
+        """
+        if self.frames is not None or self.state != "ambiguous" or cycle_frames is None:
+            return self.frames
+        smallest = min(self.candidates, key=abs)
+        return None if any((lag - smallest) % cycle_frames for lag in self.candidates) else smallest
 
     @property
     def silent(self) -> bool:
@@ -145,9 +165,12 @@ def decide(trial: Trial) -> LagEstimate:
     # Changes over several frames overlap, so what looks like many pairs is fewer. Flicker leaves little to go by.
     caution = _FLICKER_CAUTION if trial.flickers else 1.0
     enough = _MIN_LEAD * np.sqrt(trial.seen.step) * caution
-    open_ = (lead < enough) | (sigmas < _MIN_SIGMAS * caution) | (telling < _MIN_TELLING_PAIRS)
-    rivals = [int(trial.lags[i]) for i in np.argsort(lead) if open_[i] and i != best]
-    state: LagState = "ambiguous" if rivals else "determined"
+    # A large lag is rare, so it takes more to believe that it is none of the usual ones.
+    doubt = np.where((abs(trial.lags[best]) > USUAL_LAG) & (abs(trial.lags) <= USUAL_LAG), _UNUSUAL_CAUTION, 1.0)
+    few = telling < _MIN_TELLING_PAIRS
+    open_ = (lead < enough * doubt**2) | (sigmas < _MIN_SIGMAS * caution * doubt) | few
+    rivals = [int(trial.lags[i]) for i in np.argsort(lead, kind="stable") if open_[i] and i != best]
+    best, rivals, state = _settled(trial, best, rivals)
     steady = fit_exposures(trial.seen, np.zeros(len(trial.seen)), trial.nuisance)
     advantage = trial.fits[best].log_likelihood - steady.log_likelihood
     if advantage.sum() < enough or (not trial.flickers and _explained_share(trial.fits[best]) < _MIN_EXPLAINED_SHARE):
@@ -177,6 +200,22 @@ def decide(trial: Trial) -> LagEstimate:
         trial.seen.frame,
         trial.flickers,
     )
+
+
+def _settled(trial: Trial, best: int, rivals: list[int]) -> tuple[int, list[int], LagState]:
+    """Settle what only a cycle of exposures leaves open: return the lag's position, its rivals, and the state.
+
+    Lags that differ by whole cycles look the same. The only one of a usual size is taken; the others stay rivals.
+    """
+    if not rivals:
+        return best, rivals, "determined"
+    cycle = exposure_cycle(trial.log_exposure)
+    alike = [int(trial.lags[best]), *rivals]
+    usual = [lag for lag in alike if abs(lag) <= USUAL_LAG]
+    if cycle is None or len(usual) != 1 or any((lag - usual[0]) % cycle for lag in alike):
+        return best, rivals, "ambiguous"
+    rest = [lag for lag in alike if lag != usual[0]]
+    return int(np.flatnonzero(trial.lags == usual[0])[0]), rest, "determined"
 
 
 def _sigmas(lead: FloatArray, reach: int) -> float:

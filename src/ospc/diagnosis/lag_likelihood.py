@@ -12,9 +12,10 @@ registered perfectly) and heavy tails: it is an autoregressive process of second
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.diagnosis.brightness import BrightnessChange
@@ -29,6 +30,8 @@ _SLOPE_ERROR = 0.1
 _UNLIKE = 0.02
 _UNLIKE_SHARE = 3.0
 _FACTOR_LIMITS = (0.8, 1.25)
+_SCATTERED_FACTOR_LIMITS = (0.8, 8.0)
+_SCATTERED_OUTLIER = 4.0
 _LARGEST_MEMORY = 0.98
 
 
@@ -44,6 +47,8 @@ class Observations:
         As of :class:`~ospc.diagnosis.brightness.BrightnessChange`, shapes (n, bins), (n, bins) and (n, bins, terms).
     step
         How many frames later the second frame of each pair is.
+    scatter
+        Independent errors of single exposures, as changes of brightness, relative to what else drives the noise.
     """
 
     frame: IntArray
@@ -51,6 +56,7 @@ class Observations:
     weight: FloatArray
     moved: FloatArray
     step: int = 1
+    scatter: float = 0.0
 
     @classmethod
     def of(cls, changes: Sequence[BrightnessChange]) -> Observations:
@@ -72,7 +78,35 @@ class Observations:
 
     def where(self, mask: BoolArray) -> Observations:
         """Return the pairs where a mask, shape (n,), is true."""
-        return Observations(self.frame[mask], self.log_ratio[mask], self.weight[mask], self.moved[mask], self.step)
+        return replace(
+            self,
+            frame=self.frame[mask],
+            log_ratio=self.log_ratio[mask],
+            weight=self.weight[mask],
+            moved=self.moved[mask],
+        )
+
+    def whitened(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return values without the correlation that errors of single exposures have, and each pair's scale.
+
+        Parameters
+        ----------
+        values
+            Shape (n, columns).
+
+        Returns
+        -------
+        tuple of FloatArray
+            C^(−1/2) values within each run of consecutive pairs, C = 1 + scatter² · tridiag(−1, 2, −1), and the
+            diagonal of the Cholesky factor of C, shape (n,).
+        """
+        if self.scatter <= 0:
+            return values, np.ones(len(values))
+        # The factor of a tridiagonal matrix is bidiagonal, so runs are told apart by zeros beside its diagonal.
+        joined = np.diff(self.frame, append=self.frame[-1:] + 2) == 1
+        bands = np.stack([np.full(len(values), 1 + 2 * self.scatter**2), -(self.scatter**2) * joined])
+        factor = scipy.linalg.cholesky_banded(bands, lower=True)
+        return np.asarray(scipy.linalg.solve_banded((1, 0), factor, values)), np.asarray(factor[0])
 
     def summed(self, step: int) -> Observations:
         """Return changes over several frames, as the sum of those from each to the next."""
@@ -174,9 +208,12 @@ def fit_exposures(seen: Observations, log_change: FloatArray, nuisance: FloatArr
     causes = np.empty((len(seen), 0)) if nuisance is None else nuisance
     columns = np.column_stack([foreseen, causes]) if changing else causes
     driven = seen.driven
-    size, innovation, scale = _regress(observed, columns, driven, limited=changing)
+    white, unit = seen.whitened(np.column_stack([observed, columns]))
+    limits = _FACTOR_LIMITS if seen.scatter == 0 else _SCATTERED_FACTOR_LIMITS
+    memory = _LARGEST_MEMORY if seen.scatter == 0 else 0.0
+    size, innovation, scale = _regress(white[:, 0], white[:, 1:], driven, limits if changing else None, memory)
     return Fit(
-        _log_density(innovation, scale),
+        _log_density(innovation, scale) - np.log(unit[driven]),
         slopes * (size[0] if changing else 0.0),
         observed,
         foreseen * size[0] if changing else np.zeros(len(seen)),
@@ -213,17 +250,20 @@ def _slopes(seen: Observations, log_change: FloatArray) -> tuple[FloatArray, Flo
         scale = max(1.4826 * float(np.median(np.abs(left))), _SMALLEST_SCALE)
         # Where the exposure changes much, a slope that is a little wrong is no outlier.
         allowed = np.hypot(scale, _SLOPE_ERROR * np.abs(np.sum(seen.share * slopes, axis=1) * log_change))
+        if seen.scatter > 0:
+            # Most changes may be errors alone, and the few real ones must not seem to be the outliers.
+            allowed = np.maximum(allowed, _SCATTERED_OUTLIER * np.abs(left).mean())
         robust = (_FREEDOM + 1) / (_FREEDOM + (left / allowed) ** 2)
     return slopes, vignette
 
 
 def _regress(
-    observed: FloatArray, columns: FloatArray, driven: IntArray, *, limited: bool
+    observed: FloatArray, columns: FloatArray, driven: IntArray, limits: tuple[float, float] | None, most: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the size of each column, what drives the noise, and its scale.
 
-    The first column's size, where ``limited``, stays near the one that the bins gave: a smooth noise model would
-    gladly explain smooth exposures itself.
+    The first column's size, where limits are given, stays near the one that the bins gave: a smooth noise model would
+    gladly explain smooth exposures itself. Errors of single exposures make the bins give too small a one.
     """
     memory = np.zeros(ORDER)
     size = np.zeros(columns.shape[1])
@@ -231,23 +271,23 @@ def _regress(
     innovation, scale = observed[driven], _SMALLEST_SCALE
     for _ in range(_ROUNDS):
         if columns.shape[1]:
-            whitened = _whitened(columns, driven, memory)
-            size = _least_squares(whitened, _whitened(observed, driven, memory), weight)
-            if limited and not _FACTOR_LIMITS[0] <= size[0] <= _FACTOR_LIMITS[1]:
-                size[0] = np.clip(size[0], *_FACTOR_LIMITS)
-                rest = _whitened(observed - columns[:, 0] * size[0], driven, memory)
+            whitened = _unforeseen(columns, driven, memory)
+            size = _least_squares(whitened, _unforeseen(observed, driven, memory), weight)
+            if limits and not limits[0] <= size[0] <= limits[1]:
+                size[0] = np.clip(size[0], *limits)
+                rest = _unforeseen(observed - columns[:, 0] * size[0], driven, memory)
                 size[1:] = _least_squares(whitened[:, 1:], rest, weight)
         noise = observed - columns @ size
         earlier = np.column_stack([noise[driven - step] for step in range(1, ORDER + 1)])
         memory = _least_squares(earlier, noise[driven], weight, ridge=1e-3)
-        memory *= min(1.0, _LARGEST_MEMORY / max(float(np.abs(memory).sum()), 1e-12))
+        memory *= min(1.0, most / max(float(np.abs(memory).sum()), 1e-12))
         innovation = noise[driven] - earlier @ memory
         scale = _scale(innovation)
         weight = (_FREEDOM + 1) / (_FREEDOM + (innovation / scale) ** 2)
     return size, innovation, scale
 
 
-def _whitened(values: FloatArray, driven: IntArray, memory: FloatArray) -> FloatArray:
+def _unforeseen(values: FloatArray, driven: IntArray, memory: FloatArray) -> FloatArray:
     """Return what is left of the driven values after foreseeing them from those before."""
     return np.asarray(values[driven] - sum(memory[k] * values[driven - 1 - k] for k in range(ORDER)))
 

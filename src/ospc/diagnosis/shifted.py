@@ -90,7 +90,7 @@ class ShiftedRecording:
                 yield replace(frame, index=index, exposure_ms=float(self._exposures_ms[index]))
 
 
-def corrected(recording: Recording, lag: int) -> Recording:
+def with_exposure_lag(recording: Recording, lag: int) -> Recording:
     """Return a recording with exposures moved to the frames they belong to.
 
     Parameters

@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import shutil
-import zipfile
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
-import cv2
 import numpy as np
 
-from ospc.arrays import Image
-from ospc.errors import FormatError, FrameError, RecordingError, SettingError
+from ospc.errors import FrameError, RecordingError, SettingError
+from ospc.formats.conversion_camera import camera_text
+from ospc.formats.conversion_images import ImageFormat, NumberedImages, about_coding, coded, stored
 from ospc.formats.dso import write_times
-from ospc.formats.files import read_bytes, write_bytes
-from ospc.recording.frame import Frame
-from ospc.recording.image_header import read_header
-from ospc.recording.image_sequence import ImageSequence
+from ospc.formats.files import write_text
 from ospc.recording.recording import Recording
 
-ImageFormat = Literal["png", "jpg"]
+PARTS = ("images", "images.zip", "camera.txt", "times.txt")
+"""What a conversion writes or replaces, in the order in which it appears."""
 
-_PNG, _JPEG = b"\x89PNG", b"\xff\xd8"
-_PNG_COMPRESSION = 3
-_JPEG_QUALITY = 97
-_EXIF_WITHIN = 65536
-_CAMERA, _CAMERA_BYTES = "camera.txt", 65536
 _REASONS = 3
+_UNFINISHED = ".converting-"
 
 
 @dataclass(frozen=True)
@@ -45,6 +38,8 @@ class Converted:
         How many of them are copies of the files, byte by byte; the others were coded anew.
     skipped
         Number of frames left out because they cannot be read.
+    has_camera
+        Whether ``camera.txt`` was written.
     notes
         What a user should know.
     """
@@ -53,6 +48,7 @@ class Converted:
     frames: int
     copied: int
     skipped: int
+    has_camera: bool
     notes: tuple[str, ...]
 
 
@@ -62,95 +58,106 @@ def convert_recording(
     *,
     image_format: ImageFormat | None = None,
     archive: bool = False,
+    overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Converted:
-    """Write a recording as ``images/`` or ``images.zip``, ``times.txt`` and, if it has one, ``camera.txt``.
+    """Write a recording as ``images/`` or ``images.zip``, ``times.txt`` and, if intrinsics are known, ``camera.txt``.
 
-    Frame by frame. Image files that programs read as this one does are copied; others are coded anew, those of more
-    than 8 bit left-aligned in 16, since programs that want 8 bit take the upper ones. ``times.txt`` comes last, and
-    what was written is removed if anything fails: a folder with a ``times.txt`` is complete.
+    Frame by frame, so memory does not grow with the recording. Image files that programs read as this one does are
+    copied; others are coded anew, those of more than 8 bit left-aligned in 16. Everything is written aside and moved
+    into place at the end: if anything fails, or the user interrupts, the folder is as it was before.
 
     Parameters
     ----------
     recording
         The recording.
     out
-        A new or empty folder.
+        A folder, new or empty.
     image_format
         ``"png"`` or ``"jpg"`` (8 bit, lossy); where None, that of the files where they can be copied, else PNG.
     archive
         Whether to write ``images.zip`` instead of the folder ``images``.
+    overwrite
+        Whether the folder may hold something; ``images``, ``images.zip``, ``times.txt`` and ``camera.txt`` in it are
+        replaced, other files stay.
     progress
         Called with the number of frames done and of all.
+
+    Returns
+    -------
+    Converted
+        What was written.
 
     Raises
     ------
     SettingError
-        If the folder is not empty or cannot be written.
+        If the folder is not empty, holds the recording itself, or cannot be written.
     RecordingError
         If not one frame can be read, or time stamps fall together when written to the nanosecond.
     """
     place = Path(out)
-    existed = _check_empty(place)
+    existed = _check(place, recording.path, overwrite=overwrite)
+    stage: Path | None = None
     try:
         place.mkdir(parents=True, exist_ok=True)
-        with _Images(place, archive=archive) as images:
-            written, copied, problems = _write_frames(recording, images, image_format, progress)
-        notes = [*_about_coding(recording, len(written) - copied, image_format), *_copy_camera(recording, place)]
-        write_times(
-            place / "times.txt", range(len(written)), recording.stamps_s[written], recording.exposures_ms[written]
-        )
-    except BaseException as error:  # an interruption, too, leaves nothing half done
-        _remove(place, existed=existed)
-        if isinstance(error, OSError):
-            reason = error.strerror or str(error)
-            raise SettingError(f"{place}: cannot be written ({reason}); choose another folder") from None
-        raise
-    if problems:
-        notes.insert(0, f"{len(problems)} frames were left out: {'; '.join(problems[:_REASONS])}")
-    return Converted(place, len(written), copied, len(problems), tuple(notes))
+        stage = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=place))
+        converted = _write(recording, stage, place, image_format, archive=archive, progress=progress)
+        _move(stage, place)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise SettingError(f"{place}: cannot be written ({reason}); choose another folder") from None
+    finally:
+        if stage is not None:
+            shutil.rmtree(stage, ignore_errors=True)
+        if not existed and place.is_dir() and not any(place.iterdir()):
+            place.rmdir()
+    return converted
 
 
-class _Images:
-    """Numbered images in a folder or an archive."""
-
-    def __init__(self, place: Path, *, archive: bool) -> None:
-        self._folder = place / "images"
-        self._archive = zipfile.ZipFile(place / "images.zip", "w") if archive else None
-        if self._archive is None:
-            self._folder.mkdir()
-
-    def write(self, number: int, data: bytes) -> None:
-        name = f"{number:05d}{'.jpg' if data.startswith(_JPEG) else '.png'}"
-        if self._archive is None:
-            (self._folder / name).write_bytes(data)
-        else:
-            # A fixed date keeps archives of the same recording identical.
-            self._archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
-
-    def __enter__(self) -> _Images:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._archive is not None:
-            self._archive.close()
-
-
-def _check_empty(place: Path) -> bool:
+def _check(place: Path, source: Path, *, overwrite: bool) -> bool:
     """Return whether the folder exists; refuse one that cannot be used."""
     try:
         if place.exists() and not place.is_dir():
             raise SettingError(f"{place}: is a file; name a folder for the output")
-        if place.is_dir() and any(place.iterdir()):
-            raise SettingError(f"{place}: is not empty; choose another folder, or remove what is there")
+        if place.is_dir() and any(place.iterdir()) and not overwrite:
+            raise SettingError(f"{place}: is not empty; choose another folder, or replace what is there by --force")
+        full, recorded = place.resolve(), source.resolve()
+        if recorded == full or any(recorded.is_relative_to(full / part) for part in PARTS):
+            raise SettingError(f"{place}: holds the recording itself; choose another folder")
         return place.exists()
     except OSError as error:
         raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another") from None
 
 
+def _write(
+    recording: Recording,
+    stage: Path,
+    place: Path,
+    image_format: ImageFormat | None,
+    *,
+    archive: bool,
+    progress: Callable[[int, int], None] | None,
+) -> Converted:
+    """Write everything into the folder ``stage``."""
+    with NumberedImages(stage, len(recording), archive=archive) as images:
+        written, copied, problems = _write_frames(recording, images, image_format, progress)
+    camera, notes = camera_text(recording)
+    if camera is not None:
+        write_text(stage / "camera.txt", camera)
+    write_times(
+        stage / "times.txt", range(len(written)), recording.stamps_s[written], recording.exposures_ms[written]
+    )
+    notes = [*about_coding(recording, len(written) - copied, image_format), *notes]
+    if problems:
+        count = "1 frame was" if len(problems) == 1 else f"{len(problems)} frames were"
+        more = "; …" if len(problems) > _REASONS else ""
+        notes.insert(0, f"{count} left out: {'; '.join(problems[:_REASONS])}{more}")
+    return Converted(place, len(written), copied, len(problems), camera is not None, tuple(notes))
+
+
 def _write_frames(
     recording: Recording,
-    images: _Images,
+    images: NumberedImages,
     image_format: ImageFormat | None,
     progress: Callable[[int, int], None] | None,
 ) -> tuple[list[int], int, list[str]]:
@@ -160,103 +167,29 @@ def _write_frames(
     copied = 0
     for frame in recording:
         try:
-            data = _stored(recording, frame.index, image_format)
+            data = stored(recording, frame, image_format)
             copied += data is not None
-            images.write(len(written), data if data is not None else _coded(frame, image_format or "png"))
+            images.write(len(written), data if data is not None else coded(frame, image_format or "png"))
             written.append(frame.index)
         except FrameError as error:
             problems.append(str(error))
         if progress is not None:
             progress(frame.index + 1, len(recording))
     if not written:
-        raise RecordingError(f"{recording.path}: none of its frames can be read; the first: {problems[:1]}")
+        raise RecordingError(f"{recording.path}: none of its frames can be read; the first: {' '.join(problems[:1])}")
     if np.any(np.diff(np.round(recording.stamps_s[written], 9)) <= 0):
         raise RecordingError(f"{recording.path}: time stamps are less than a nanosecond apart; scale them")
     return written, copied, problems
 
 
-def _stored(recording: Recording, index: int, image_format: ImageFormat | None) -> bytes | None:
-    """Return the file of a frame if other programs read the same image from it, None if it must be coded anew.
-
-    Raises
-    ------
-    FrameError
-        If it is damaged.
-    """
-    if not isinstance(recording, ImageSequence) or recording.layout.green is not None:
-        return None
-    data = recording.stored_bytes(index)
-    kind = "png" if data.startswith(_PNG) else "jpg" if data.startswith(_JPEG) else None
-    if kind is None or image_format not in (None, kind):
-        return None
-    # An orientation would be applied by others, and is not by this reader.
-    if kind == "jpg" and b"Exif\0" in data[:_EXIF_WITHIN]:
-        return None
-    depth = recording.layout.depth
-    header = read_header(data, recording.source.label(recording.names[index]))
-    same = (header.width, header.height) == recording.layout.stored_size and header.bits == depth.stored_bits
-    # JPEG stores luma beside colour; the conversions of other formats differ between programs.
-    grey = header.channels == 1 or kind == "jpg"
-    aligned = depth.stored_bits == depth.bits + depth.shift
-    return data if same and grey and aligned else None
-
-
-def _coded(frame: Frame, image_format: ImageFormat) -> bytes:
-    """Code the image of a frame.
-
-    Raises
-    ------
-    FrameError
-        If its image cannot be read.
-    """
-    image = _for_others(frame.image, frame.max_grey, only_8_bit=image_format == "jpg")
-    options = {
-        "png": [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION],
-        "jpg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY],
-    }[image_format]
-    done, coded = cv2.imencode(f".{image_format}", image, options)
-    if not done:
-        raise FrameError(f"{frame.name}: the image cannot be coded as {image_format}")
-    return bytes(coded)
-
-
-def _for_others(image: Image, max_grey: int, *, only_8_bit: bool) -> Image:
-    """Return an image as programs expect it: 8 bit, or left-aligned in 16."""
-    bits = max(max_grey.bit_length(), 8)
-    if image.dtype == np.uint8:
-        return image
-    if only_8_bit or bits == 8:
-        return (image >> (bits - 8)).astype(np.uint8)
-    return np.left_shift(image, 16 - bits)
-
-
-def _about_coding(recording: Recording, coded: int, image_format: ImageFormat | None) -> list[str]:
-    bits = recording.max_grey.bit_length()
-    if not coded or bits <= 8:
-        return []
-    if image_format == "jpg":
-        return [f"grey values of {bits} bit were cut to their upper 8, which is all that JPEG holds"]
-    return [f"grey values of {bits} bit are left-aligned in 16-bit images"] if bits < 16 else []
-
-
-def _copy_camera(recording: Recording, place: Path) -> list[str]:
-    """Copy camera.txt where there is one that belongs to these images; return what to say about it."""
-    source = recording.path / _CAMERA
-    if not source.is_file():
-        return []
-    if isinstance(recording, ImageSequence) and recording.layout.green is not None:
-        return [f"{source} was not copied: its size is that of the mosaic, twice that of the images"]
-    try:
-        write_bytes(place / _CAMERA, read_bytes(source, _CAMERA_BYTES))
-    except FormatError as error:
-        return [f"{_CAMERA} was not copied: {error}"]
-    return []
-
-
-def _remove(place: Path, *, existed: bool) -> None:
-    """Remove what was written into a folder that was empty before."""
-    shutil.rmtree(place / "images", ignore_errors=True)
-    for name in ("images.zip", _CAMERA, "times.txt"):
-        (place / name).unlink(missing_ok=True)
-    if not existed and place.is_dir() and not any(place.iterdir()):
-        place.rmdir()
+def _move(stage: Path, place: Path) -> None:
+    """Put what was written into place; ``times.txt`` comes last, so a folder that has it is complete."""
+    for name in PARTS:
+        old = place / name
+        if old.is_dir() and not old.is_symlink():
+            shutil.rmtree(old)
+        else:
+            old.unlink(missing_ok=True)
+    for name in PARTS:
+        if (stage / name).exists():
+            (stage / name).rename(place / name)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import Enum
+from typing import ClassVar
 
 import numpy as np
 
 from ospc.arrays import Image
+from ospc.errors import SettingError
 
 _MOSAIC_RATIO = 0.7
 """Measured: 0.31–0.45 on a real mosaic, 1.15 on grey images of the same camera and of others."""
@@ -24,9 +27,41 @@ class GreenPixels(Enum):
 
     def of(self, image: Image) -> Image:
         """Return the mean of the two green pixels of each block, rounded: half the width and height."""
-        first, second = (image[row::2, column::2].astype(np.uint32) for row, column in self.value)
+        first, second = (_every_other(image, place).astype(np.uint32) for place in self.value)
         mean: Image = ((first + second + 1) >> 1).astype(image.dtype)
         return mean
+
+
+@dataclass(frozen=True)
+class Mosaic:
+    """Where the colours of a Bayer mosaic are.
+
+    Attributes
+    ----------
+    pattern
+        Colours of a 2×2 block from left to right and from top to bottom: ``rggb``, ``bggr``, ``grbg`` or ``gbrg``.
+    """
+
+    PATTERNS: ClassVar = ("rggb", "bggr", "grbg", "gbrg")
+
+    pattern: str
+
+    def __post_init__(self) -> None:
+        if self.pattern not in self.PATTERNS:
+            raise SettingError(f"no Bayer pattern is called '{self.pattern}'; known: {', '.join(self.PATTERNS)}")
+
+    @property
+    def green(self) -> GreenPixels:
+        """Its green pixels."""
+        return GreenPixels.FALLING if self.pattern.startswith("g") else GreenPixels.RISING
+
+    def red(self, image: Image) -> Image:
+        """Return the red pixel of each block: half the width and height."""
+        return _every_other(image, divmod(self.pattern.index("r"), 2))
+
+    def blue(self, image: Image) -> Image:
+        """Return the blue pixel of each block: half the width and height."""
+        return _every_other(image, divmod(self.pattern.index("b"), 2))
 
 
 def find_green(image: Image) -> GreenPixels | None:
@@ -56,3 +91,9 @@ def find_green(image: Image) -> GreenPixels | None:
 
 def _distance(block: Mapping[tuple[int, int], Image], first: tuple[int, int], second: tuple[int, int]) -> float:
     return float(np.abs(block[first] - block[second]).mean())
+
+
+def _every_other(image: Image, place: tuple[int, int]) -> Image:
+    # Odd sizes lose their last row or column: a block needs both.
+    height, width = (length // 2 * 2 for length in image.shape)
+    return np.ascontiguousarray(image[place[0] : height : 2, place[1] : width : 2])

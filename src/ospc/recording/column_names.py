@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from ospc.errors import ExposureError
+from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.wording import listed, quoted
 
 _IN_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+_UNITS = {
+    "s": ExposureUnit.S,
+    "sec": ExposureUnit.S,
+    "ms": ExposureUnit.MS,
+    "us": ExposureUnit.US,
+    "µs": ExposureUnit.US,
+    "μs": ExposureUnit.US,
+    "ns": ExposureUnit.NS,
+    "100us": ExposureUnit.US100,
+    "100µs": ExposureUnit.US100,
+    "log2s": ExposureUnit.LOG2_S,
+}
 _LONG_UNITS = {
     "second": "s",
     "millisecond": "ms",
@@ -46,13 +60,9 @@ class Gain:
     name: str
     scale: Literal["linear", "db", "iso"]
 
-    def linear(self, value: float) -> float:
-        """Return the factor the exposure is multiplied by; infinite where it is beyond any camera."""
-        if self.scale == "iso":
-            return value / 100
-        if self.scale == "linear":
-            return value
-        return math.inf if value > 400 else 10 ** (value / 20)
+    def linear(self, value: float, unit: GainUnit | None = None) -> float:
+        """Return the factor the exposure is multiplied by; a unit that is stated comes before that of the header."""
+        return float((unit or GainUnit(self.scale)).linear(np.array(value, dtype=np.float64)))
 
 
 @dataclass(frozen=True)
@@ -67,8 +77,8 @@ class Columns:
         Index of the column, None where there is none.
     gains
         Columns of gains to multiply the exposure by.
-    to_ms
-        Milliseconds per unit of the exposure.
+    unit
+        Unit of the exposure; None where nothing says it.
     to_s
         Seconds per unit of the time stamp.
     notes
@@ -80,7 +90,7 @@ class Columns:
     stamp: int | None = None
     exposure: int | None = None
     gains: tuple[Gain, ...] = ()
-    to_ms: float = 1.0
+    unit: ExposureUnit | None = None
     to_s: float = 1.0
     notes: tuple[str, ...] = ()
 
@@ -108,22 +118,20 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
     image = _only(header, parsed, _IMAGE_WORDS, place)
     gains = tuple(Gain(i, header[i], _scale(*parsed[i])) for i in _among(parsed, _GAIN_WORDS))
     notes = []
-    unit = parsed[exposure][1]
-    if unit not in _IN_SECONDS:
-        notes.append(f"exposures in the column {quoted(header[exposure])} are taken as ms: it names no unit")
-    to_ms = _IN_SECONDS.get(unit, 1e-3) * 1000
+    unit = _UNITS.get(parsed[exposure][1])
     to_s = 1.0 if stamp is None else _IN_SECONDS.get(parsed[stamp][1], 1.0)
     if gains:
         said = ", ".join(f"{quoted(gain.name)} ({gain.scale})" for gain in gains)
         notes.append(f"exposures are multiplied by the gain in {said}")
-    return Columns(len(header), image, stamp, exposure, gains, to_ms, to_s, tuple(notes))
+    return Columns(len(header), image, stamp, exposure, gains, unit, to_s, tuple(notes))
 
 
 def _word_and_unit(name: str) -> tuple[str, str]:
     """Split ``Exposure Time [us]``, ``exposure_time_us`` or ``exposure(us)`` into word and unit."""
-    words = [word for word in re.split(r"[\s_\-\[\](){}#:./]+", name.strip().lower()) if word]
+    plain = re.sub(r"log2[\s_(\[]*s(?=\W|$)", "log2s", name.strip().lower())
+    words = [word for word in re.split(r"[\s_\-\[\](){}#:./]+", plain) if word]
     last = words[-1].rstrip("s") if words else ""
-    unit = words[-1] if words and words[-1] in (*_IN_SECONDS, "db") else _LONG_UNITS.get(last, "")
+    unit = words[-1] if words and words[-1] in (*_UNITS, "db") else _LONG_UNITS.get(last, "")
     if unit and len(words) > 1:
         return "".join(words[:-1]), _LONG_UNITS.get(last, unit)
     return "".join(words), ""

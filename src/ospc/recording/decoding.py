@@ -7,7 +7,9 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import FrameError
-from ospc.recording.image_header import read_header
+from ospc.recording.channel import Channel
+from ospc.recording.image_header import ImageHeader, read_header
+from ospc.recording.pixel_layout import StoredImage
 
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that would need more, with all channels they are stored with, are refused before they are decoded."""
@@ -41,7 +43,38 @@ def decode_grey(data: bytes, name: str) -> Image:
     FrameError
         If it is not an image, truncated, damaged, too large, or not of 8 or 16 bit.
     """
+    return decode_stored(data, name).pixels
+
+
+def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> StoredImage:
+    """Decode an image file; of colour a channel is taken, luma unless another is asked for.
+
+    Raises
+    ------
+    FrameError
+        If it is not an image, truncated, damaged, too large, or not of 8 or 16 bit.
+    """
     header = read_header(data, name)
+    _check_header(header, name)
+    colour = header.channels > 2
+    wanted = channel or Channel.LUMINANCE
+    # JPEG stores luma. Elsewhere the decoders' own conversions truncate, half a grey value off; OpenCV's rounds.
+    in_colour = colour and not (data.startswith(_JPEG_START) and wanted is Channel.LUMINANCE)
+    try:
+        image: Image | None = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _COLOUR if in_colour else _GREY)
+        if in_colour and image is not None and image.ndim == 3:
+            image = wanted.of(image)
+    except (cv2.error, MemoryError):
+        image = None
+    if image is None:
+        raise FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise FrameError(f"{name}: has {image.dtype} values, not 8 or 16 bit; convert it to PNG")
+    return StoredImage(image, colour)
+
+
+def _check_header(header: ImageHeader, name: str) -> None:
+    """Refuse what would need too much memory, before it is decoded."""
     if header.width * header.height * header.channels * max(header.bits, 8) > 8 * MAX_DECODED_BYTES:
         raise FrameError(
             f"{name}: its header states {header.width}x{header.height} pixels, which need more than the "
@@ -49,16 +82,3 @@ def decode_grey(data: bytes, name: str) -> Image:
         )
     if header.bits > 16:
         raise FrameError(f"{name}: has {header.bits} bits a channel; convert it to 8 or 16 bit PNG")
-    # JPEG stores luma. Elsewhere the decoders' own conversions truncate, half a grey value off; OpenCV's rounds.
-    colour = header.channels > 2 and not data.startswith(_JPEG_START)
-    try:
-        image: Image | None = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _COLOUR if colour else _GREY)
-        if colour and image is not None and image.ndim == 3:
-            image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    except (cv2.error, MemoryError):
-        image = None
-    if image is None:
-        raise FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
-    if image.dtype not in (np.uint8, np.uint16):
-        raise FrameError(f"{name}: has {image.dtype} values, not 8 or 16 bit; convert it to PNG")
-    return image

@@ -13,6 +13,7 @@ from ospc.errors import ExposureError, RecordingError
 from ospc.recording.image_folder import exposure_lists, read_exposures
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.wording import listed
 
 _IMAGES, _INDEX = "data", "data.csv"
@@ -29,7 +30,7 @@ class Euroc:
         """Tell whether the path is such a recording, its ``mav0``, or one camera of it."""
         return _camera(path) is not None
 
-    def open(self, path: Path) -> ImageSequence:
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         """Open one camera: the one the path leads to, otherwise the first.
 
         Raises
@@ -49,7 +50,8 @@ class Euroc:
         notes = []
         if others and camera != path:
             notes.append(f"{camera.name} is read; open {camera.parent}/{others[0]} for that camera")
-        return open_sequence(path, self.name, source, read_exposures(_list_of(camera)), notes)
+        table = read_exposures(_list_of(camera), options)
+        return open_sequence(path, self.name, source, table, notes, options=options)
 
 
 def _camera(path: Path) -> Path | None:

@@ -20,6 +20,7 @@ from ospc.recording.frame_table import EXPOSURE_RANGE_MS, FrameTable, Row, make_
 from ospc.recording.image_folder import exposure_lists
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.wording import listed
 
 _HEAD_BYTES = 256 * 1024
@@ -45,7 +46,7 @@ class ExifPhotos:
         names = FolderImages.of(path).names
         return bool(names) and _SIGNATURE in _head(path / names[0]) and not exposure_lists(path)
 
-    def open(self, path: Path) -> ImageSequence:
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         """Open the folder; frames are in the order the photographs were taken.
 
         Raises
@@ -63,7 +64,7 @@ class ExifPhotos:
         if not source.names:
             raise RecordingError(f"{path}: holds no images; put the photographs there")
         photos = [_photo(path / name) for name in source.names]
-        return open_sequence(path, self.name, source, _table(path, photos), _notes(path, photos))
+        return open_sequence(path, self.name, source, _table(path, photos), _notes(path, photos), options=options)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from ospc.errors import RecordingError
 from ospc.recording.frame_table import FrameTable, Row, make_table
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.text_file import is_number
 
 _NAME = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)[ _]?(ns|us|ms|s)?", re.ASCII)
@@ -32,7 +33,7 @@ class ExposureFolders:
         """Tell whether the path holds several folders of images whose names are exposures."""
         return len(_folders(path)) >= _LEAST_FOLDERS
 
-    def open(self, path: Path) -> ImageSequence:
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         """Open all folders as one recording, in the order of the time stamps.
 
         Raises
@@ -50,7 +51,9 @@ class ExposureFolders:
         if any(_unit(inner.place.name) is None for inner, _ in folders):
             notes.append(f"{path}: names of folders are taken as exposures in ms")
         source = FolderImages(path, tuple(exposures_ms))
-        return open_sequence(path, self.name, source, _table(path, exposures_ms), notes, take_green=True)
+        return open_sequence(
+            path, self.name, source, _table(path, exposures_ms), notes, options=options, take_green=True
+        )
 
 
 def _folders(path: Path) -> list[tuple[FolderImages, float]]:

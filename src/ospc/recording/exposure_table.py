@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+import numpy as np
+
 from ospc.errors import ExposureError, RecordingError
 from ospc.recording.column_names import Columns, name_columns
+from ospc.recording.exposure_units import ExposureUnit, infer_unit
 from ospc.recording.frame_table import FrameTable, Row, make_table
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.text_file import is_number, lines_of, parse_number, read_text
+
+_LARGEST_STAMP_S = 1e11
+"""Larger time stamps are not in seconds."""
 
 _ADVICE = "name the columns in its first line, such as 'file,timestamp_s,exposure_ms'"
 
 
-def read_exposure_table(path: Path) -> FrameTable:
+def read_exposure_table(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Read a list of exposures.
 
     Raises
@@ -25,7 +33,7 @@ def read_exposure_table(path: Path) -> FrameTable:
     ExposureError
         If exposures are missing, ambiguous or not positive.
     """
-    return parse_exposure_table(read_text(path), str(path))
+    return parse_exposure_table(read_text(path), str(path), options)
 
 
 def names_exposures(path: Path) -> bool:
@@ -39,7 +47,7 @@ def names_exposures(path: Path) -> bool:
     return layout.named and layout.columns.exposure is not None
 
 
-def parse_exposure_table(text: str, source: str) -> FrameTable:
+def parse_exposure_table(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Parse a list of exposures.
 
     Fields are separated by commas, semicolons, tabs or blanks. The header is the first line, or the last comment
@@ -52,6 +60,8 @@ def parse_exposure_table(text: str, source: str) -> FrameTable:
         Content of the file.
     source
         What to call it in a message.
+    options
+        What the user says about units.
 
     Raises
     ------
@@ -67,13 +77,17 @@ def parse_exposure_table(text: str, source: str) -> FrameTable:
             f"{source}: it is not clear which of its {columns.count} columns holds exposures; {_ADVICE}"
         )
     rows = []
+    values, factors = [], []
     for index, (line, fields) in enumerate(layout.rows):
         place = f"{source}, line {line}"
         if len(fields) != columns.count:
             raise RecordingError(f"{place}: has {len(fields)} columns where others have {columns.count}; correct it")
-        exposure_ms = parse_number(fields[columns.exposure], "the exposure", place) * columns.to_ms
+        values.append(parse_number(fields[columns.exposure], "the exposure", place))
+        factor = 1.0
         for gain in columns.gains:
-            exposure_ms *= gain.linear(parse_number(fields[gain.column], f"the {gain.name}", place))
+            value = parse_number(fields[gain.column], f"the {gain.name}", place)
+            factor *= gain.linear(value, options.gain_unit)
+        factors.append(factor)
         stamp_s = float(index)
         image = ""
         if columns.stamp is not None:
@@ -83,8 +97,11 @@ def parse_exposure_table(text: str, source: str) -> FrameTable:
             image = PurePosixPath(fields[columns.image].replace("\\", "/")).name
             if not image:
                 raise RecordingError(f"{place}: does not name its image; correct the line")
-        rows.append(Row(line, image, stamp_s, exposure_ms))
-    notes = [f"{source}: {note}" for note in columns.notes]
+        rows.append(Row(line, image, stamp_s, 0.0))
+    unit, unit_notes = _unit(layout, values, [row.stamp_s for row in rows], source, options)
+    exposures_ms = unit.to_ms(np.array(values, dtype=np.float64)) * np.array(factors, dtype=np.float64)
+    rows = [row._replace(exposure_ms=float(exposure_ms)) for row, exposure_ms in zip(rows, exposures_ms, strict=True)]
+    notes = [f"{source}: {note}" for note in (*columns.notes, *unit_notes)]
     return make_table(source, rows, notes, stamped=columns.stamp is not None)
 
 
@@ -117,17 +134,36 @@ def _layout(text: str, source: str) -> _Layout:
     return _Layout(_unnamed(rows[0][1], source), rows, named=False)
 
 
+def _unit(
+    layout: _Layout, values: Sequence[float], stamps_s: Sequence[float], source: str, options: ReadingOptions
+) -> tuple[ExposureUnit, list[str]]:
+    """Return the unit of the exposures: the one stated, the one in the header, or the one that fits the numbers."""
+    if options.exposure_unit is not None:
+        return options.exposure_unit, [f"exposures are in {options.exposure_unit.value}, as stated"]
+    if layout.columns.unit is not None:
+        return layout.columns.unit, []
+    steps = np.diff(np.asarray(stamps_s)) if layout.columns.stamp is not None else np.empty(0)
+    # Stamps beyond any number of seconds say nothing yet about the frame rate.
+    usable = len(steps) > 0 and np.all(np.isfinite(steps)) and abs(stamps_s[0]) < _LARGEST_STAMP_S
+    interval_ms = 1e3 * float(np.median(steps)) if usable else None
+    try:
+        unit = infer_unit(values, interval_ms if interval_ms and interval_ms > 0 else None, source)
+    except ExposureError:
+        unit = ExposureUnit.MS
+    how = "nothing names another unit" if unit is ExposureUnit.MS else "by their size"
+    return unit, [f"exposures are taken as {unit.value}: {how}"]
+
+
 def _unnamed(fields: list[str], source: str) -> Columns:
     """Return what the columns are where only their number and the first row tell."""
     count = len(fields)
     if count == 3:
-        return Columns(
-            count, image=0, stamp=1, exposure=2, notes=("columns are taken as id, stamp[s], exposure[ms]",)
-        )
+        said = ("columns are taken as id, stamp[s], exposure",)
+        return Columns(count, image=0, stamp=1, exposure=2, notes=said)
     if count == 2 and not is_number(fields[0]):
-        return Columns(count, image=0, exposure=1, notes=("columns are taken as file, exposure[ms]",))
+        return Columns(count, image=0, exposure=1, notes=("columns are taken as file, exposure",))
     if count == 1:
-        return Columns(count, exposure=0, notes=("its numbers are taken as exposures in ms",))
+        return Columns(count, exposure=0, notes=("its numbers are taken as exposures",))
     return Columns(count)
 
 

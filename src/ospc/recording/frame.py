@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ospc.arrays import Image
+from ospc.arrays import BoolArray, Image
 from ospc.errors import FrameError
 
 
@@ -36,6 +36,8 @@ class Frame:
     verify
         Looks whether the image is there and whole, without decoding it; raises :class:`~ospc.errors.FrameError`
         where it is not. None where only :attr:`image` can tell.
+    mask
+        True where pixels may be used, shape (height, width); None for everywhere.
     """
 
     index: int
@@ -45,6 +47,7 @@ class Frame:
     load: Callable[[], Image] = field(repr=False, compare=False)
     max_grey: int = 255
     verify: Callable[[], None] | None = field(default=None, repr=False, compare=False)
+    mask: BoolArray | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of_array(

@@ -11,6 +11,7 @@ from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_list import read_image_list
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.wording import listed
 
 _IMAGE_LIST = "image_list.txt"
@@ -28,7 +29,7 @@ class ImageFolder:
         """Tell whether the path is a folder with images in it."""
         return path.is_dir() and bool(FolderImages.of(path).names)
 
-    def open(self, path: Path) -> ImageSequence:
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         """Open the folder.
 
         Raises
@@ -43,7 +44,8 @@ class ImageFolder:
         source = FolderImages.of(path)
         if not source.names:
             raise RecordingError(f"{path}: holds no images; put the PNG, JPEG, TIFF, BMP, PGM or PPM files there")
-        return open_sequence(path, self.name, source, read_exposures(_only_list(path)))
+        table = read_exposures(_only_list(path), options)
+        return open_sequence(path, self.name, source, table, options=options)
 
 
 def exposure_lists(path: Path) -> list[Path]:
@@ -70,9 +72,9 @@ def _only_list(path: Path) -> Path:
     )
 
 
-def read_exposures(path: Path) -> FrameTable:
+def read_exposures(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Read a list of exposures, whichever format its name says it is in."""
-    return read_image_list(path) if path.name == _IMAGE_LIST else read_exposure_table(path)
+    return read_image_list(path) if path.name == _IMAGE_LIST else read_exposure_table(path, options)
 
 
 KIND = ImageFolder()

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Protocol
 
 from ospc.errors import RecordingError
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
 from ospc.recording.wording import quoted
 
-_MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder", "video")
+_MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder", "video", "rosbag")
 """Modules of this package, in the order in which they are asked; each has a ``KIND``."""
 
 
@@ -27,7 +28,7 @@ class Kind(Protocol):
         """Tell from the content, cheaply, whether the path is of this kind."""
         ...
 
-    def open(self, path: Path) -> Recording:
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> Recording:
         """Open the path.
 
         Raises
@@ -45,7 +46,7 @@ def kinds() -> Iterator[Kind]:
         yield kind
 
 
-def open_recording(path: str | Path, kind: str | None = None) -> Recording:
+def open_recording(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> Recording:
     """Open a recording; its kind is recognised from its content unless given.
 
     Parameters
@@ -54,6 +55,8 @@ def open_recording(path: str | Path, kind: str | None = None) -> Recording:
         Folder or file.
     kind
         Name of the kind, to override the recognition.
+    options
+        What its content does not say, or says wrongly: units, topics, channel.
 
     Returns
     -------
@@ -77,7 +80,7 @@ def open_recording(path: str | Path, kind: str | None = None) -> Recording:
     except OSError as error:
         raise RecordingError(f"{place}: cannot be read ({error.strerror}); check the path and its rights") from None
     if chosen is not None:
-        return chosen.open(place)
+        return chosen.open(place, options)
     if kind is not None:
         names = ", ".join(k.name for k in known)
         raise RecordingError(f"no kind of recording is called {quoted(kind)}; known: {names}")
@@ -86,7 +89,8 @@ def open_recording(path: str | Path, kind: str | None = None) -> Recording:
 
 _EXPECTED = (
     "expected a folder with images/ or images.zip and times.txt (lines 'id stamp[s] exposure[ms]'), a folder of "
-    "images with a list of their exposures or with EXIF, a EuRoC folder, folders named by exposure, or a video file"
+    "images with a list of their exposures or with EXIF, a EuRoC folder, folders named by exposure, a video file, "
+    "or a ROS bag"
 )
 
 

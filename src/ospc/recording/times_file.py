@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from ospc.errors import ExposureError, RecordingError
 from ospc.recording.frame_table import FrameTable, Row, make_table
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.text_file import lines_of, parse_number, read_text
 
 _COLUMNS = 3
 
 
-def read_times(path: Path) -> FrameTable:
+def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Read a ``times.txt``.
 
     Raises
@@ -21,10 +26,10 @@ def read_times(path: Path) -> FrameTable:
     ExposureError
         If it has no exposures or one that is not a positive number.
     """
-    return parse_times(read_text(path), str(path))
+    return parse_times(read_text(path), str(path), options)
 
 
-def parse_times(text: str, source: str) -> FrameTable:
+def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Parse the content of a ``times.txt``; lines that start with ``#`` and blank lines are skipped.
 
     Parameters
@@ -33,6 +38,8 @@ def parse_times(text: str, source: str) -> FrameTable:
         Content of the file.
     source
         What to call it in a message.
+    options
+        What the user says about the unit; otherwise it is ms.
 
     Raises
     ------
@@ -56,4 +63,23 @@ def parse_times(text: str, source: str) -> FrameTable:
             raise RecordingError(f"{place}: has {len(fields)} columns, not 3; a line is 'id stamp[s] exposure[ms]'")
         stamp_s = parse_number(fields[1], "the time stamp", place)
         table.append(Row(number, fields[0], stamp_s, parse_number(fields[2], "the exposure", place)))
-    return make_table(source, table)
+    unit = options.exposure_unit
+    if unit is not None and table:
+        exposures_ms = unit.to_ms(np.array([row.exposure_ms for row in table]))
+        table = [row._replace(exposure_ms=float(ms)) for row, ms in zip(table, exposures_ms, strict=True)]
+    return _with_remark(
+        make_table(source, table, [f"{source}: exposures are in {unit.value}, as stated"] if unit else [])
+    )
+
+
+def _with_remark(table: FrameTable) -> FrameTable:
+    """Add what to do where the exposures are longer than the time between frames."""
+    interval_ms = 1e3 * float(np.median(np.diff(table.stamps_s))) if len(table) > 1 else math.inf
+    middle_ms = float(np.median(table.exposures_ms))
+    if middle_ms <= 1.5 * interval_ms:
+        return table
+    remark = (
+        f"{table.source}: exposures of {middle_ms:.4g} ms are longer than the {interval_ms:.4g} ms between frames; "
+        f"if they are in µs, say so with --exposure-unit us"
+    )
+    return replace(table, notes=(*table.notes, remark))

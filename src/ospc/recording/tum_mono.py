@@ -11,6 +11,7 @@ from pathlib import Path
 from ospc.errors import RecordingError
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages, ImageSource, ZipImages
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.times_file import read_times
 
 _FOLDER, _ARCHIVE, _TIMES = "images", "images.zip", "times.txt"
@@ -26,7 +27,7 @@ class TumMono:
         """Tell whether the path is a folder with such images in it."""
         return (path / _FOLDER).is_dir() or (path / _ARCHIVE).is_file()
 
-    def open(self, path: Path) -> ImageSequence:
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         """Open the folder.
 
         Raises
@@ -42,9 +43,9 @@ class TumMono:
             raise RecordingError(
                 f"{path}: has no {_TIMES}; add it with a line 'id stamp[s] exposure[ms]' for each image"
             )
-        table = read_times(path / _TIMES)
+        table = read_times(path / _TIMES, options)
         source, notes = _images(path)
-        return open_sequence(path, self.name, source, table, notes)
+        return open_sequence(path, self.name, source, table, notes, options=options)
 
 
 def _images(path: Path) -> tuple[ImageSource, tuple[str, ...]]:

@@ -15,9 +15,11 @@ import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.recording.channel import Channel
 from ospc.recording.exposure_table import read_exposure_table
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.video_stream import VideoStream, count_frames
 from ospc.recording.wording import escaped, listed
 
@@ -42,7 +44,7 @@ class Video:
             head = file.read(16)
         return any(head[place : place + len(text)] == text for place, text in _BEGINNINGS)
 
-    def open(self, path: Path) -> VideoRecording:
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> VideoRecording:
         """Open the file.
 
         Raises
@@ -55,8 +57,8 @@ class Video:
         # Only the content is trusted to tell a video: a playlist could lead the decoder to other files.
         if not self.recognises(path):
             raise RecordingError(f"{path}: is no MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
-        table = read_exposure_table(_list_of(path))
-        with VideoStream(path) as stream:
+        table = read_exposure_table(_list_of(path), options)
+        with VideoStream(path, options.channel) as stream:
             stated, fps = stream.stated_frames, stream.fps
             size = _size(stream, path)
         # What a container states is often an estimate; counting costs a pass over the video.
@@ -65,8 +67,8 @@ class Video:
             raise RecordingError(
                 f"{table.source}: lists {len(table)} frames but {path} has {frames}; there must be one line for each"
             )
-        stamps_s, notes = _stamps(table, fps, path)
-        return VideoRecording(path, size, table.exposures_ms, stamps_s, notes)
+        stamps_s, notes = _stamps(table, fps, path, options.channel)
+        return VideoRecording(path, size, table.exposures_ms, stamps_s, notes, options.channel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +87,8 @@ class VideoRecording:
         Time stamp of every frame in seconds, shape (frames,).
     notes
         What a user should know about how it was read.
+    channel
+        Channel taken of its colours; luma where None.
     """
 
     path: Path
@@ -92,6 +96,7 @@ class VideoRecording:
     exposures_ms: FloatArray = field(repr=False)
     stamps_s: FloatArray = field(repr=False)
     notes: tuple[str, ...] = ()
+    channel: Channel | None = None
     kind: str = "video"
     max_grey: int = 255
 
@@ -101,7 +106,7 @@ class VideoRecording:
 
     def __iter__(self) -> Iterator[Frame]:
         """Give the frames one by one, none decoded; they share one decoder, which ends with them."""
-        stream = VideoStream(self.path)
+        stream = VideoStream(self.path, self.channel)
         for index in range(len(self)):
             stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
             name = f"{escaped(self.path.name)}[{index}]"
@@ -157,9 +162,10 @@ def _size(stream: VideoStream, path: Path) -> ImageSize:
     return first.shape[1], first.shape[0]
 
 
-def _stamps(table: FrameTable, fps: float, path: Path) -> tuple[FloatArray, tuple[str, ...]]:
+def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the time stamps of the list; where it has none, those of the frame rate."""
-    notes = (*table.notes, f"{path}: frames are converted to luma of 8 bit")
+    taken = "luma" if channel in (None, Channel.LUMINANCE) else channel.value
+    notes = (*table.notes, f"{path}: frames are converted to {taken} of 8 bit")
     if table.stamped or not 0 < fps < _MAX_FPS:
         return table.stamps_s, notes
     stamps_s = np.arange(len(table)) / fps

@@ -10,6 +10,7 @@ import cv2
 
 from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError
+from ospc.recording.channel import Channel
 from ospc.recording.decoding import MAX_DECODED_BYTES
 
 
@@ -22,6 +23,8 @@ class VideoStream:
     ----------
     path
         The video file.
+    channel
+        Channel taken of its colours; luma where None.
 
     Raises
     ------
@@ -29,8 +32,9 @@ class VideoStream:
         If it cannot be decoded or its frames are too large.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, channel: Channel | None = None) -> None:
         self._path = path
+        self._channel = channel or Channel.LUMINANCE
         self._lock = threading.Lock()
         self._next = 0
         self._capture = _capture(path)
@@ -57,7 +61,7 @@ class VideoStream:
         return float(self._capture.get(cv2.CAP_PROP_FPS))
 
     def read(self, index: int) -> Image:
-        """Return a frame as luma, shape (height, width), uint8.
+        """Return the channel of a frame, shape (height, width), uint8.
 
         Raises
         ------
@@ -76,7 +80,7 @@ class VideoStream:
             done, image = self._capture.retrieve()
         if not done or image is None:
             raise FrameError(f"{self._path}[{index}]: the frame cannot be decoded; leave it out")
-        grey: Image = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        grey: Image = image if image.ndim == 2 else self._channel.of(image)
         return grey
 
     def skip(self) -> bool:

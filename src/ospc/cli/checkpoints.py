@@ -1,0 +1,160 @@
+"""Saves the state of a run while it goes on, and goes on from it after a crash, a kill or an interruption."""
+
+from __future__ import annotations
+
+import re
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ospc.errors import FormatError, SettingError
+
+if TYPE_CHECKING:
+    from ospc.calibrator import OnlineCalibrator
+    from ospc.presets import Settings
+
+STATE_NAME = "state.ospc"
+"""Name of the state in an output folder."""
+
+_LARGEST_SHARE = 0.02
+"""Checkpoints may take so much of a run's time at most."""
+
+_UNFINISHED = re.compile(rf"\.{re.escape(STATE_NAME)}\.\d+\.part")
+_SAME = ("frames", "size", "frames_sha256", "images_sha256")
+
+
+@dataclass
+class Checkpoints:
+    """Writes the state of one run into its output folder.
+
+    Attributes
+    ----------
+    folder
+        The output folder.
+    every_s
+        Shortest time between checkpoints in seconds; 0 for one after every frame.
+    resume
+        Whether to go on from the checkpoint in the folder, if there is one.
+    notes
+        What the user should know: where it went on, what could not be written.
+    saved
+        Whether the final state was saved.
+    """
+
+    folder: Path
+    every_s: float = 5.0
+    resume: bool = False
+    notes: list[str] = field(default_factory=list)
+    saved: bool = False
+    _next_s: float = field(default=0.0, repr=False)
+    _failed: bool = field(default=False, repr=False)
+
+    @property
+    def place(self) -> Path:
+        """Path of the state."""
+        return self.folder / STATE_NAME
+
+    def calibrator(self, settings: Settings, source: dict[str, Any]) -> OnlineCalibrator:
+        """Return a new calibrator, or the one that goes on from the checkpoint.
+
+        Parameters
+        ----------
+        settings
+            Settings of the method.
+        source
+            Identification of the recording.
+
+        Raises
+        ------
+        FormatError
+            If the checkpoint is torn, damaged or of another version.
+        SettingError
+            If it is of another recording or of other settings, or the method has none.
+        """
+        from ospc.calibrator import OnlineCalibrator
+
+        self._remove_unfinished()
+        calibrator = OnlineCalibrator(settings)
+        calibrator.source = source
+        self._next_s = time.monotonic() + self.every_s
+        if not calibrator.has_state:
+            self._refuse_resuming(settings)
+            return calibrator
+        if self.resume and self.place.exists():
+            calibrator = self._resumed(settings, source)
+        elif self.resume:
+            self.notes.append(f"{self.folder} holds no checkpoint yet: starting with the first frame")
+        return calibrator
+
+    def after_frame(self, calibrator: OnlineCalibrator) -> None:
+        """Save the state if it is time to."""
+        if self._failed or not calibrator.has_state or time.monotonic() < self._next_s:
+            return
+        begun_s = time.monotonic()
+        self._save(calibrator, complete=False)
+        now_s = time.monotonic()
+        pause_s = (now_s - begun_s) / _LARGEST_SHARE if self.every_s else 0.0
+        self._next_s = now_s + max(self.every_s, pause_s)
+
+    def at_the_end(self, calibrator: OnlineCalibrator) -> None:
+        """Save the final state, with the summary that it can be merged by; or remove one of an earlier run."""
+        if calibrator.has_state:
+            self._save(calibrator, complete=True)
+            self.saved = not self._failed
+        else:
+            with suppress(OSError):
+                self.place.unlink(missing_ok=True)
+
+    def _save(self, calibrator: OnlineCalibrator, *, complete: bool) -> None:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            calibrator.save_state(self.place, complete=complete)
+        except (OSError, FormatError) as error:
+            # The run is worth more than the possibility to go on from its middle.
+            self._failed = True
+            self.notes.append(f"no state was saved: {error}")
+
+    def _resumed(self, settings: Settings, source: dict[str, Any]) -> OnlineCalibrator:
+        from ospc.calibrator import OnlineCalibrator, versions
+
+        found = OnlineCalibrator.load_state(self.place)
+        start_anew = "leave out --resume to start anew"
+        if [found.source.get(name) for name in _SAME] != [source.get(name) for name in _SAME]:
+            name = found.source.get("name", "a live camera")
+            raise SettingError(f"{self.place}: is the state of another recording ({name}); {start_anew}")
+        if found.settings != settings:
+            changed = ", ".join(_differences(found.settings, settings))
+            raise SettingError(f"{self.place}: was made with other settings ({changed}); {start_anew}")
+        self.notes.append(f"going on after frame {found.frames} from {self.place}")
+        made = {name: version for name, version in found.saved_by.items() if versions().get(name) != version}
+        if made:
+            names = ", ".join(f"{name} {version}" for name, version in made.items())
+            self.notes.append(f"the state was saved by {names}: the result may differ in the last digits")
+        found.source = source
+        return found
+
+    def _refuse_resuming(self, settings: Settings) -> None:
+        if self.resume:
+            raise SettingError(f"--resume: preset {settings.name} has no checkpoints; leave --resume out")
+
+    def _remove_unfinished(self) -> None:
+        """Remove what a killed run was writing."""
+        if self.folder.is_dir():
+            for place in self.folder.iterdir():
+                if is_unfinished(place):
+                    with suppress(OSError):
+                        place.unlink()
+
+
+def is_unfinished(place: Path) -> bool:
+    """Tell whether a file is a state that a killed run did not finish."""
+    return _UNFINISHED.fullmatch(place.name) is not None
+
+
+def _differences(one: Settings, other: Settings) -> list[str]:
+    from ospc.presets import as_dict
+
+    left, right = as_dict(one), as_dict(other)
+    return [f"{name} {left.get(name)} instead of {value}" for name, value in right.items() if left.get(name) != value]

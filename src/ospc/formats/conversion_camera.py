@@ -1,0 +1,82 @@
+"""The intrinsics of a recording as DSO's camera.txt, where the recording holds them."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+from ospc.arrays import ImageSize
+from ospc.errors import FormatError
+from ospc.formats.files import read_text
+from ospc.formats.rules_camera import input_size
+from ospc.recording.recording import Recording
+
+_MOST_BYTES = 65536
+_CAMERA_FOLDERS = ("mav0/cam0", "cam0", ".")
+_MODELS = {"radial-tangential": "RadTan", "radtan": "RadTan", "equidistant": "EquiDistant", "equi": "EquiDistant"}
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+
+
+def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
+    """Return the content of a camera.txt for a recording, None where its intrinsics are not known, and notes.
+
+    A ``camera.txt`` of the recording is taken as it is, if it is for images of this size; otherwise the intrinsics in
+    the ``sensor.yaml`` of a EuRoC folder are written as DSO reads them.
+    """
+    places = [recording.path / folder for folder in _CAMERA_FOLDERS]
+    full = [place.resolve() for place in places]
+    written = [recording.path / "camera.txt", *(p.parent.parent / "dso" / p.name / "camera.txt" for p in full)]
+    notes: list[str] = []
+    for source, make in (
+        *((source, _as_it_is) for source in written),
+        *((p / "sensor.yaml", _of_sensor) for p in places),
+    ):
+        if not source.is_file():
+            continue
+        try:
+            return make(source, recording.size), notes
+        except FormatError as error:
+            notes.append(f"no camera.txt from {error}")
+    return None, notes
+
+
+def _as_it_is(source: Path, size: ImageSize) -> str:
+    text = read_text(source, _MOST_BYTES)
+    found = input_size(text)
+    if found != size:
+        stated = "none" if found is None else f"{found[0]}×{found[1]}"
+        raise FormatError(f"{source}: it is for images of another size ({stated}, not {size[0]}×{size[1]})")
+    return text
+
+
+def _of_sensor(source: Path, size: ImageSize) -> str:
+    """Return the content of a camera.txt from a sensor.yaml of the EuRoC layout."""
+    text = read_text(source, _MOST_BYTES)
+    focal_and_centre = _numbers(text, "intrinsics", source)
+    resolution = _numbers(text, "resolution", source)
+    distortion = _numbers(text, "distortion_coefficients", source)
+    named = re.search(r"^\s*distortion_model:\s*([\w-]+)", text, re.MULTILINE)
+    model = _MODELS.get(named[1]) if named else None
+    if len(focal_and_centre) != 4 or (len(distortion) != 4 and any(distortion)):
+        raise FormatError(f"{source}: it does not hold four intrinsics and four distortion coefficients")
+    if tuple(resolution) != size:
+        raise FormatError(f"{source}: it is for images of another size, not {size[0]}×{size[1]}")
+    if any(distortion) and model is None:
+        raise FormatError(
+            f"{source}: DSO does not know its distortion model {named[1] if named else 'without a name'}"
+        )
+    values = [*focal_and_centre, *(distortion if any(distortion) else [0.0])]
+    first = f"{model if any(distortion) else 'Pinhole'} {' '.join(f'{value:.12g}' for value in values)}"
+    return f"{first}\n{size[0]} {size[1]}\ncrop\n{size[0]} {size[1]}\n"
+
+
+def _numbers(text: str, name: str, source: Path) -> list[float]:
+    """Return the numbers of one line ``name: [a, b, …]``."""
+    found = re.search(rf"^\s*{name}:\s*\[([^\]\n]{{0,400}})\]", text, re.MULTILINE)
+    if found is None:
+        raise FormatError(f"{source}: it has no line '{name}: […]'")
+    values = [float(number) for number in _NUMBER.findall(found[1])]
+    if not all(math.isfinite(value) for value in values):
+        raise FormatError(f"{source}: '{name}' holds a number that is not finite")
+    return values

@@ -1,0 +1,125 @@
+"""DSO, or a program that takes the same arguments and leaves a result.txt."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+from ospc.errors import FormatError, SettingError
+from ospc.evaluation.trajectory import Trajectory, read_trajectory
+from ospc.odometry.inputs import CAMERA, PCALIB, VIGNETTE, OdometryInput
+from ospc.odometry.run import Tracked
+
+_RESULT = "result.txt"
+_LOG_TAIL = 4000
+_POLL_S = 0.2
+_ONE_THREAD = {"OMP_NUM_THREADS": "1"}
+
+
+@dataclass(frozen=True)
+class Program:
+    """An executable with DSO's command line.
+
+    Attributes
+    ----------
+    executable
+        Its path. It is started with ``files= calib= mode= gamma= vignette=`` in a folder of its own, where it is to
+        leave ``result.txt``.
+    timeout_s
+        After so many seconds it is ended.
+    arguments
+        Further arguments.
+    """
+
+    executable: Path
+    timeout_s: float = 3600.0
+    arguments: tuple[str, ...] = ("preset=0", "nogui=1", "quiet=1", "nolog=1")
+
+    def __post_init__(self) -> None:
+        """Look whether it can be run."""
+        if not self.executable.is_file() or not os.access(self.executable, os.X_OK):
+            raise SettingError(f"{self.executable}: is not an executable; give the path of your dso_dataset")
+        if not self.timeout_s > 0:
+            raise SettingError(f"the time limit of a run is {self.timeout_s} s; give a positive number")
+
+    def fingerprint(self) -> dict[str, Any]:
+        """Return a hash of the executable, and its arguments."""
+        return {"executable": self._hash, "arguments": list(self.arguments)}
+
+    @cached_property
+    def _hash(self) -> str:
+        return sha256(self.executable.read_bytes()).hexdigest()
+
+    def command(self, source: OdometryInput) -> list[str]:
+        """Return the command line, with paths relative to the folder of :meth:`OdometryInput.folder`.
+
+        The images' path has a slash because DSO looks for times.txt beside the part after the last one.
+        """
+        command = [
+            str(self.executable.resolve()),
+            "files=./images",
+            f"calib={CAMERA}",
+            f"mode={source.condition.mode}",
+        ]
+        if source.photometry is not None:
+            if source.photometry.response is not None:
+                command.append(f"gamma={PCALIB}")
+            if source.photometry.vignette is not None:
+                command.append(f"vignette={VIGNETTE}")
+        return [*command, *self.arguments]
+
+    def track(self, source: OdometryInput, run: int, stop: Event) -> Tracked:
+        """Run the program once in a folder of its own."""
+        with source.folder() as place, (place / "log.txt").open("w+b") as log:
+            began = time.monotonic()
+            timeout, code = self._wait(self.command(source), place, log.fileno(), stop)
+            seconds = time.monotonic() - began
+            log.seek(max(0, log.seek(0, os.SEEK_END) - _LOG_TAIL))
+            tail = log.read().decode(errors="replace")
+            trajectory, problem = _result(place / _RESULT)
+        if timeout:
+            failure = f"it took longer than {self.timeout_s:g} s"
+        elif code != 0:
+            failure = f"it ended with exit code {code}" if code > 0 else f"it was ended by signal {-code}"
+        else:
+            failure = problem
+        return Tracked(trajectory, failure, timeout, tail, seconds)
+
+    def _wait(self, command: list[str], place: Path, log: int, stop: Event) -> tuple[bool, int]:
+        """Run a command until it ends, its time is over or it is stopped; whatever it started ends with it."""
+        end = time.monotonic() + self.timeout_s
+        with subprocess.Popen(  # noqa: S603 - the user's own program
+            command,
+            cwd=place,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **_ONE_THREAD},
+            start_new_session=True,
+        ) as process:
+            try:
+                while not stop.is_set() and time.monotonic() < end:
+                    with suppress(subprocess.TimeoutExpired):
+                        return False, process.wait(min(_POLL_S, max(end - time.monotonic(), 0.001)))
+                return True, -signal.SIGKILL
+            finally:
+                if process.poll() is None:
+                    os.killpg(process.pid, signal.SIGKILL)
+
+
+def _result(path: Path) -> tuple[Trajectory | None, str]:
+    if not path.is_file():
+        return None, f"it left no {_RESULT}"
+    try:
+        return read_trajectory(path), ""
+    except FormatError as error:
+        return None, f"its {_RESULT} cannot be read: {str(error).removeprefix(f'{path}: ')}"

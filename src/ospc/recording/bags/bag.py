@@ -1,0 +1,127 @@
+"""A bag: one file or several that follow each other, of whichever format."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ospc.errors import RecordingError
+from ospc.recording.bags.container import BagFile, Message, Topic
+from ospc.recording.bags.mcap_file import MAGIC, McapFile
+from ospc.recording.bags.rosbags_files import ROS1_START, SQLITE_START, Ros1File, Sqlite3File
+from ospc.recording.image_names import by_name
+
+_SUFFIXES = (".bag", ".mcap", ".db3")
+_COMPRESSED = (".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
+_MAX_FILES = 10_000
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A bag.
+
+    Attributes
+    ----------
+    path
+        The file, or the folder with the files.
+    files
+        The files in their order.
+    """
+
+    path: Path
+    files: tuple[BagFile, ...]
+
+    @classmethod
+    def at(cls, path: Path) -> Bag:
+        """Open a file or folder.
+
+        Raises
+        ------
+        RecordingError
+            If it is no bag, or damaged.
+        MissingExtraError
+            If the optional dependency for its format is not installed.
+        """
+        if not path.is_dir():
+            return cls(path, (_file(path),))
+        paths = _files_of(path)
+        if not paths:
+            packed = [p for p in sorted(path.iterdir()) if p.name.endswith(_COMPRESSED)]
+            if packed:
+                raise RecordingError(
+                    f"{packed[0]}: is compressed as a whole; unpack it with 'zstd -d {packed[0].name}'"
+                )
+            raise RecordingError(f"{path}: holds no bag; it must hold .bag, .mcap or .db3 files")
+        if len({p.suffix for p in paths}) > 1:
+            raise RecordingError(f"{path}: holds bags of several formats; open one of its files")
+        return cls(path, tuple(_file(p) for p in paths))
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics of all files, sorted by name."""
+        found: dict[str, Topic] = {}
+        for file in self.files:
+            for topic in file.topics:
+                have = found.get(topic.name)
+                if have is None:
+                    found[topic.name] = topic
+                elif topic.type == have.type:
+                    counted = have.messages is not None and topic.messages is not None
+                    total = (have.messages or 0) + (topic.messages or 0) if counted else None
+                    found[topic.name] = replace(
+                        have, messages=total, description=have.description or topic.description
+                    )
+                else:
+                    raise RecordingError(
+                        f"{file.path}: the topic {topic.name} is of type {topic.type}, but of {have.type} elsewhere"
+                    )
+        return tuple(sorted(found.values(), key=lambda topic: by_name(topic.name)))
+
+    def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
+        """Give the messages of some topics one by one, in an order that is always the same.
+
+        Raises
+        ------
+        RecordingError
+            If a file is damaged.
+        """
+        for file in self.files:
+            yield from file.messages(names, start_ns)
+
+
+def is_bag(path: Path) -> bool:
+    """Tell whether a path is a bag: a file that begins like one, or a folder with such files."""
+    if path.is_dir():
+        names = (p.name for p in path.iterdir())
+        return bool(_files_of(path)) or any(name.endswith(_COMPRESSED) for name in names)
+    return _opener(path) is not None
+
+
+def _files_of(folder: Path) -> list[Path]:
+    paths = sorted(
+        (p for p in folder.iterdir() if p.suffix in _SUFFIXES and p.is_file()), key=lambda p: by_name(p.name)
+    )
+    if len(paths) > _MAX_FILES:
+        raise RecordingError(f"{folder}: holds more than the {_MAX_FILES} files allowed")
+    return paths
+
+
+def _opener(path: Path) -> type[Ros1File | Sqlite3File | McapFile] | None:
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        head = file.read(16)
+    if head.startswith(MAGIC):
+        return McapFile
+    if head.startswith(ROS1_START):
+        return Ros1File
+    return Sqlite3File if head == SQLITE_START else None
+
+
+def _file(path: Path) -> BagFile:
+    opener = _opener(path)
+    if opener is None:
+        what = "is empty" if path.is_file() and path.stat().st_size == 0 else "is no ROS bag"
+        raise RecordingError(f"{path}: {what}; expected a .bag of ROS 1, or .mcap or .db3 of ROS 2")
+    return opener(path)

@@ -1,0 +1,91 @@
+"""Which topics of a bag are read, where the user does not say."""
+
+from __future__ import annotations
+
+from ospc.errors import ExposureError, RecordingError
+from ospc.recording.bags.bag import Bag
+from ospc.recording.bags.carriers import candidates
+from ospc.recording.bags.container import Topic
+from ospc.recording.bags.image_messages import IMAGE_TYPES, RAW
+from ospc.recording.options import ReadingOptions
+from ospc.recording.wording import listed, quoted
+
+_NO_GREY = ("depth", "disparity", "segmentation", "mask", "label")
+
+
+def image_topic(bag: Bag, options: ReadingOptions) -> tuple[Topic, list[str]]:
+    """Return the topic with the images, and what to tell about the choice.
+
+    Raises
+    ------
+    RecordingError
+        If there is none, or not the one the user names.
+    """
+    if options.image_topic is not None:
+        topic = _named(bag, options.image_topic)
+        if topic.type not in IMAGE_TYPES:
+            raise RecordingError(f"{bag.path}: {topic.name} holds {topic.type}, no images; see --list-topics")
+        return topic, []
+    found = image_topics(bag)
+    if not found:
+        raise RecordingError(f"{bag.path}: has no topic with images; it has {_names(bag.topics)}")
+    first, others = found[0], found[1:]
+    return first, [
+        f"{first.name} is read; choose {listed([t.name for t in others])} with --image-topic"
+    ] if others else []
+
+
+def image_topics(bag: Bag) -> list[Topic]:
+    """Return the topics with images of a camera: one for each, depth left out, raw ones before compressed ones."""
+    images = [t for t in bag.topics if t.type in IMAGE_TYPES and t.messages != 0]
+    grey = [t for t in images if not any(word in t.name.lower() for word in _NO_GREY)] or images
+    raw = [t for t in grey if t.type == RAW]
+    bases = {t.name for t in raw}
+    return raw + [t for t in grey if t.type != RAW and not any(t.name.startswith(f"{base}/") for base in bases)]
+
+
+def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
+    """Return the topic with the exposures of the images on another topic.
+
+    Raises
+    ------
+    ExposureError
+        If there is none, or several and none of them is nearer to the images by its name.
+    """
+    if options.exposure_topic is not None:
+        return _named(bag, options.exposure_topic)
+    found = [t for t in candidates(bag.topics) if t.messages != 0]
+    if not found:
+        raise ExposureError(
+            f"{bag.path}: no topic is known to hold exposures; state it with --exposure-topic and --exposure-field; "
+            f"there are {_names(bag.topics)}"
+        )
+    shared = [_shared(t.name, images.name) for t in found]
+    best = [t for t, count in zip(found, shared, strict=True) if count == max(shared)]
+    if len(best) > 1:
+        raise ExposureError(
+            f"{bag.path}: several topics may hold the exposures of {images.name} ({listed([t.name for t in best])}); "
+            f"state one with --exposure-topic"
+        )
+    return best[0]
+
+
+def _shared(name: str, other: str) -> int:
+    """Return how many parts of a topic's name, from the left, it has in common with another."""
+    count = 0
+    for part, other_part in zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False):
+        if part != other_part:
+            break
+        count += 1
+    return count
+
+
+def _named(bag: Bag, name: str) -> Topic:
+    for topic in bag.topics:
+        if topic.name.strip("/") == name.strip("/"):
+            return topic
+    raise RecordingError(f"{bag.path}: has no topic {quoted(name)}; it has {_names(bag.topics)}")
+
+
+def _names(topics: tuple[Topic, ...]) -> str:
+    return listed([f"{t.name} ({t.type})" for t in topics]) if topics else "none at all"

@@ -1,0 +1,110 @@
+"""Units that exposures and gains come in, and how to tell the unit from the numbers alone.
+
+Sources: V4L2 counts ``exposure_time_absolute`` in 100 µs, DirectShow gives log2 of seconds, GenICam, libcamera and
+RealSense microseconds. A gain in decibel is one of amplitude, 20 dB a factor of ten; ISO 100 is a gain of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import ExposureError
+
+
+class ExposureUnit(Enum):
+    """A unit of exposures."""
+
+    S = "s"
+    MS = "ms"
+    US = "us"
+    NS = "ns"
+    US100 = "100us"
+    LOG2_S = "log2s"
+
+    def to_ms(self, values: FloatArray) -> FloatArray:
+        """Return exposures of this unit in milliseconds; infinite where they are beyond any number."""
+        if self is ExposureUnit.LOG2_S:
+            with np.errstate(over="ignore"):
+                return np.asarray(np.exp2(values) * 1e3)
+        return values * _IN_MS[self]
+
+
+_IN_MS = {
+    ExposureUnit.S: 1e3,
+    ExposureUnit.MS: 1.0,
+    ExposureUnit.US: 1e-3,
+    ExposureUnit.NS: 1e-6,
+    ExposureUnit.US100: 0.1,
+}
+
+
+class GainUnit(Enum):
+    """A unit of gains."""
+
+    LINEAR = "linear"
+    DB = "db"
+    ISO = "iso"
+    NONE = "none"
+
+    def linear(self, values: FloatArray) -> FloatArray:
+        """Return the factors the exposures are multiplied by; ``none`` leaves gains out of account."""
+        if self is GainUnit.NONE:
+            return np.ones_like(values)
+        if self is GainUnit.DB:
+            with np.errstate(over="ignore"):
+                return np.asarray(10 ** (values / 20))
+        return values / 100 if self is GainUnit.ISO else values
+
+
+_LINEAR_UNITS = (ExposureUnit.MS, ExposureUnit.US, ExposureUnit.S, ExposureUnit.US100, ExposureUnit.NS)
+"""In the order in which they are preferred where several fit."""
+
+_SHORTEST_MS = 0.02
+_LONGEST_MS = 1000.0
+_LONGEST_LOG2_S, _SHORTEST_LOG2_S = 1.0, -20.0
+
+
+def infer_unit(values: Sequence[float] | FloatArray, interval_ms: float | None, source: str) -> ExposureUnit:
+    """Find the unit in which exposures are plausible: no longer than from one frame to the next, and not too short.
+
+    Ratios of exposures, and with them response and vignette, are the same in all units but log2 s, and that one
+    betrays itself: its values are whole and negative.
+
+    Parameters
+    ----------
+    values
+        The exposures.
+    interval_ms
+        Median time between frames; None where it is unknown.
+    source
+        What to call them in a message.
+
+    Raises
+    ------
+    ExposureError
+        If they are plausible in no unit.
+    """
+    numbers = np.asarray(values, dtype=np.float64)
+    finite = numbers[np.isfinite(numbers)]
+    if finite.size and np.any(finite < 0):
+        if np.all((finite >= _SHORTEST_LOG2_S) & (finite <= _LONGEST_LOG2_S)):
+            return ExposureUnit.LOG2_S
+        raise ExposureError(
+            f"{source}: an exposure of {finite.min():g} is possible in no unit; state it or correct it"
+        )
+    positive = finite[finite > 0]
+    if not positive.size:
+        raise ExposureError(f"{source}: holds no positive exposure; is it the right field?")
+    middle = float(np.median(positive))
+    longest = 1.1 * interval_ms if interval_ms is not None else _LONGEST_MS
+    for unit in _LINEAR_UNITS:
+        if _SHORTEST_MS <= middle * _IN_MS[unit] <= longest:
+            return unit
+    raise ExposureError(
+        f"{source}: exposures around {middle:g} fit no unit at the given frame rate; state the unit of exposures "
+        f"(s, ms, us, 100us, log2s)"
+    )

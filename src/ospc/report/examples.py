@@ -1,0 +1,211 @@
+"""What a calibration does to its own recording: pictures before and after, and points followed through an excerpt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.errors import OspcError
+from ospc.evaluation.frame_kinds import RawFrames
+from ospc.evaluation.tracking import TrackingComparison, compare_tracking
+from ospc.photometry.calibration import Calibration, ExposureRatios
+from ospc.photometry.correction import Corrector
+from ospc.photometry.response import Response
+from ospc.recording import Frame, Recording
+from ospc.report.words import WELL_FOUNDED
+
+TRACKED_FRAMES = 20
+"""Frames of the excerpt that every report follows points through: enough to tell, few enough to cost no time."""
+
+_PICTURES = 2
+_WIDTH_PX = 480
+_VIDEO_REACH = 300
+"""Frames from its beginning that are taken from a video, of which each frame needs those before it decoded."""
+
+
+@dataclass(frozen=True)
+class PicturePair:
+    """Two frames of one scene at different exposures, as recorded and brought to the longer one without vignette.
+
+    Attributes
+    ----------
+    frames
+        Indices of the two frames.
+    exposures_ms
+        Their exposures.
+    recorded, corrected
+        Two images each, 8 bit, reduced.
+    """
+
+    frames: tuple[int, int]
+    exposures_ms: tuple[float, float]
+    recorded: tuple[Image, Image]
+    corrected: tuple[Image, Image]
+
+
+@dataclass(frozen=True)
+class Examples:
+    """What was tried on the recording.
+
+    Attributes
+    ----------
+    pictures
+        Pairs of frames; of single frames with itself where the exposure never changes.
+    tracking
+        What the calibration does for tracking; None where that could not be tried.
+    tracked
+        First frame that points were followed from and the one after the last.
+    notes
+        What could not be shown, and why.
+    """
+
+    pictures: tuple[PicturePair, ...] = ()
+    tracking: TrackingComparison | None = None
+    tracked: tuple[int, int] = (0, 0)
+    notes: tuple[str, ...] = ()
+
+
+def examples_of(calibration: Calibration, recording: Recording, tracked_frames: int = TRACKED_FRAMES) -> Examples:
+    """Try a calibration on a recording.
+
+    Parameters
+    ----------
+    calibration
+        Whatever part of it is unknown is taken to be the identity.
+    recording
+        The recording it was made from, or another of the same camera.
+    tracked_frames
+        Frames to follow points through, in one piece where the exposure changes most; 0 for none.
+    """
+    if calibration.size != recording.size:
+        return Examples(notes=("no pictures: the recording has another image size than the calibration",))
+    if calibration.response is None and calibration.vignette is None:
+        return Examples(notes=("no pictures: there is nothing to correct with",))
+    corrector = Corrector(calibration.response, calibration.vignette, recording.max_grey, assume_missing=True)
+    reach = min(len(recording), _VIDEO_REACH if recording.kind == "video" else len(recording))
+    notes: list[str] = []
+    pictures: tuple[PicturePair, ...] = ()
+    try:
+        pictures = _pictures(corrector, recording, _chosen_pairs(calibration.exposure_ratios, reach))
+    except OspcError as error:
+        notes.append(f"no pictures: {error}")
+    if tracked_frames < 2:
+        return Examples(pictures, notes=tuple(notes))
+    excerpt = _Excerpt.where_exposure_changes(recording, tracked_frames, reach)
+    tracking = None
+    try:
+        tracking = compare_tracking(excerpt, corrector)
+    except OspcError as error:
+        notes.append(f"no points were followed: {error}")
+    return Examples(pictures, tracking, (excerpt.first, excerpt.first + len(excerpt)), tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Excerpt:
+    """Successive frames of a recording, as a recording."""
+
+    recording: Recording
+    first: int
+    count: int
+
+    @classmethod
+    def where_exposure_changes(cls, recording: Recording, count: int, reach: int) -> _Excerpt:
+        """Return the piece with the largest range of exposures, the earliest of several."""
+        count = min(count, reach)
+        log_exposure = np.log(np.maximum(recording.exposures_ms[:reach], 1e-12))
+        pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
+        return cls(recording, int(np.argmax(np.ptp(pieces, axis=1).round(3))), count)
+
+    path = property(lambda self: self.recording.path)
+    kind = property(lambda self: self.recording.kind)
+    size = property(lambda self: self.recording.size)
+    max_grey = property(lambda self: self.recording.max_grey)
+    notes = property(lambda self: self.recording.notes)
+
+    @property
+    def exposures_ms(self) -> FloatArray:
+        return np.asarray(self.recording.exposures_ms[self.first : self.first + self.count])
+
+    @property
+    def stamps_s(self) -> FloatArray:
+        return np.asarray(self.recording.stamps_s[self.first : self.first + self.count])
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __iter__(self) -> Iterator[Frame]:
+        for frame in self.recording:
+            if frame.index >= self.first + self.count:
+                return
+            if frame.index >= self.first:
+                yield frame
+
+
+def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
+    """Return the pairs whose exposures differ most, among those that share much of their scene; else one frame."""
+    inside = np.all(ratios.frames < reach, axis=1)
+    shared = ratios.samples >= max(WELL_FOUNDED, 0.5 * float(ratios.samples.max(initial=0)))
+    chosen: list[tuple[int, int]] = []
+    for pair in np.argsort(-np.abs(np.log(ratios.metadata)), kind="stable"):
+        first, second = (int(frame) for frame in ratios.frames[pair])
+        far = all(min(abs(first - a), abs(second - b)) > reach // 10 for a, b in chosen)
+        if inside[pair] and shared[pair] and far:
+            chosen.append((first, second))
+        if len(chosen) == _PICTURES:
+            break
+    return chosen or [(reach // 2, reach // 2)]
+
+
+def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int, int]]) -> tuple[PicturePair, ...]:
+    wanted = {index for pair in pairs for index in pair}
+    frames: dict[int, Frame] = {}
+    for frame in recording:
+        if frame.index in wanted:
+            _ = frame.image  # now: a video has passed it later on
+            frames[frame.index] = frame
+        if len(frames) == len(wanted):
+            break
+    raw, found = RawFrames(corrector.max_grey), []
+    for first, second in pairs:
+        if first in frames and second in frames:
+            a, b = frames[first], frames[second]
+            longer_ms = max(a.exposure_ms, b.exposure_ms)
+            corrected = (_corrected(corrector, a, longer_ms), _corrected(corrector, b, longer_ms))
+            exposures_ms = (a.exposure_ms, b.exposure_ms)
+            found.append(PicturePair((first, second), exposures_ms, _reduced(raw.pair(a, b)), _reduced(corrected)))
+    return tuple(found)
+
+
+def _corrected(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
+    """Return what the camera would have recorded without vignette at another exposure, in 8 bit."""
+    light = corrector.correct(frame.image, frame.exposure_ms, mark_saturated=False)
+    irradiance = np.clip(np.nan_to_num(np.asarray(light, np.float64)) * exposure_ms, 0.0, 1.0)
+    response = corrector.response
+    grey = response(irradiance) if isinstance(response, Response) else irradiance
+    return np.rint(255 * grey).astype(np.uint8)
+
+
+def _reduced(images: tuple[Image, Image]) -> tuple[Image, Image]:
+    first, second = (cv2.resize(image, _small(image), interpolation=cv2.INTER_AREA) for image in images)
+    return first, second
+
+
+def _small(image: Image) -> ImageSize:
+    height, width = image.shape
+    scale = min(1.0, _WIDTH_PX / width)
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
+def exposures_beside(folder: Path) -> FloatArray | None:
+    """Return the exposures in the times.txt of an output folder; None where there is none that can be read."""
+    from ospc.recording.times_file import read_times
+
+    try:
+        return read_times(folder / "times.txt").exposures_ms
+    except OspcError:
+        return None

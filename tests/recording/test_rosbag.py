@@ -1,0 +1,330 @@
+"""Bags of both ROS, in every container, by writers that know nothing of each other."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bag_samples import (
+    ARAVIS,
+    FLIR,
+    REALSENSE,
+    SEQUENCE,
+    START_NS,
+    STEP_NS,
+    WRITERS,
+    Sent,
+    floats,
+    header,
+    image_message,
+    images,
+    metadata,
+    write_bag1,
+    write_bag2,
+    write_mcap2,
+)
+from image_samples import encoded, grey
+from test_bayer import mosaic, smooth
+
+from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.recording import open_recording
+from ospc.recording.bayer import GreenPixels
+from ospc.recording.channel import Channel
+from ospc.recording.exposure_units import ExposureUnit, GainUnit
+from ospc.recording.options import ReadingOptions
+
+MS = [1.5, 3.0, 6.0, 12.0]
+FRAMES = [grey(i) for i in range(4)]
+
+
+def assert_same(recording: Any, frames: list[Any] = FRAMES, ms: list[float] = MS) -> None:
+    assert recording.exposures_ms == pytest.approx(ms)
+    assert recording.stamps_s == pytest.approx([(START_NS + i * STEP_NS) / 1e9 for i in range(len(ms))], abs=1e-6)
+    np.testing.assert_array_equal([frame.image for frame in recording], frames)
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_frames_and_exposures_are_the_same_from_every_container_and_writer(writer: str, tmp_path: Path) -> None:
+    path = WRITERS[writer](tmp_path / "made", images(FRAMES) + floats(MS))
+    recording = open_recording(path)
+    assert recording.kind == "rosbag"
+    assert_same(recording)
+    assert any("taken as ms, by their size" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_frames_may_be_read_in_any_order(writer: str, tmp_path: Path) -> None:
+    frames = [grey(i) for i in range(80)]
+    recording = open_recording(WRITERS[writer](tmp_path / "made", images(frames) + floats([2.0] * 80)))
+    made = list(recording)
+    for index in (70, 3, 4, 79, 0, 68):
+        np.testing.assert_array_equal(made[index].image, frames[index])
+
+
+ENCODINGS = {
+    "mono8": (grey(0), {}, grey(0)),
+    "padded rows": (grey(0), {"pad": 5}, grey(0)),
+    "mono16": (grey(0, dtype=np.uint16, top=65536), {}, grey(0, dtype=np.uint16, top=65536)),
+    "big-endian": (grey(0, dtype=np.uint16, top=65536), {"swapped": True}, grey(0, dtype=np.uint16, top=65536)),
+    "left-aligned": (grey(0, dtype=np.uint16, top=4096) << 4, {}, grey(0, dtype=np.uint16, top=4096)),
+    "yuv422_yuy2": (np.stack([grey(0), grey(9)], axis=2), {"encoding": "yuv422_yuy2"}, grey(0)),
+    "uyvy": (np.stack([grey(9), grey(0)], axis=2), {"encoding": "uyvy"}, grey(0)),
+    "grey as bgr8": (np.stack([grey(0)] * 3, axis=2), {"encoding": "bgr8"}, grey(0)),
+    "grey as rgba8": (np.stack([grey(0)] * 4, axis=2), {"encoding": "rgba8"}, grey(0)),
+}
+
+
+@pytest.mark.parametrize("case", ENCODINGS)
+@pytest.mark.parametrize("write", [write_bag1, write_mcap2])
+def test_encodings(case: str, write: Any, tmp_path: Path) -> None:
+    stored, how, expected = ENCODINGS[case]
+    recording = open_recording(write(tmp_path / "made", images([stored], **how) + floats([2.0])))
+    np.testing.assert_array_equal(next(iter(recording)).image, expected)
+
+
+@pytest.mark.parametrize("channel", [Channel.RED, Channel.GREEN, Channel.BLUE])
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "bgra8", "rgb16"])
+def test_a_channel_of_colour(channel: Channel, encoding: str, tmp_path: Path) -> None:
+    dtype = np.uint16 if encoding.endswith("16") else np.uint8
+    stored = np.stack([grey(i, dtype=dtype, top=256) for i in range(4 if "a" in encoding else 3)], axis=2)
+    stored[0, 0] = np.iinfo(dtype).max
+    path = write_bag1(tmp_path / "made", images([stored], encoding=encoding) + floats([2.0]))
+    recording = open_recording(path, options=ReadingOptions(channel=channel))
+    expected = stored[:, :, encoding.index(channel.value[0])]
+    np.testing.assert_array_equal(next(iter(recording)).image, expected)
+    assert any(channel.value in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("channel", [None, *Channel])
+def test_a_bayer_mosaic_gives_the_pixels_of_one_colour(channel: Channel | None, tmp_path: Path) -> None:
+    scene = mosaic(smooth(0, np.uint8), GreenPixels.FALLING)
+    path = write_bag2(tmp_path / "made", images([scene], encoding="bayer_grbg8") + floats([2.0]))
+    recording = open_recording(path, options=ReadingOptions(channel=channel))
+    image = next(iter(recording)).image.astype(int)
+    red, blue = scene[::2, 1::2].astype(int), scene[1::2, ::2].astype(int)
+    green = (scene[::2, ::2].astype(int) + scene[1::2, 1::2] + 1) // 2
+    luma = 0.299 * red + 0.587 * green + 0.114 * blue
+    expected = {Channel.RED: red, Channel.BLUE: blue, Channel.LUMINANCE: luma}.get(channel, green)  # type: ignore[call-overload]
+    np.testing.assert_allclose(image, expected, atol=0 if channel is not Channel.LUMINANCE else 0.51)
+
+
+@pytest.mark.parametrize(("suffix", "said"), [(".png", "mono8; png compressed "), (".jpg", "jpeg")])
+def test_compressed_images(suffix: str, said: str, tmp_path: Path) -> None:
+    smooth_frames = [smooth(i, np.uint8) for i in range(4)]
+    sent = [
+        Sent(
+            "/cam/image_raw/compressed",
+            "sensor_msgs/msg/CompressedImage",
+            {
+                "header": header(START_NS + i * STEP_NS),
+                "format": said,
+                "data": np.frombuffer(encoded(image, suffix), np.uint8),
+            },
+            START_NS + i * STEP_NS,
+        )
+        for i, image in enumerate(smooth_frames)
+    ]
+    recording = open_recording(write_bag1(tmp_path / "made", sent + floats(MS)))
+    got = np.array([frame.image for frame in recording]).astype(int)
+    assert np.abs(got - np.array(smooth_frames)).max() <= (0 if suffix == ".png" else 6)
+
+
+US = [1500, 3000, 6000, 12000]
+CARRIERS: dict[str, tuple[list[Sent], list[float], str]] = {
+    "flir": (
+        metadata([{"exposure_time": us, "gain": 20.0} for us in US], FLIR, "/cam/meta"),
+        [10 * ms for ms in MS],
+        "gain in dB",
+    ),
+    "realsense": (
+        metadata(
+            [{"json_data": json.dumps({"actual_exposure": us, "gain_level": 32})} for us in US],
+            REALSENSE,
+            "/cam/metadata",
+        ),
+        [2 * ms for ms in MS],
+        "gain_level / 16",
+    ),
+    "pointgrey": (
+        metadata([{"shutter": [ms], "gain": 6.0205999} for ms in MS], SEQUENCE, "/cam/exposure_sequence"),
+        [2 * ms for ms in MS],
+        "shutter in ms",
+    ),
+    "aravis": (
+        [
+            Sent(
+                "/cam/extended_camera_info",
+                ARAVIS.kind,
+                {
+                    "camera_info": {"header": header(START_NS + i * STEP_NS)},
+                    "exposure_time": us,
+                    "gain": 7.0,
+                },
+                START_NS + i * STEP_NS,
+            )
+            for i, us in enumerate(US)
+        ],
+        MS,
+        "the gain is constant",
+    ),
+    "libcamera": (
+        [
+            Sent(
+                "/diagnostics",
+                "diagnostic_msgs/msg/DiagnosticArray",
+                {
+                    "header": header(START_NS + i * STEP_NS),
+                    "status": [
+                        {"name": "disk", "values": [{"key": "free", "value": "many"}]},
+                        {
+                            "name": "camera",
+                            "values": [
+                                {"key": "ExposureTime", "value": str(us)},
+                                {"key": "AnalogueGain", "value": "2.0"},
+                                {"key": "DigitalGain", "value": "1.5"},
+                            ],
+                        },
+                    ],
+                },
+                START_NS + i * STEP_NS,
+            )
+            for i, us in enumerate(US)
+        ],
+        [3 * ms for ms in MS],
+        "AnalogueGain × DigitalGain",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CARRIERS)
+@pytest.mark.parametrize("write", [write_bag1, write_bag2])
+def test_known_carriers_of_exposures(case: str, write: Any, tmp_path: Path) -> None:
+    sent, expected, said = CARRIERS[case]
+    recording = open_recording(write(tmp_path / "made", images(FRAMES) + sent))
+    assert_same(recording, ms=expected)
+    assert any(said in note for note in recording.notes), recording.notes
+
+
+def test_a_gain_that_changes_in_a_unit_of_its_own_has_to_be_stated(tmp_path: Path) -> None:
+    sent = CARRIERS["aravis"][0]
+    changing = [Sent(s.topic, s.kind, s.content | {"gain": 6.0205999 * i}, s.log_ns) for i, s in enumerate(sent)]
+    path = write_bag1(tmp_path / "made", images(FRAMES) + changing)
+    with pytest.raises(ExposureError, match=r"gain changes from 0 to 18.06.*--gain-unit"):
+        open_recording(path)
+    recording = open_recording(path, options=ReadingOptions(gain_unit=GainUnit.DB))
+    assert recording.exposures_ms == pytest.approx([ms * 2**i for i, ms in enumerate(MS)])
+
+
+def test_any_field_can_be_named_with_its_unit(tmp_path: Path) -> None:
+    sent = metadata([{"exposure_time": us, "gain": 2.0, "brightness": i} for i, us in enumerate(US)], FLIR, "/x/y")
+    path = write_mcap2(tmp_path / "made", images(FRAMES) + sent + floats([9.0] * 4))
+    options = ReadingOptions(
+        exposure_topic="x/y", exposure_field="exposure_time", exposure_unit=ExposureUnit.US100, gain_field="gain"
+    )
+    assert open_recording(path, options=options).exposures_ms == pytest.approx([us / 10 * 2 for us in US])
+    with pytest.raises(RecordingError, match="no field shutter; it has header, camera_time"):
+        open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="shutter"))
+    with pytest.raises(RecordingError, match="has no topic '/z'; it has"):
+        open_recording(path, options=ReadingOptions(exposure_topic="/z"))
+    with pytest.raises(ExposureError, match="no name of a field"):
+        open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="a; b"))
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "expected"),
+    [
+        ([0.0015, 0.003, 0.006, 0.012], "s", MS),
+        ([1500.0, 3000.0, 6000.0, 12000.0], "us", MS),
+        ([-8.0, -7.0, -6.0, -5.0], "log2s", [1000 * 2.0**e for e in (-8, -7, -6, -5)]),
+    ],
+)
+def test_units_are_found_from_the_numbers(
+    values: list[float], unit: str, expected: list[float], tmp_path: Path
+) -> None:
+    recording = open_recording(write_bag1(tmp_path / "made", images(FRAMES) + floats(values)))
+    assert recording.exposures_ms == pytest.approx(expected)
+    assert any(f"taken as {unit}" in note for note in recording.notes)
+
+
+def test_images_without_exposure_are_left_out(tmp_path: Path) -> None:
+    sent = metadata([{"exposure_time": us, "gain": 0.0} for us in US], FLIR, "/cam/meta")
+    recording = open_recording(write_bag2(tmp_path / "made", images(FRAMES) + sent[:1] + sent[2:]))
+    assert recording.exposures_ms == pytest.approx([1.5, 6, 12])
+    np.testing.assert_array_equal([f.image for f in recording], [FRAMES[i] for i in (0, 2, 3)])
+    assert any("1 of 4 images have no exposure" in note for note in recording.notes)
+    with pytest.raises(ExposureError, match="exposure for 1 of 4 images only"):
+        open_recording(write_bag1(tmp_path / "few", images(FRAMES) + sent[:1]))
+
+
+def test_stamps_of_another_clock_are_replaced_by_times_of_recording(tmp_path: Path) -> None:
+    sent = metadata([{"exposure_time": us, "gain": 0.0} for us in US], FLIR, "/cam/meta")
+    other = [Sent(s.topic, s.kind, s.content | {"header": header(10**9 + i)}, s.log_ns) for i, s in enumerate(sent)]
+    recording = open_recording(write_mcap2(tmp_path / "made", images(FRAMES) + other))
+    assert_same(recording)
+    assert any("matched to images by time of recording" in note for note in recording.notes)
+
+
+def test_images_out_of_order_are_left_out(tmp_path: Path) -> None:
+    sent = images(FRAMES)
+    early = image_message(FRAMES[2], START_NS)
+    sent[2] = Sent(sent[2].topic, sent[2].kind, early, sent[2].log_ns)
+    recording = open_recording(write_mcap2(tmp_path / "made", sent + floats(MS)))
+    assert recording.exposures_ms == pytest.approx([1.5, 3, 12])
+    np.testing.assert_array_equal([f.image for f in recording], [FRAMES[i] for i in (0, 1, 3)])
+
+
+def test_of_several_cameras_the_first_is_read_with_its_own_exposures(tmp_path: Path) -> None:
+    sent = images(FRAMES, "/cam1/image_raw") + images(FRAMES[::-1], "/cam0/image_raw")
+    sent += floats([9.0] * 4, "/cam1/exposure_ms") + floats(MS, "/cam0/exposure_ms")
+    path = write_bag1(tmp_path / "made", sent)
+    first = open_recording(path)
+    assert first.exposures_ms == pytest.approx(MS)
+    assert "choose /cam1/image_raw with --image-topic" in first.notes[0]
+    other = open_recording(path, options=ReadingOptions(image_topic="/cam1/image_raw"))
+    assert_same(other, ms=[9.0] * 4)
+
+
+def test_a_damaged_image_is_one_unreadable_frame(tmp_path: Path) -> None:
+    sent = images(FRAMES)
+    sent[1].content["height"] = 1000
+    sent[2].content["encoding"] = "32FC1"
+    made = list(open_recording(write_bag1(tmp_path / "made", sent + floats(MS))))
+    for index, words in ((1, "do not hold 24x1000 pixels"), (2, "encoding '32FC1' cannot be read")):
+        with pytest.raises(FrameError, match=words):
+            _ = made[index].image
+    np.testing.assert_array_equal(made[3].image, FRAMES[3])
+
+
+BROKEN: dict[str, tuple[list[Sent], str]] = {
+    "no images": (floats(MS), "has no topic with images; it has /cam/exposure"),
+    "no exposures": (images(FRAMES), "no topic is known to hold exposures; state it with --exposure-topic"),
+    "two exposures": (
+        images(FRAMES) + floats(MS, "/a/exposure") + floats(MS, "/b/exposure"),
+        "several topics may hold the exposures of /cam/image_raw",
+    ),
+    "zero": (images(FRAMES) + floats([0.0, 1, 2, 3]), "must be a positive number of milliseconds, not 0"),
+    "nothing plausible": (images(FRAMES) + floats([-500.0] * 4), "possible in no unit"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+@pytest.mark.parametrize("write", [write_bag1, write_bag2])
+def test_what_is_missing_is_one_error(case: str, write: Any, tmp_path: Path) -> None:
+    sent, words = BROKEN[case]
+    with pytest.raises(RecordingError, match=words):
+        open_recording(write(tmp_path / "made", sent))
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+@pytest.mark.parametrize("share", [0.99, 0.6, 0.2, 0.01])
+def test_a_truncated_bag_is_one_error_that_says_so(writer: str, share: float, tmp_path: Path) -> None:
+    path = WRITERS[writer](tmp_path / "made", images([grey(i, (64, 48)) for i in range(20)]) + floats([2.0] * 20))
+    files = [p for p in path.rglob("*.*") if p.suffix in (".db3", ".mcap")] if path.is_dir() else [path]
+    data = files[0].read_bytes()
+    files[0].write_bytes(data[: int(len(data) * share)])
+    with pytest.raises(RecordingError) as caught:
+        _ = [frame.image for frame in open_recording(path)]
+    assert str(files[0]) in str(caught.value) or "image_raw" in str(caught.value)
