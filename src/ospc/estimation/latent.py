@@ -17,6 +17,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.sightings import Sightings
 from ospc.estimation.error_model import ErrorModel
+from ospc.estimation.noisy_mean import mean_shift
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.photometry.noise import NoiseModel
 
@@ -136,8 +137,8 @@ class LatentModel:
         return np.maximum(np.exp(self.log_response), 1e-12)
 
     @cached_property
-    def _clipping_bias(self) -> FloatArray:
-        return self.pixel_noise.clipping_bias(self.basis.grid)
+    def _mean_shift(self) -> FloatArray:
+        return mean_shift(self.basis.grid, self.log_response, self.pixel_noise)
 
     @cached_property
     def pixel_noise(self) -> NoiseModel:
@@ -157,7 +158,7 @@ class LatentModel:
         level, stiffness = self.basis.grid[index], self._stiffness[index]
         excess = measured - level
         if self.trusted:
-            excess = excess - self._clipping_bias[index]
+            excess = excess - self._mean_shift[index]
         linear_log = self.log_response[index] + stiffness * excess
         variance = self.errors.variance(level, 1 / stiffness, self._irradiance[index], sightings.gradient)
         precision = 1 / (variance * stiffness**2)
