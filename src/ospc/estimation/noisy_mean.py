@@ -1,8 +1,8 @@
 """What noise does to a mean of grey values: it shifts it, wherever the response bends or ends.
 
 A sensor adds its noise to the irradiance; the camera bends and clips what comes out. The mean of noisy pixels is then
-not the grey level of the mean irradiance: near black, where responses are steep and noise reaches zero, the difference
-is the largest error of all.
+not the grey level of the mean irradiance: near black, where responses are steep and noise reaches zero, the
+difference is the largest error of all.
 """
 
 from __future__ import annotations
