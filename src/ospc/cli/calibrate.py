@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ospc.cli.interruption import Interruption
+from ospc.cli.reading import Reading, reading_options, say_topics
 from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
@@ -27,23 +28,13 @@ class _Request:
     out: Path
     preset_name: str
     overrides: dict[str, str]
-    kind: str | None
+    reading: Reading
     truth: str | None
     resume: bool
     checkpoint_s: float
     force: bool
     quiet: bool
     as_json: bool
-
-
-def _check_kind(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
-    if value is not None:
-        from ospc.recording.kinds import kinds
-
-        known = [kind.name for kind in kinds()]
-        if value not in known:
-            raise click.BadParameter(f"{value!r} is no kind of recording; known: {', '.join(known)}")
-    return value
 
 
 def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -58,7 +49,7 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
 
 @click.command("calibrate")
 @click.argument("path", type=click.Path(path_type=Path))
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write the results to.")
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="Folder to write the results to; required.")
 @click.option(
     "--preset",
     "preset_name",
@@ -74,9 +65,6 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     multiple=True,
     callback=_parse_overrides,
     help="Change a setting of the preset; repeatable.",
-)
-@click.option(
-    "--kind", callback=_check_kind, help="Kind of recording, instead of recognising it (tum_mono, euroc, …)."
 )
 @click.option(
     "--truth",
@@ -98,11 +86,13 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
 @click.option("--force", is_flag=True, help="Write into OUT even if it holds other files; those named as results go.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
-def command(**options: Any) -> None:
+@reading_options
+@click.option("--list-topics", is_flag=True, help="Say what topics the bag at PATH has, and do nothing else.")
+def command(list_topics: bool, **options: Any) -> None:
     """Calibrate the camera of the recording at PATH.
 
     PATH is a folder or file of any kind that is known: a folder with images/ or images.zip and times.txt, a EuRoC
-    folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures.
+    folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures, a ROS bag.
 
     OUT gets calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. What the recording does not
     determine is not written, and why is said. OUT/state.ospc is what --resume goes on from and 'ospc merge' takes.
@@ -117,8 +107,14 @@ def command(**options: Any) -> None:
       3    written, but response or vignette could not be determined
       130  interrupted; the partial result is written
     """  # noqa: D301 (click reads the escaped character as "do not rewrap")
+    if list_topics:
+        say_topics(options["path"])
+        return
+    if options["out"] is None:
+        raise click.UsageError("Missing option '-o' / '--out'.")
+    request = _Request(reading=Reading.taken_from(options), **options)
     with Interruption() as interruption:
-        sys.exit(one_line(lambda: _calibrate(_Request(**options), interruption)))
+        sys.exit(one_line(lambda: _calibrate(request, interruption)))
 
 
 def one_line(work: Callable[[], int]) -> int:
@@ -142,11 +138,10 @@ def _calibrate(request: _Request, interruption: Interruption) -> int:
     from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
-    from ospc.recording import open_recording
 
     settings = _settings(request)
     truth = None if request.truth is None else open_photometry(request.truth)
-    recording = open_recording(request.path, request.kind)
+    recording = request.reading.open(request.path)
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
     checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume)
     options = Options(request.quiet, request.as_json, truth, checkpoints)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ospc.cli.progress import progress_bar
+from ospc.cli.reading import Reading, reading_options, say_topics
 
 if TYPE_CHECKING:
     from ospc.diagnosis import RecordingReport
@@ -19,7 +20,6 @@ _COLOURS = {"identifiable": "green", "marginal": "yellow", "not identifiable": "
 
 @click.command("check")
 @click.argument("path", type=click.Path(path_type=Path))
-@click.option("--kind", metavar="KIND", help="Kind of recording, where it is not recognised.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw it into this picture (extra 'plots').")
 @click.option(
@@ -29,16 +29,22 @@ _COLOURS = {"identifiable": "green", "marginal": "yellow", "not identifiable": "
     show_default=True,
     help="Most frames to look at; exposures and time stamps are always looked at in full.",
 )
-def command(path: Path, kind: str | None, as_json: bool, plot: Path | None, frames: int) -> None:
+@reading_options
+@click.option("--list-topics", is_flag=True, help="Say what topics the bag at PATH has, and do nothing else.")
+def command(
+    path: Path, as_json: bool, plot: Path | None, frames: int, list_topics: bool, **reading: str | Path | None
+) -> None:
     """Say what a calibration of the recording at PATH could find, before making one.
 
     Takes seconds. Tells whether response, vignette and exposures are identifiable, and what to record instead;
     whether each exposure belongs to its frame; and what in the recording would spoil a calibration.
     """
     from ospc.diagnosis import check_recording
-    from ospc.recording import open_recording
 
-    recording = open_recording(path, kind)
+    if list_topics:
+        say_topics(path)
+        return
+    recording = Reading.taken_from(reading).open(path)
     looks = min(frames, len(recording))
     with progress_bar("looking", looks, visible=sys.stderr.isatty()) as progress:
         report = check_recording(recording, frames=frames, progress=progress)

@@ -11,6 +11,7 @@ import click
 
 from ospc.cli.interruption import Interruption
 from ospc.cli.progress import progress_bar
+from ospc.cli.reading import Reading, reading_options
 
 if TYPE_CHECKING:
     from ospc.formats.conversion import Converted
@@ -25,7 +26,7 @@ class _Request:
 
     path: Path
     out: Path
-    kind: str | None
+    reading: Reading
     image_format: ImageFormat | None
     archive: bool
     lag: int
@@ -36,7 +37,6 @@ class _Request:
 @click.command("convert")
 @click.argument("path", metavar="RECORDING", type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write, new or empty.")
-@click.option("--kind", metavar="KIND", help="Kind of recording, instead of recognising it (tum_mono, euroc, …).")
 @click.option(
     "--format",
     "image_format",
@@ -53,13 +53,14 @@ class _Request:
 )
 @click.option("--force", is_flag=True, help="Write into OUT even if it holds files; those of the same names go.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@reading_options
 def command(**options: Any) -> None:
     """Write RECORDING in the layout of the TUM monocular data set, for DSO and its descendants.
 
     OUT gets images/ or images.zip, times.txt with integer ids, stamps in seconds and exposures in milliseconds, and
     camera.txt if the recording has intrinsics. If the conversion fails or is interrupted, OUT is as it was before.
     """
-    request = _Request(**options)
+    request = _Request(reading=Reading.taken_from(options), **options)
     with Interruption() as interruption:
         try:
             converted = _convert(request, interruption)
@@ -74,9 +75,8 @@ def command(**options: Any) -> None:
 def _convert(request: _Request, interruption: Interruption) -> Converted:
     from ospc.diagnosis.shifted import with_exposure_lag
     from ospc.formats.conversion import convert_recording
-    from ospc.recording import open_recording
 
-    recording = with_exposure_lag(open_recording(request.path, request.kind), request.lag)
+    recording = with_exposure_lag(request.reading.open(request.path), request.lag)
     visible = not request.quiet and sys.stderr.isatty()
     with progress_bar("converting", len(recording), visible=visible) as show, interruption.deferred():
 

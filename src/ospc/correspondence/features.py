@@ -161,8 +161,11 @@ def extract(frame: Frame, extractor: FeatureExtractor) -> Features:
     """Return the features of a frame with the grey levels at the pixels nearest to them."""
     points, descriptors = extractor.detect(to_8bit(frame.image, frame.max_grey))
     height, width = frame.image.shape
-    column, row = np.rint(points).astype(np.int64).T
-    grey = frame.image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] / frame.max_grey
+    column, row = np.clip(np.rint(points).astype(np.int64), 0, (width - 1, height - 1)).T
+    if frame.mask is not None:
+        usable = frame.mask[row, column]
+        points, descriptors, row, column = points[usable], descriptors[usable], row[usable], column[usable]
+    grey = frame.image[row, column] / frame.max_grey
     return Features(frame.index, frame.exposure_ms, points, grey.astype(np.float64), descriptors)
 
 

@@ -46,8 +46,9 @@ class StaticSeries:
         image = frame.image
         if self._places is None:
             self._size, self._max_grey = (image.shape[1], image.shape[0]), frame.max_grey
-            count = min(self.pixels, image.size)
-            self._places = np.sort(np.random.default_rng(0).choice(image.size, count, replace=False))
+            usable = np.arange(image.size) if frame.mask is None else np.flatnonzero(frame.mask)
+            count = min(self.pixels, usable.size)
+            self._places = np.sort(np.random.default_rng(0).choice(usable, count, replace=False))
         self._grey.append(image.ravel()[self._places])
         self._index.append(frame.index)
         self._log_exposure.append(float(np.log(frame.exposure_ms)))

@@ -31,7 +31,7 @@ class View:
     gradient
         Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w).
     clipped
-        Whether too many pixels near the place are black or white, shape (h, w).
+        Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w).
     small
         Grey levels at the size at which frames are registered, 8 bit, shape (h', w').
     pixels_averaged
@@ -108,7 +108,7 @@ class ViewMaker:
             reduction,
             np.asarray(grey, dtype=np.float32),
             np.asarray(gradient, dtype=np.float32),
-            self._clipped_nearby(clipped, reduction),
+            self._clipped_nearby(clipped, reduction) | self._masked_nearby(frame.mask, reduction),
             self._small(reduced, white),
             4 * np.pi * self.smoothing_px**2 * reduction**2,
         )
@@ -119,6 +119,12 @@ class ViewMaker:
         side = 2 * self.clip_margin_px + 1
         share = cv2.blur(_reduced(clipped, reduction), (side, side))
         return np.asarray(share > self.max_clipped_share)
+
+    def _masked_nearby(self, mask: BoolArray | None, reduction: int) -> BoolArray | np.bool_:
+        if mask is None:
+            return np.False_
+        side = 2 * self.clip_margin_px + 1
+        return np.asarray(cv2.blur(_reduced((~mask).view(np.uint8), reduction), (side, side)) > 0)
 
     def _small(self, reduced: Float32Array, white: int) -> npt.NDArray[np.uint8]:
         halvings = max(0, int(np.ceil(np.log2(max(reduced.shape) / self.registration_side))))

@@ -109,7 +109,8 @@ class JointMethod:
         self._note_exposure(frame)
         self._schedule.advance()
         if view is not None:
-            self._noise.watch(frame.image)
+            # Black pixels tell nothing about noise, and masked ones must not.
+            self._noise.watch(frame.image if frame.mask is None else np.where(frame.mask, frame.image, 0))
             self._compare(view)
 
     @property

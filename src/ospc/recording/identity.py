@@ -48,7 +48,8 @@ def identity(recording: Recording) -> dict[str, Any]:
 
 def _images_sha256(recording: Recording, indices: list[int]) -> str:
     """Hash a few images; an unreadable one counts as empty."""
-    total = sha256()
+    channel = getattr(recording, "channel", None)
+    total = sha256(b"" if channel is None else channel.value.encode())
     if isinstance(recording, _HasStoredBytes):
         for index in indices:
             try:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.errors import FrameError, RecordingError, SettingError
+from ospc.recording.channel import Channel
 from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
@@ -176,6 +177,11 @@ class MaskedRecording:
         return self.inner.stamps_s
 
     @property
+    def channel(self) -> Channel | None:
+        """Channel that is taken of the inner recording, as far as it has any."""
+        return getattr(self.inner, "channel", None)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Notes of the inner recording, and how much is masked."""
         return (*self.inner.notes, f"{1 - self.mask.mean():.0%} of every image is masked and not used")
@@ -190,7 +196,7 @@ class MaskedRecording:
             yield replace(frame, mask=self.mask)
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return what the inner recording stores of a frame.
+        """Return what the inner recording stores of a frame, and the mask, without which it is another recording.
 
         Raises
         ------
@@ -201,4 +207,4 @@ class MaskedRecording:
         if stored is None:
             raise RecordingError(f"{self.path}: frames of this kind are not stored")
         data: bytes = stored(index)
-        return data
+        return data + np.packbits(self.mask).tobytes()

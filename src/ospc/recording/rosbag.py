@@ -21,6 +21,7 @@ from ospc.recording.bags.image_stream import ImageStream
 from ospc.recording.bags.matching import Times, match
 from ospc.recording.bags.topics import exposure_topic, image_topic
 from ospc.recording.bags.wire import DamagedMessageError
+from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import GainUnit, infer_unit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import EXPOSURE_RANGE_MS
@@ -118,6 +119,11 @@ class BagRecording:
     times: Times = field(repr=False)
     notes: tuple[str, ...] = ()
     kind: str = "rosbag"
+
+    @property
+    def channel(self) -> Channel | None:
+        """Channel taken of colour images; None where the user did not say."""
+        return self.options.channel
 
     @property
     def size(self) -> ImageSize:

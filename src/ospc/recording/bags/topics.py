@@ -44,6 +44,15 @@ def image_topics(bag: Bag) -> list[Topic]:
     return raw + [t for t in grey if t.type != RAW and not any(t.name.startswith(f"{base}/") for base in bases)]
 
 
+def uses(bag: Bag) -> list[tuple[Topic, str]]:
+    """Return every topic with what it may be used for: ``images``, ``exposures``, or nothing that is known."""
+    carriers = {topic.name for topic in candidates(bag.topics)}
+    return [
+        (topic, "images" if topic.type in IMAGE_TYPES else "exposures" if topic.name in carriers else "")
+        for topic in bag.topics
+    ]
+
+
 def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     """Return the topic with the exposures of the images on another topic.
 

@@ -1,0 +1,121 @@
+"""Masks and regions of interest: what may be used, and that nothing else is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from image_samples import encoded, grey
+
+from ospc.correspondence.features import OrbExtractor, extract
+from ospc.correspondence.flat_sampling import FlatSampler
+from ospc.correspondence.registration import DenseRegistration, Equaliser
+from ospc.correspondence.static_series import StaticSeries
+from ospc.correspondence.view import ViewMaker
+from ospc.errors import SettingError
+from ospc.recording import ArrayRecording, identity
+from ospc.recording.masking import Region, masked, read_mask
+
+SIZE = (160, 120)
+
+
+def scene(seed: int = 0) -> np.ndarray:
+    """Something with structure and even places, 160×120."""
+    noise = np.random.default_rng(seed).normal(0, 1, SIZE[::-1])
+    return np.clip(128 + 250 * cv2.GaussianBlur(noise, (0, 0), 6), 10, 240).astype(np.uint8)
+
+
+def recorded(frames: int = 2) -> ArrayRecording:
+    return ArrayRecording([np.roll(scene(), (i, 2 * i), (0, 1)) for i in range(frames)], 2.0 ** np.arange(frames))
+
+
+def half() -> np.ndarray:
+    mask = np.ones(SIZE[::-1], bool)
+    mask[:, : SIZE[0] // 2] = False
+    return mask
+
+
+def test_frames_carry_mask_and_region_and_images_stay_as_they_are() -> None:
+    inner = recorded()
+    recording = masked(inner, half(), Region(70, 10, 50, 30))
+    expected = np.zeros(SIZE[::-1], bool)
+    expected[10:40, 80:120] = True
+    for frame, original in zip(recording, inner, strict=True):
+        np.testing.assert_array_equal(frame.mask, expected)
+        np.testing.assert_array_equal(frame.image, original.image)
+    assert recording.size == SIZE
+    assert "94% of every image is masked and not used" in recording.notes
+    assert masked(inner) is inner
+
+
+@pytest.mark.parametrize("longest", [160, 80])
+def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
+    views = [ViewMaker(longest_side=longest)(frame) for frame in masked(recorded(), half())]
+    samples = FlatSampler(spacing_px=4, max_gradient=1.0)(
+        *views, DenseRegistration()(*views, Equaliser()), group=0
+    ).sightings
+    assert len(samples.grey) > 40
+    x = samples.position[:, 0] * np.hypot(*SIZE) / 2 + SIZE[0] / 2
+    assert x.min() > SIZE[0] / 2 + 2 * 160 / longest
+
+
+def test_a_camera_that_stands_still_uses_no_masked_pixel() -> None:
+    series = StaticSeries()
+    for frame in masked(recorded(), half()):
+        series.watch(frame)
+    assert np.all(half().ravel()[series._places])
+    assert len(series._places) == half().sum()
+
+
+def test_features_lie_where_they_may() -> None:
+    sharp = ArrayRecording([cv2.resize(grey(size=(20, 15)), SIZE, interpolation=cv2.INTER_NEAREST)], [1.0])
+    frame = next(iter(masked(sharp, half())))
+    found = extract(frame, OrbExtractor(500))
+    assert len(found.points) == len(found.grey) == len(found.descriptors) > 0
+    assert found.points[:, 0].min() >= SIZE[0] / 2 - 0.5
+
+
+def test_with_a_mask_it_is_another_recording() -> None:
+    whole = identity(recorded())
+    other = identity(masked(recorded(), half()))
+    assert whole["images_sha256"] != other["images_sha256"]
+    assert whole["frames_sha256"] == other["frames_sha256"]
+
+
+def test_a_mask_is_read_from_an_image(tmp_path: Path) -> None:
+    path = tmp_path / "mask.png"
+    path.write_bytes(encoded(half().astype(np.uint8) * 255))
+    np.testing.assert_array_equal(read_mask(path, SIZE), half())
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (encoded(grey(size=(8, 8))), "mask is 8x8 pixels, but frames are 160x120"),
+        (b"not an image", "not PNG"),
+        (b"", "empty"),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_mask_that_is_none(content: bytes | None, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "mask.png"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SettingError, match=words):
+        read_mask(path, SIZE)
+
+
+def test_something_must_be_left() -> None:
+    with pytest.raises(SettingError, match="leave 0 of the 160x120 pixels"):
+        masked(recorded(), None, Region(500, 500, 10, 10))
+    with pytest.raises(SettingError, match=r"has shape \(3, 3\)"):
+        masked(recorded(), np.ones((3, 3), bool))
+
+
+@pytest.mark.parametrize("text", ["1,2,3", "1,2,3,4,5", "a,b,c,d", "-1,2,3,4", "", "1;2;3;4", "1,2,3,9999999999"])
+def test_a_region_is_four_numbers(text: str) -> None:
+    with pytest.raises(SettingError, match="x,y,width,height"):
+        Region.parse(text)
+    assert Region.parse(" 1, 2,3 ,4") == Region(1, 2, 3, 4)
