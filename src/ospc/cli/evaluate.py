@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ospc.cli.correct import warn_of_assumed
+from ospc.cli.evaluate_odometry import odometry
 from ospc.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -20,33 +21,63 @@ def command() -> None:
     """Evaluate trajectories, and what a calibration does for tracking."""
 
 
+command.add_command(odometry)
+
+
 @command.command("ealign")
 @click.argument("trajectory", type=click.Path(path_type=Path))
 @click.argument("truth", type=click.Path(path_type=Path))
+@click.option("--interval", default=1.0, show_default=True, help="Seconds between the poses of relative errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def ealign(trajectory: Path, truth: Path, as_json: bool) -> None:
+def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> None:
     """Drift of TRAJECTORY from the alignments to the two halves of TRUTH.
 
     Both hold rows 'stamp tx ty tz qx qy qz qw', as result.txt of DSO and groundtruthSync.txt of the TUM monocular
     data set; rows of NaN in the truth are unknown. Prints e_align (root mean square distance between the trajectory
-    aligned to the first half and to the second, in units of the truth), e_s (ratio of the two scales) and e_r (angle
-    between the two rotations, in degrees).
+    aligned to the first half and to the second, in units of the truth), e_s (ratio of the two scales), e_r (angle
+    between the two rotations, in degrees), and after one similarity over all poses with truth the absolute error
+    (ATE) and that of motions over an interval (RPE), root mean squares.
     """
-    from ospc.evaluation.trajectory import alignment_error, read_trajectory
+    from ospc.errors import FormatError, NotObservableError
+    from ospc.evaluation.trajectory import alignment_error, read_trajectory, relative_pose_error
 
-    error = alignment_error(read_trajectory(trajectory), read_trajectory(truth))
+    estimate, known = read_trajectory(trajectory), read_trajectory(truth)
+    error = alignment_error(estimate, known)
+    figures: dict[str, Any] = {
+        **vars(error),
+        "e_r": error.e_r_deg,
+        "ate": error.rmse,
+        "rpe_translation": None,
+        "rpe_rotation_deg": None,
+        "rpe_interval_s": interval,
+    }
+    try:
+        relative = relative_pose_error(estimate, known, interval)
+        figures |= {"rpe_translation": relative.translation, "rpe_rotation_deg": relative.rotation_deg}
+    except (FormatError, NotObservableError) as problem:
+        figures["rpe_missing"] = str(problem)
     if as_json:
         import json
 
-        click.echo(json.dumps(vars(error), indent=1))
+        click.echo(json.dumps(figures, indent=1))
         return
-    click.echo(f"e_align  {error.e_align:.4f}   in units of the truth")
-    click.echo(f"e_s      {error.e_s:.4f}   scale by the first half over scale by the second")
-    click.echo(f"e_r      {error.e_r_deg:.3f}°   in degrees")
-    click.echo(f"rmse     {error.rmse:.4f}   after one alignment to all of the truth, in its units")
-    click.echo(f"poses    {error.poses}, {error.first} with truth in its first half and {error.second} in its second")
-    if error.unmatched:
-        click.echo(f"         {error.unmatched} have no row of the truth within 1 ms")
+    _print_drift(figures)
+
+
+def _print_drift(figures: dict[str, Any]) -> None:
+    click.echo("e_align  {e_align:.4f}   in units of the truth".format(**figures))
+    click.echo("e_s      {e_s:.4f}   scale by the first half over scale by the second".format(**figures))
+    click.echo("e_r      {e_r_deg:.3f}°   in degrees".format(**figures))
+    click.echo("ATE      {ate:.4f}   after one alignment to all of the truth, in its units".format(**figures))
+    if figures["rpe_translation"] is None:
+        click.echo("RPE      {rpe_missing}".format(**figures))
+    else:
+        line = "RPE      {rpe_translation:.4f} and {rpe_rotation_deg:.3f}°   in motions over {rpe_interval_s:g} s"
+        click.echo(line.format(**figures))
+    line = "poses    {poses}, {first} with truth in its first half and {second} in its second"
+    click.echo(line.format(**figures))
+    if figures["unmatched"]:
+        click.echo("         {unmatched} have no row of the truth within 1 ms".format(**figures))
 
 
 @command.command("tracking")

@@ -39,6 +39,14 @@ class Cell:
         missing = self.runs - self.finished
         return shown if not missing else f"{shown} ({missing}/{self.runs} failed)"
 
+    def as_dict(self) -> dict[str, float | int | None]:
+        """Return it as JSON-compatible values; None for an infinite median."""
+        return {
+            "median": self.median if math.isfinite(self.median) else None,
+            "finished": self.finished,
+            "runs": self.runs,
+        }
+
 
 @dataclass(frozen=True)
 class Row:

@@ -1,0 +1,180 @@
+"""A direct odometry that needs no other program: alignment to key frames whose depth is known.
+
+Much simpler than DSO, which has to find depth by itself; like it, it takes brightness to be constant, and so shows
+what a calibration is worth. Depth comes from the simulated scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from threading import Event
+from time import monotonic
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray
+from ospc.errors import OspcError
+from ospc.evaluation.trajectory import Trajectory, read_trajectory
+from ospc.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
+from ospc.odometry.depth import SceneDepth
+from ospc.odometry.inputs import OdometryInput
+from ospc.odometry.run import Tracked
+from ospc.recording.frame import Frame
+
+_VERSION = 1
+_CELLS_ACROSS = 40
+_FARTHEST_MOVE = 0.08
+"""Median displacement of points, in widths of the image, from which the next frame is a new key frame."""
+
+_LEAST_AGREEING, _HARDLY_ANY = 0.6, 0.15
+_MOST_FRAMES = 25
+_SATURATED = 0.985
+
+
+@dataclass(frozen=True)
+class DirectOdometry:
+    """Direct alignment with depth from the simulated scene.
+
+    Attributes
+    ----------
+    every
+        Of how many frames one is tracked.
+    """
+
+    every: int = 1
+
+    def fingerprint(self) -> dict[str, Any]:
+        """Return its version and settings."""
+        return {"builtin": _VERSION, "every": self.every}
+
+    def track(self, source: OdometryInput, run: int, stop: Event) -> Tracked:
+        """Track once; the run's number seeds which points are tracked."""
+        began = monotonic()
+        try:
+            tracker = _Tracker(source, run)
+            for frame in source.recording:
+                if stop.is_set():
+                    break
+                if frame.index % self.every == 0:
+                    tracker.push(frame)
+                if tracker.lost:
+                    break
+        except OspcError as error:
+            return Tracked(None, str(error), seconds=monotonic() - began)
+        failure = "too few points agree with any motion" if tracker.lost else ""
+        return Tracked(tracker.trajectory, failure, stop.is_set(), seconds=monotonic() - began)
+
+
+class _Seen:
+    """Turns grey images into brightness as a condition wants it."""
+
+    def __init__(self, source: OdometryInput) -> None:
+        self._exposures = np.asarray(source.exposures_ms, dtype=np.float64)
+        self._reference = float(np.median(self._exposures))
+        self._photometry = source.photometry
+        vignette = None if source.photometry is None else source.photometry.vignette
+        self._attenuation = None if vignette is None else np.maximum(vignette.image(), np.float32(0.02))
+
+    def brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
+        """Return the brightness of a frame, and where it is saturated.
+
+        That is the square root of the irradiance relative to the typical exposure, in which noise is even; without
+        calibration the grey level.
+        """
+        grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
+        saturated = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        if self._photometry is None:
+            return grey, saturated
+        response = self._photometry.response
+        table = np.linspace(0, 1, frame.max_grey + 1) if response is None else response.resampled(frame.max_grey + 1)
+        light: Float32Array = table.astype(np.float32)[frame.image]
+        if self._attenuation is not None:
+            light /= self._attenuation
+        light *= np.float32(self._reference / self._exposures[frame.index])
+        return np.asarray(np.sqrt(light)), saturated
+
+
+class _Tracker:
+    """The present key frame and all poses so far."""
+
+    def __init__(self, source: OdometryInput, run: int) -> None:
+        self._seen = _Seen(source)
+        self._affine = source.condition.mode == 1
+        self._depth = SceneDepth.of(source.recording.path)
+        self._camera = Camera(self._depth.focal_px, self._depth.centre_px)
+        self._truth = read_trajectory(source.recording.path / "groundtruthSync.txt")
+        self._random = np.random.default_rng(run)
+        self._key = Pose.identity()
+        self._points = np.empty((0, 3))
+        self._reference = np.empty((LEVELS, 0))
+        self._motion = Pose.identity()
+        self._speed = Pose.identity()
+        self._since = 0
+        self._poses: list[tuple[float, Pose]] = []
+        self.lost = False
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        image, saturated = self._seen.brightness(frame)
+        pyramid = Brightness.of(np.where(saturated, np.float32(np.nan), image))
+        if not self._poses:
+            self._begin(frame, pyramid, image, saturated)
+            self._poses.append((frame.stamp_s, Pose.identity()))
+            return
+        start = self._speed.after(self._motion)
+        found = align(self._points, self._reference, pyramid, self._camera, start, affine=self._affine)
+        if found.agreeing < _HARDLY_ANY:
+            self.lost = True
+            return
+        self._speed = found.motion.after(self._motion.inverse)
+        self._motion = found.motion
+        # the key frame's pose turns its coordinates into the world's; the motion leads from it to this frame
+        pose = self._key.after(found.motion.inverse)
+        self._poses.append((frame.stamp_s, pose))
+        self._since += 1
+        far = found.moved_px > _FARTHEST_MOVE * image.shape[1]
+        if far or found.agreeing < _LEAST_AGREEING or self._since >= _MOST_FRAMES:
+            self._key = pose
+            self._begin(frame, pyramid, image, saturated)
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """All poses so far; None before the second."""
+        if len(self._poses) < 2:
+            return None
+        rotations = np.array([pose.rotation for _, pose in self._poses])
+        return Trajectory(
+            np.array([stamp for stamp, _ in self._poses]),
+            np.array([pose.translation for _, pose in self._poses]),
+            np.asarray(Rotation.from_matrix(rotations).as_quat()),
+        )
+
+    def _begin(self, frame: Frame, pyramid: Brightness, image: Float32Array, saturated: BoolArray) -> None:
+        """Make a frame the key frame."""
+        places = self._choose(image, saturated)
+        true_pose = self._truth.positions[frame.index], self._truth.quaternions[frame.index]
+        depth = self._depth.at(places, true_pose[0], Rotation.from_quat(true_pose[1]).as_matrix())
+        known = np.isfinite(depth)
+        places, depth = places[known], depth[known]
+        self._points = self._camera.lift(places, depth)
+        self._reference = np.array([pyramid.at(level, places)[:, 0] for level in range(LEVELS)])
+        self._motion, self._since = Pose.identity(), 0
+
+    def _choose(self, image: Float32Array, saturated: BoolArray) -> FloatArray:
+        """Return one steep pixel of each cell, shape (n, 2); chance decides between nearly equal ones."""
+        smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
+        steep = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
+        steep *= self._random.uniform(0.6, 1.0, steep.shape).astype(np.float32)
+        steep[saturated] = 0
+        edge = max(6, image.shape[1] // _CELLS_ACROSS)
+        rows, columns = (n // edge for n in image.shape)
+        cells = steep[: rows * edge, : columns * edge].reshape(rows, edge, columns, edge).swapaxes(1, 2)
+        flat = cells.reshape(rows, columns, edge * edge)
+        best = flat.argmax(axis=2)
+        y = np.arange(rows)[:, None] * edge + best // edge
+        x = np.arange(columns)[None] * edge + best % edge
+        found = np.column_stack([x.ravel(), y.ravel()])[flat.max(axis=2).ravel() > 0]
+        return np.asarray(found, dtype=np.float64)
