@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -93,11 +94,19 @@ class DenseRegistration:
 
 def _mismatch(forward: Float32Array, backward: Float32Array) -> Float32Array:
     height, width = forward.shape[:2]
-    there = pixel_grid((width, height)).astype(np.float32) + forward
+    there = _places(width, height) + forward
     # Outside the image there is no way back: a far displacement says so.
     away = (1e4, 1e4, 0.0, 0.0)
     back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
-    return np.asarray(np.linalg.norm(forward + back, axis=-1), dtype=np.float32)
+    back += forward
+    return np.asarray(cv2.magnitude(*cv2.split(back)), dtype=np.float32)
+
+
+@lru_cache(maxsize=4)
+def _places(width: int, height: int) -> Float32Array:
+    places = pixel_grid((width, height)).astype(np.float32)
+    places.setflags(write=False)
+    return places
 
 
 def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:

@@ -92,7 +92,6 @@ class ViewMaker:
         image, white = frame.image, frame.max_grey
         height, width = image.shape
         reduction = -(-max(width, height) // self.longest_side)
-        clipped = ((image >= white - white // 255) | (image <= white // 255)).view(np.uint8)
         reduced = _reduced(image, reduction)
         grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px) / np.float32(white)
         # The product of two smoothings is one of the summed variance: the gradient's comes from the grey's.
@@ -108,17 +107,21 @@ class ViewMaker:
             reduction,
             np.asarray(grey, dtype=np.float32),
             np.asarray(gradient, dtype=np.float32),
-            self._clipped_nearby(clipped, reduction) | self._masked_nearby(frame.mask, reduction),
+            self._clipped_nearby(image, white, reduction) | self._masked_nearby(frame.mask, reduction),
             self._small(reduced, white),
             4 * np.pi * self.smoothing_px**2 * reduction**2,
         )
 
-    def _clipped_nearby(self, clipped: npt.NDArray[np.uint8], reduction: int) -> BoolArray:
+    def _clipped_nearby(self, image: Image, white: int, reduction: int) -> BoolArray:
         # Noise clips single pixels long before the mean reaches the end; what that does to the mean is known. Where
         # a larger share is clipped, something else is.
+        exposed = cv2.inRange(image, white // 255 + 1, white - white // 255 - 1)
+        height, width = (side // reduction for side in image.shape)
+        cut = exposed[: height * reduction, : width * reduction]
         side = 2 * self.clip_margin_px + 1
-        share = cv2.blur(_reduced(clipped, reduction), (side, side))
-        return np.asarray(share > self.max_clipped_share)
+        # Bytes all the way: the shares are coarse, and so may be their rounding.
+        share = cv2.blur(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), (side, side))
+        return np.asarray(share < 255 * (1 - self.max_clipped_share))
 
     def _masked_nearby(self, mask: BoolArray | None, reduction: int) -> BoolArray | np.bool_:
         if mask is None:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.optimize import nnls
 
-from ospc.arrays import FloatArray, Image
+from ospc.arrays import Float32Array, FloatArray, Image
 from ospc.photometry.noise import NoiseModel
 
 _BINS = 16
@@ -42,8 +42,7 @@ class NoiseGauge:
         """Take an image: some bands of it."""
         if min(image.shape) < _BLOCK + 2:
             return
-        tops = range(0, image.shape[0] - _BLOCK - 1, _BAND_SPACING)
-        level, variance = np.concatenate([self._blocks(image[top : top + _BLOCK + 2]) for top in tops], axis=1)
+        level, variance = self._blocks(image)
         number = np.minimum((level * _BINS).astype(np.int64), _BINS - 1)
         for b in range(_BINS):
             inside = variance[number == b]
@@ -51,16 +50,23 @@ class NoiseGauge:
                 least = float(np.quantile(inside, _SHARE)) / _QUANTILE_OF_NOISE
                 self._found[b] = [*self._found[b], least][-_REMEMBERED:]
 
-    def _blocks(self, band: Image) -> FloatArray:
-        """Return mean and variance of the exposed blocks of a band, shape (2, blocks)."""
-        grey = band.astype(np.float32) / np.float32(self.max_grey)
-        columns = (grey.shape[1] - 2) // _BLOCK
-        inner = (slice(1, -1), slice(1, 1 + columns * _BLOCK))
-        shape = (_BLOCK, columns, _BLOCK)
-        blocks = grey[inner].reshape(shape)
-        rough = (cv2.filter2D(grey, cv2.CV_32F, _LAPLACIANS)[inner] ** 2).reshape(shape)
-        exposed = (blocks.min(axis=(0, 2)) > 1.5 / 255) & (blocks.max(axis=(0, 2)) < 253.5 / 255)
-        return np.stack([blocks.mean(axis=(0, 2)), rough.mean(axis=(0, 2))])[:, exposed].astype(np.float64)
+    def _blocks(self, image: Image) -> FloatArray:
+        """Return mean and variance of the exposed blocks of all bands, shape (2, blocks)."""
+        tops = np.arange(0, image.shape[0] - _BLOCK - 1, _BAND_SPACING)
+        columns = (image.shape[1] - 2) // _BLOCK
+        # All bands at once, one below the other; a band's outermost rows keep its neighbours out of its blocks.
+        rows = (tops[:, None] + np.arange(_BLOCK + 2)).ravel()
+        grey = image[rows].astype(np.float32) / np.float32(self.max_grey)
+        rough = cv2.filter2D(grey, cv2.CV_32F, _LAPLACIANS) ** 2
+        clipped = ((grey <= np.float32(1.5 / 255)) | (grey >= np.float32(253.5 / 255))).astype(np.float32)
+
+        def means(values: Float32Array) -> FloatArray:
+            bands = values.reshape(len(tops), _BLOCK + 2, -1)[:, 1:-1, 1 : 1 + columns * _BLOCK]
+            inner = bands.reshape(len(tops) * _BLOCK, columns * _BLOCK)
+            resized = cv2.resize(inner, (columns, len(tops)), interpolation=cv2.INTER_AREA)
+            return np.asarray(resized, dtype=np.float64)
+
+        return np.stack([means(grey), means(rough)])[:, means(clipped) == 0]
 
     def model(self) -> NoiseModel:
         """Return the noise; plain quantisation noise where nothing was measured."""
