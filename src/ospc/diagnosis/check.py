@@ -155,6 +155,7 @@ def _report(recording: Recording, look: _Look, looked_at: tuple[int, ...], max_l
         pixels,
         motion([*look.changes, *look.wide_changes], recording.size),
         JointSettings(),
+        len(recording),
     )
     tone = _tone(look.changes, lag, exposures_ms)
     when = timing(recording.stamps_s, look.duplicates, look.compared)

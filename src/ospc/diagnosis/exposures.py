@@ -8,6 +8,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.diagnosis.flicker import Flicker, find_flicker, without_waves
+from ospc.diagnosis.jumps import Jump, find_jumps
 from ospc.diagnosis.lag_decision import LagEstimate, exposure_cycle
 
 _CHANGED = 0.01
@@ -79,6 +80,8 @@ class BrightnessReport:
         Whether brightness changes while the exposures stay as they are.
     flicker
         Periodic changes that the exposures do not explain, strongest first.
+    jumps
+        Lasting jumps that the exposures do not explain, in the order of frames.
     """
 
     change_rms_log: float
@@ -87,6 +90,7 @@ class BrightnessReport:
     unexplained_drift_log: float
     stale: bool
     flicker: tuple[Flicker, ...]
+    jumps: tuple[Jump, ...] = ()
 
 
 def brightness_report(lag: LagEstimate, exposures_ms: FloatArray) -> BrightnessReport | None:
@@ -119,6 +123,7 @@ def brightness_report(lag: LagEstimate, exposures_ms: FloatArray) -> BrightnessR
         drift,
         bool(stale or (constant and drift > _STALE_DRIFT_LOG)),
         flicker,
+        find_jumps(lag.frame, unexplained),
     )
 
 

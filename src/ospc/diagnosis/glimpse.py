@@ -34,7 +34,7 @@ class Glimpse:
     gradient
         Magnitude of the gradient of the grey levels, per small pixel, shape (h, w).
     exposed
-        Whether neither the place nor anything near it is black or white, shape (h, w).
+        Whether neither the place nor anything near it is black, white or masked, shape (h, w).
     equalised
         The image with its histogram made flat, 8 bit, shape (h, w): nearly the same for every exposure.
     """
@@ -63,6 +63,8 @@ def glimpse(frame: Frame) -> Glimpse:
         cv2.Sobel(smoother, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8),
     )
     clipped = ((small < _DARK) | (small > _BRIGHT)).view(np.uint8)
+    if frame.mask is not None:
+        clipped |= reduced(frame.mask.astype(np.uint8), 1) < 1
     side = 2 * _CLIP_MARGIN_PX + 1
     near = cv2.dilate(clipped, np.ones((side, side), np.uint8))
     # The square root keeps dark images from falling into a handful of levels before they are spread out.

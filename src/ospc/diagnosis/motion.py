@@ -16,7 +16,7 @@ AGES = (4, 8, 16, 32)
 
 _MIN_FOUND = 0.2
 _MIN_PAIRS = 2
-_STILL_SMALL_PX = 0.1
+_STILL_SMALL_PX = 0.5
 
 
 @dataclass(frozen=True)

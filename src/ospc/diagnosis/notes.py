@@ -20,6 +20,7 @@ _SURROUND_EFFECT = 0.15
 _SURROUND_SIGMAS = 5.0
 _DARK_CORNER_SHARE = 0.05
 _WEAK_SLOPE = 0.15
+_SLOWEST_VIDEO_S = 0.7
 
 
 def notes(figures: Figures, tone: LocalTone | None, timing: Timing, unreadable: int) -> tuple[str, ...]:
@@ -43,11 +44,16 @@ def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:
             f"the first is frame {timing.duplicate_frames[0]}: frames were dropped and filled up, and exposures "
             f"may belong to other frames; record without filling up"
         )
-    if timing.dropped_frames:
+    # Photographs taken one by one have no rate that a frame could be missing of.
+    if timing.dropped_frames and timing.interval_s < _SLOWEST_VIDEO_S:
         yield (
-            f"{timing.dropped_frames} frames are missing in {timing.gaps} gaps between time stamps, "
+            f"{_count(timing.dropped_frames, 'frame')} missing in {_count(timing.gaps, 'gap')} between time stamps, "
             f"of {1 / timing.interval_s:.3g} frames a second"
         )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _about_lag(figures: Figures) -> Iterator[str]:
@@ -67,6 +73,15 @@ def _about_lag(figures: Figures) -> Iterator[str]:
 def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> Iterator[str]:
     if brightness is None:
         return
+    if brightness.jumps:
+        largest = max(brightness.jumps, key=lambda jump: abs(jump.log_change))
+        count = len(brightness.jumps)
+        times = "once" if count == 1 else f"{count} times"
+        yield (
+            f"brightness jumps {times} while the exposure does not, the most at frame {largest.frame}, by "
+            f"{np.expm1(largest.log_change):+.0%}: a gain or an aperture changed that the metadata do not hold; fix "
+            f"the gain, or record it"
+        )
     for flicker in brightness.flicker:
         often = f"every {1 / flicker.cycles_per_frame:.2g} frames"
         if np.isfinite(timing.interval_s) and timing.interval_s > 0:

@@ -112,6 +112,8 @@ class PixelStatistics:
             R at every place of the small image, shape (h, w).
         """
         image = frame.image[::_EVERY, ::_EVERY]
+        if frame.mask is not None:
+            image = frame.image[frame.mask][:: _EVERY**2]
         self._max_grey = frame.max_grey
         counts = _counts(image, frame.max_grey)
         self._histogram = counts if self._histogram is None else self._histogram + counts

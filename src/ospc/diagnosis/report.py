@@ -18,6 +18,8 @@ from ospc.photometry.calibration import Verdict
 
 SCHEMA = "ospc-check/1"
 
+_MOST_LISTED = 100
+
 
 @dataclass(frozen=True)
 class RecordingReport:
@@ -95,7 +97,9 @@ class RecordingReport:
                 "frames_unreadable": self.unreadable,
             },
             "exposure_lag_frames": self.exposure_lag_frames,
-            "verdicts": {name: vars(verdict) for name, verdict in self.verdicts.items()},
+            "verdicts": {name: verdict.state for name, verdict in self.verdicts.items()},
+            "reasons": {name: verdict.reason for name, verdict in self.verdicts.items()},
+            "remedies": {name: verdict.remedy or None for name, verdict in self.verdicts.items()},
             "exposure": _exposure(self.exposure),
             "lag": _lag(self.lag),
             "brightness": _brightness(self),
@@ -115,8 +119,8 @@ def _exposure(exposure: ExposureReport) -> dict[str, Any]:
     return {
         "lowest_ms": exposure.lowest_ms,
         "highest_ms": exposure.highest_ms,
-        "ratio": exposure.ratio,
-        "different_values": exposure.values,
+        "highest_over_lowest_ratio": exposure.ratio,
+        "different_exposures": exposure.values,
         "changed_frames_share": exposure.changed_share,
         "cycle_frames": exposure.cycle_frames,
     }
@@ -126,15 +130,14 @@ def _lag(lag: LagEstimate) -> dict[str, Any]:
     slopes = None if lag.fit is None or not lag.fit.slopes.any() else lag.fit.slopes.tolist()
     return {
         "state": lag.state,
-        "frames": lag.frames,
         "candidates_frames": list(lag.candidates),
         "tried_frames": lag.lags.tolist(),
         "log_likelihood_difference": lag.score.tolist(),
         "lead_sigmas": lag.sigmas.tolist(),
-        "offset_between_frames": lag.fraction_frames,
+        "best_fraction_frames": lag.fraction_frames,
         "compared_pairs": lag.pairs,
-        "log_slopes": slopes,
-        "log_slopes_grey_edges": GREY_BINS.tolist(),
+        "log_grey_per_log_exposure": slopes,
+        "full_scale_share_edges_of_these": GREY_BINS.tolist(),
     }
 
 
@@ -149,6 +152,9 @@ def _brightness(report: RecordingReport) -> dict[str, Any] | None:
         "unexplained_share": _known(found.unexplained_share),
         "unexplained_drift_log": found.unexplained_drift_log,
         "stale_metadata": found.stale,
+        "unexplained_jumps": [
+            {"frame": jump.frame, "brightness_change_log": jump.log_change} for jump in found.jumps[:_MOST_LISTED]
+        ],
         "flicker": [
             {
                 "cycles_per_frame": f.cycles_per_frame,
@@ -206,6 +212,6 @@ def _timing(timing: Timing) -> dict[str, Any]:
         "gaps": timing.gaps,
         "dropped_frames": timing.dropped_frames,
         "duplicate_frames": len(timing.duplicate_frames),
-        "duplicate_frame_indices": list(timing.duplicate_frames[:100]),
+        "duplicate_frame_indices": list(timing.duplicate_frames[:_MOST_LISTED]),
         "frames_compared_with_previous": timing.compared_frames,
     }

@@ -21,6 +21,7 @@ _NARROW_GREY = 0.4
 _WIDE_GREY = 0.6
 _WEAK_REACH = 1.2
 _FEW_FOUND = 0.25
+_FEW_FRAMES = 40
 
 _CHANGE_EXPOSURE = (
     "record with auto exposure on while moving between dark and bright places, or sweep the exposure by a factor of "
@@ -39,6 +40,9 @@ _FIX_METADATA = (
     "mapping"
 )
 _MIX_BRIGHTNESS = "film dark and bright things together, so that all grey levels occur at all exposures"
+_MORE_FRAMES = (
+    "take it from a longer recording, of sixty consecutive frames or more, if exposures may belong to others"
+)
 _SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
 
 
@@ -52,6 +56,12 @@ class Figures:
     pixels: PixelReport
     motion: MotionReport
     settings: JointSettings
+    frames: int
+
+    @property
+    def few_frames(self) -> bool:
+        """Whether there are too few frames to check exposures, as in a series of photographs."""
+        return self.brightness is None and self.frames < _FEW_FRAMES
 
     @property
     def constant(self) -> bool:
@@ -71,6 +81,10 @@ def verdicts(figures: Figures) -> dict[str, Verdict]:
 
 def _exposures(figures: Figures) -> Iterator[Verdict]:
     brightness, lag = figures.brightness, figures.lag
+    if figures.few_frames:
+        few = f"the recording has only {figures.frames} frames, too few to check whether exposures belong to them"
+        yield Verdict("marginal", few, _MORE_FRAMES)
+        return
     if brightness is None:
         few = f"only {lag.pairs} pairs of consecutive frames could be compared, too few to check the exposures"
         yield Verdict("marginal", few, _SLOWER)
@@ -139,7 +153,7 @@ def _response(figures: Figures, exposures: Verdict) -> Iterator[Verdict]:
     )
     if covered < _NARROW_GREY:
         yield Verdict("marginal", f"{figure}: too few", _MIX_BRIGHTNESS)
-    if exposures.state != "identifiable":
+    if exposures.state != "identifiable" and not figures.few_frames:
         yield Verdict("marginal", f"{figure}, but {exposures.reason}", exposures.remedy)
     if figures.exposure.ratio < _WEAK_RATIO:
         yield Verdict("marginal", f"{figure}: a small range of exposures", _CHANGE_EXPOSURE)
@@ -166,7 +180,7 @@ def _vignette(figures: Figures, response: Verdict, exposures: Verdict) -> Iterat
         yield Verdict("marginal", lost, _SLOWER)
     if motion.radial_reach < _WEAK_REACH * needed:
         yield Verdict("marginal", figure, _MOVE_RADIALLY)
-    if exposures.state != "identifiable":
+    if exposures.state != "identifiable" and not figures.few_frames:
         yield Verdict("marginal", f"{figure}, but {exposures.reason}", exposures.remedy)
     yield Verdict("identifiable", figure)
 

@@ -1,0 +1,121 @@
+"""Recordings of a drawn wall, independent of the project's simulator, with exposures and all defects known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from ospc.recording import ArrayRecording
+
+SIZE = (160, 120)
+_WALL_PX = 700
+
+
+@dataclass(frozen=True)
+class Film:
+    """How the wall is filmed.
+
+    Attributes
+    ----------
+    log_exposure
+        ln of the true exposure of every frame, shape (frames,).
+    lag
+        The metadata of frame i hold the exposure of frame i − lag.
+    gamma
+        M = irradiance ** (1 / gamma).
+    noise
+        Standard deviation of the noise in grey levels.
+    speed_px
+        About how far the image moves from one frame to the next.
+    hidden_log_gain
+        ln of a gain that the metadata do not hold, of every frame.
+    metadata_error
+        Standard deviation of ln of the exposures written about the true ones.
+    local_tone
+        Limit of the contrast of an equalisation in twelve tiles of each image; 0 for none.
+    black
+        True where the image is always black, shape (h, w).
+    movers
+        Number of discs that move in front of the wall.
+    seed
+        Seeds everything.
+    """
+
+    log_exposure: np.ndarray
+    lag: int = 0
+    gamma: float = 2.2
+    noise: float = 1.0
+    speed_px: float = 2.0
+    hidden_log_gain: np.ndarray | float = 0.0
+    metadata_error: float = 0.0
+    local_tone: float = 0.0
+    black: np.ndarray | None = field(default=None, repr=False)
+    movers: int = 0
+    max_grey: int = 255
+    seed: int = 0
+
+    def recording(self) -> ArrayRecording:
+        """Film it."""
+        rng = np.random.default_rng(self.seed)
+        wall, place = _wall(rng), self._path()
+        frames, signal = len(self.log_exposure), self.log_exposure + self.hidden_log_gain
+        width, height = SIZE
+        dtype = np.uint8 if self.max_grey == 255 else np.uint16
+        discs = [
+            (rng.uniform(0, 1, 2) * SIZE, rng.uniform(-2, 2, 2), rng.uniform(0.05, 0.6)) for _ in range(self.movers)
+        ]
+        images = []
+        for i in range(frames):
+            light = cv2.getRectSubPix(wall, SIZE, place[i].tolist())
+            for start, step, value in discs:
+                x, y = ((start + i * step) % SIZE).astype(int).tolist()
+                cv2.circle(light, (x, y), 8, value, -1)
+            grey = np.clip(light * np.exp(signal[i]), 0, 1) ** (1 / self.gamma)
+            if self.local_tone:
+                spread = cv2.createCLAHE(self.local_tone, (4, 3)).apply(np.uint8(255 * grey))
+                grey = spread.astype(np.float64) / 255
+            if self.black is not None:
+                grey = np.where(self.black, 0.0, grey)
+            value = grey * self.max_grey + rng.normal(0, self.noise * self.max_grey / 255, (height, width))
+            images.append(np.clip(np.rint(value), 0, self.max_grey).astype(dtype))
+        written = np.exp(self.log_exposure + rng.normal(0, 1, frames) * self.metadata_error)
+        written = written[np.clip(np.arange(frames) - self.lag, 0, frames - 1)]
+        return ArrayRecording(images, 10 * written, np.arange(frames) / 20, max_grey=self.max_grey)
+
+    def _path(self) -> np.ndarray:
+        time = np.arange(len(self.log_exposure))
+        angle = self.speed_px * time / 60
+        wide = np.stack([60 * np.sin(angle) + 25 * np.sin(2.3 * angle), 50 * np.cos(0.8 * angle)], axis=1)
+        shake = np.stack([np.sin(0.9 * time), np.cos(0.7 * time)], axis=1) * min(1.0, self.speed_px)
+        return _WALL_PX / 2 + wide * (self.speed_px > 0) + shake
+
+
+def _wall(rng: np.random.Generator) -> np.ndarray:
+    """Draw patches of many sizes with even insides, median brightness about 0.2."""
+    wall = np.zeros((_WALL_PX, _WALL_PX), np.float32)
+    for octave in range(2, 6):
+        small = rng.standard_normal((2**octave, 2**octave)).astype(np.float32)
+        wall += cv2.resize(small, (_WALL_PX, _WALL_PX), interpolation=cv2.INTER_CUBIC) * 0.3
+    for _ in range(150):
+        x, y = rng.integers(0, _WALL_PX, 2).tolist()
+        w, h = rng.integers(8, 70, 2).tolist()
+        cv2.rectangle(wall, (x, y), (x + w, y + h), float(rng.normal(0, 0.8)), -1)
+    wall = cv2.GaussianBlur(wall, (0, 0), 0.8)
+    return 0.2 * np.exp(0.6 * (wall - np.median(wall)) / wall.std())
+
+
+def wandering(frames: int, seed: int = 0, step: float = 0.06) -> np.ndarray:
+    """ln of exposures that wander as an exposure control's do, shape (frames,)."""
+    rng = np.random.default_rng(seed)
+    log_exposure = np.zeros(frames)
+    for i in range(1, frames):
+        log_exposure[i] = 0.97 * log_exposure[i - 1] + step * rng.standard_normal()
+    return np.clip(log_exposure, -1.2, 0.9)
+
+
+def jumping(frames: int, seed: int = 0, every: int = 9) -> np.ndarray:
+    """ln of exposures that stay for some frames and jump, shape (frames,)."""
+    rng = np.random.default_rng(seed)
+    return np.repeat(rng.uniform(-0.8, 0.7, frames // every + 1), every)[:frames]

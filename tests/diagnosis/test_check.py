@@ -1,0 +1,245 @@
+"""What a check says of recordings whose defects are known."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from filmed import SIZE, Film, jumping, wandering
+
+from ospc.diagnosis import RecordingReport, check_recording
+from ospc.errors import RecordingError, SettingError
+from ospc.recording import ArrayRecording
+from ospc.recording.masking import masked
+
+FRAMES = 90
+
+
+def check(**film) -> RecordingReport:
+    chosen = {"log_exposure": wandering(FRAMES), **film}
+    return check_recording(Film(**chosen).recording())
+
+
+@pytest.fixture(scope="module")
+def good() -> RecordingReport:
+    return check()
+
+
+@pytest.fixture(scope="module")
+def still() -> RecordingReport:
+    return check(speed_px=0.0)
+
+
+def states(report: RecordingReport) -> dict[str, str]:
+    return {name: verdict.state for name, verdict in report.verdicts.items()}
+
+
+def said(report: RecordingReport, *words: str) -> bool:
+    return any(all(word in note for word in words) for note in report.notes)
+
+
+def test_a_good_recording_is_good_in_every_respect(good: RecordingReport) -> None:
+    assert states(good) == dict.fromkeys(("response", "vignette", "exposures"), "identifiable")
+    assert good.exposure_lag_frames == 0
+    assert good.brightness is not None
+    assert not good.brightness.stale
+    assert not good.brightness.jumps
+    assert not good.brightness.flicker
+    assert good.brightness.unexplained_share < 0.02
+    assert (good.timing.dropped_frames, good.timing.duplicate_frames) == (0, ())
+    assert good.notes == ()
+
+
+def test_a_slope_of_the_response_is_found_without_knowing_it(good: RecordingReport) -> None:
+    assert good.lag.fit is not None
+    assert np.median(good.lag.fit.slopes) == pytest.approx(1 / 2.2, rel=0.1)
+
+
+@pytest.mark.parametrize("lag", [-3, -2, -1, 1, 2, 3])
+def test_a_lag_is_found_and_said(lag: int) -> None:
+    report = check(lag=lag, seed=lag + 3)
+    assert report.exposure_lag_frames == lag
+    assert report.verdicts["exposures"].state == "marginal"
+    assert f"--lag {lag}" in report.verdicts["exposures"].remedy
+    assert report.verdicts["response"].state != "identifiable"
+
+
+def test_constant_exposures_leave_no_response() -> None:
+    report = check(log_exposure=np.zeros(FRAMES))
+    assert report.exposure_lag_frames is None
+    assert states(report)["response"] == states(report)["vignette"] == "not identifiable"
+    assert states(report)["exposures"] == "identifiable"
+    assert "auto exposure" in report.verdicts["response"].remedy
+
+
+def test_constant_metadata_of_a_camera_that_adapts_are_stale() -> None:
+    report = check(log_exposure=np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES))
+    assert report.brightness is not None
+    assert report.brightness.stale
+    assert states(report) == dict.fromkeys(("response", "vignette", "exposures"), "not identifiable")
+    assert "stale" in report.verdicts["exposures"].reason
+
+
+def test_exposures_of_another_recording_are_never_given_a_lag() -> None:
+    for seed in range(2):
+        report = check(
+            log_exposure=wandering(FRAMES, seed), hidden_log_gain=wandering(FRAMES, 50) - wandering(FRAMES, seed)
+        )
+        assert report.exposure_lag_frames is None
+        assert states(report)["exposures"] != "identifiable"
+        assert states(report)["response"] != "identifiable"
+
+
+def test_jumps_of_a_hidden_gain_are_told() -> None:
+    gain = np.where(np.arange(FRAMES) < 40, 0.0, np.log(1.5))
+    report = check(hidden_log_gain=gain)
+    assert report.brightness is not None
+    assert [jump.frame for jump in report.brightness.jumps] == [40]
+    assert said(report, "jumps once", "frame 40", "gain")
+
+
+def test_a_camera_that_stands_still_shows_no_vignette(still: RecordingReport) -> None:
+    assert still.motion.still
+    assert states(still)["vignette"] == "not identifiable"
+    assert states(still)["response"] == "identifiable"
+
+
+def test_flicker_is_found_with_its_frequency() -> None:
+    cycles = 0.23
+    flicker = 0.05 * np.sin(2 * np.pi * cycles * np.arange(FRAMES))
+    report = check(hidden_log_gain=flicker)
+    assert report.brightness is not None
+    assert report.brightness.flicker[0].cycles_per_frame == pytest.approx(cycles, abs=0.005)
+    # Grey moves by the slope of the response times ln of the light.
+    assert report.brightness.flicker[0].brightness_amplitude == pytest.approx(0.05 / 2.2, rel=0.25)
+    assert said(report, "flickers")
+
+
+def test_local_tone_mapping_is_suspected() -> None:
+    report = check(local_tone=3.0, log_exposure=wandering(FRAMES, step=0.1))
+    assert said(report, "local tone mapping")
+
+
+def test_saturation_and_darkness_are_told() -> None:
+    bright = check(log_exposure=wandering(FRAMES) + 1.4)
+    assert said(bright, "saturated")
+    dark = check(log_exposure=wandering(FRAMES) - 4.5, gamma=1.0)
+    assert said(dark, "black")
+
+
+def test_grey_levels_that_hardly_vary_make_the_response_marginal() -> None:
+    report = check(log_exposure=0.1 * wandering(FRAMES) - 3.2, gamma=1.0, noise=0.2)
+    assert report.pixels.covered_grey.mean() < 0.4
+    assert states(report)["response"] != "identifiable"
+
+
+def test_a_disc_and_a_border_are_told_apart() -> None:
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    disc = np.hypot(x - SIZE[0] / 2, y - SIZE[1] / 2) > SIZE[1] * 0.48
+    report = check(black=disc, log_exposure=wandering(40))
+    assert report.pixels.surround == "disc"
+    assert report.pixels.surround_share == pytest.approx(disc.mean(), abs=0.06)
+    report = check(black=y < 9, log_exposure=wandering(40))
+    assert report.pixels.surround == "border"
+    assert report.pixels.surround_share == pytest.approx(9 / SIZE[1], abs=0.02)
+
+
+def test_what_is_masked_is_not_looked_at() -> None:
+    recording = Film(wandering(50)).recording()
+    lamp = np.broadcast_to(np.arange(SIZE[0]) > SIZE[0] * 0.7, SIZE[::-1])
+    images = [np.where(lamp, 255, frame.image).astype(np.uint8) for frame in recording]
+    spoiled = ArrayRecording(images, recording.exposures_ms, recording.stamps_s)
+    assert check_recording(spoiled).pixels.saturated_share > 0.25
+    report = check_recording(masked(spoiled, ~lamp))
+    assert report.pixels.saturated_share < 0.05
+    assert report.exposure_lag_frames == 0
+
+
+def test_repeated_and_missing_frames_are_counted() -> None:
+    recording = Film(wandering(60)).recording()
+    images = [frame.image for frame in recording]
+    images[20] = images[19]
+    stamps = np.arange(60) / 20 + np.where(np.arange(60) >= 30, 0.1, 0.0)
+    report = check_recording(ArrayRecording(images, recording.exposures_ms, stamps))
+    assert report.timing.duplicate_frames == (20,)
+    assert (report.timing.gaps, report.timing.dropped_frames) == (1, 2)
+    assert said(report, "1 of 59 frames repeat", "frame 20")
+    assert said(report, "2 frames missing in 1 gap", "20 frames a second")
+
+
+def test_padded_bits_are_told() -> None:
+    recording = Film(wandering(40), max_grey=1023).recording()
+    padded = ArrayRecording([frame.image << 2 for frame in recording], recording.exposures_ms, max_grey=4095)
+    report = check_recording(padded)
+    assert report.pixels.empty_low_bits == 2
+    assert said(report, "lowest 2 bits")
+
+
+def test_few_frames_cannot_be_checked_and_do_not_speak_against_the_response() -> None:
+    exposures = np.log(2.0) * np.arange(6) - 2
+    report = check(log_exposure=exposures, speed_px=0.0)
+    assert report.exposure_lag_frames is None
+    assert states(report)["exposures"] == "marginal"
+    assert "only 6 frames" in report.verdicts["exposures"].reason
+    assert states(report)["response"] == "identifiable"
+
+
+def test_frames_that_cannot_be_read_are_passed_over() -> None:
+    recording = Film(wandering(50)).recording()
+    broken = _WithHoles(recording, frozenset({3, 17}))
+    report = check_recording(broken)
+    assert report.unreadable == 2
+    assert said(report, "2 of the frames looked at cannot be read")
+    with pytest.raises(RecordingError, match="none of the 50 frames"):
+        check_recording(_WithHoles(recording, frozenset(range(50))))
+
+
+class _WithHoles:
+    """A recording some of whose images are damaged."""
+
+    def __init__(self, inner: ArrayRecording, damaged: frozenset[int]) -> None:
+        self._inner, self._damaged = inner, damaged
+
+    def __getattr__(self, name: str):
+        return getattr(self._inner, name)
+
+    def __len__(self) -> int:
+        return len(self._inner)
+
+    def __iter__(self):
+        from ospc.errors import FrameError
+
+        def fail():
+            raise FrameError("damaged")
+
+        for frame in self._inner:
+            yield replace(frame, load=fail) if frame.index in self._damaged else frame
+
+
+@pytest.mark.parametrize("setting", [{"frames": 1}, {"max_lag": 0}])
+def test_settings_that_mean_nothing_are_refused(setting: dict[str, int]) -> None:
+    with pytest.raises(SettingError):
+        check_recording(Film(wandering(3)).recording(), **setting)
+
+
+def test_only_as_many_frames_are_looked_at_as_allowed() -> None:
+    recording = Film(wandering(200)).recording()
+    seen: list[tuple[int, int]] = []
+    report = check_recording(recording, frames=80, progress=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (80, 80) == (len(report.looked_at), len(seen))
+    assert report.looked_at == tuple(sorted(set(report.looked_at)))
+    assert report.frames == 200
+    assert report.exposure_lag_frames == 0
+
+
+def test_the_answer_is_json_with_units(good: RecordingReport) -> None:
+    content = json.loads(json.dumps(good.as_dict(), allow_nan=False))
+    assert content["exposure_lag_frames"] == 0
+    assert content["verdicts"] == states(good)
+    assert content["exposure"]["lowest_ms"] == pytest.approx(good.exposure.lowest_ms)
+    assert content["timing"]["frames_per_s"] == pytest.approx(20)
+    unknown = check(log_exposure=jumping(3)).as_dict()
+    assert unknown["exposure_lag_frames"] is None
+    json.dumps(unknown, allow_nan=False)
