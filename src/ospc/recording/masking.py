@@ -15,6 +15,7 @@ from ospc.recording.channel import Channel
 from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
+from ospc.recording.wording import quoted
 
 _LEAST_PIXELS = 64
 
@@ -47,7 +48,7 @@ class Region:
         """
         match = re.fullmatch(r"\s*(\d{1,6})" + r"\s*,\s*(\d{1,6})" * 3 + r"\s*", text, re.ASCII)
         if match is None:
-            raise SettingError(f"a region of interest is written x,y,width,height in pixels, not '{text[:40]}'")
+            raise SettingError(f"a region of interest is written x,y,width,height in pixels, not {quoted(text)}")
         return cls(*(int(group) for group in match.groups()))
 
 

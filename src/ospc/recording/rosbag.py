@@ -27,7 +27,7 @@ from ospc.recording.frame import Frame
 from ospc.recording.frame_table import EXPOSURE_RANGE_MS
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
-from ospc.recording.wording import listed
+from ospc.recording.wording import escaped, listed
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ class Rosbag:
         bag = Bag.at(path)
         images, notes = image_topic(bag, options)
         carrying = exposure_topic(bag, images, options)
-        source = f"{path}: {carrying.name}"
+        source = f"{path}: {escaped(carrying.name)}"
         carrier = carrier_of(carrying, options)
         contents = _go_through(bag, images, carrying, carrier)
         if not len(contents.images.log_ns):
-            raise RecordingError(f"{path}: {images.name} holds no images")
+            raise RecordingError(f"{path}: {escaped(images.name)} holds no images")
         if not len(contents.exposures.log_ns):
             raise ExposureError(f"{source}: holds no exposures ({carrier.says})")
         matching = match(contents.images, contents.exposures, source)
@@ -70,7 +70,7 @@ class Rosbag:
         stream = ImageStream(bag, images, contents.images.log_ns)
         load = partial(_load, stream, images, options)
         layout, pixel_notes = find_layout(
-            lambda i: load(int(kept[i])), exposures_ms, f"{path}: {images.name}", options, take_green=True
+            lambda i: load(int(kept[i])), exposures_ms, f"{path}: {escaped(images.name)}", options, take_green=True
         )
         said = [*notes, *unit_notes, *matching.notes, *stamp_notes, *pixel_notes]
         stamps_s = stamps_ns / 1e9
@@ -144,7 +144,7 @@ class BagRecording:
         stream = ImageStream(self.bag, self.topic, self.times.log_ns)
         for index in range(len(self)):
             stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
-            name = f"{self.topic.name}[{self.kept[index]}]"
+            name = _label(self.topic, int(self.kept[index]))
             yield Frame(index, stamp_s, exposure_ms, name, partial(self._load, stream, index), self.max_grey)
 
     def stored_bytes(self, index: int) -> bytes:
@@ -192,7 +192,9 @@ def _go_through(bag: Bag, images: Topic, carrying: Topic, carrier: Carrier) -> _
                     values.append(reading.exposure)
                     gains.append(reading.gain)
         except (DamagedMessageError, OverflowError) as error:
-            raise RecordingError(f"{bag.path}: a message of {message.topic} cannot be read: {error}") from None
+            raise RecordingError(
+                f"{bag.path}: a message of {escaped(message.topic)} cannot be read: {error}"
+            ) from None
     return _Contents(
         Times(*(np.array(column, dtype=np.int64) for column in image_times)),
         Times(*(np.array(column, dtype=np.int64) for column in exposure_times)),
@@ -280,7 +282,7 @@ def _read(stream: ImageStream, number: int) -> bytes:
 
 
 def _label(topic: Topic, number: int) -> str:
-    return f"{topic.name}[{number}]"
+    return f"{escaped(topic.name)}[{number}]"
 
 
 KIND = Rosbag()

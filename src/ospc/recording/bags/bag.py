@@ -11,6 +11,7 @@ from ospc.recording.bags.container import BagFile, Message, Topic
 from ospc.recording.bags.mcap_file import MAGIC, McapFile
 from ospc.recording.bags.rosbags_files import ROS1_START, SQLITE_START, Ros1File, Sqlite3File
 from ospc.recording.image_names import by_name
+from ospc.recording.wording import quoted
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _COMPRESSED = (".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
@@ -74,7 +75,8 @@ class Bag:
                     )
                 else:
                     raise RecordingError(
-                        f"{file.path}: the topic {topic.name} is of type {topic.type}, but of {have.type} elsewhere"
+                        f"{file.path}: the topic {quoted(topic.name)} is of type {quoted(topic.type)}, but of "
+                        f"{quoted(have.type)} elsewhere"
                     )
         return tuple(sorted(found.values(), key=lambda topic: by_name(topic.name)))
 

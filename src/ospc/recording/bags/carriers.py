@@ -19,7 +19,7 @@ from ospc.recording.bags.messages import MessageType, is_field, value_at
 from ospc.recording.bags.wire import DamagedMessageError
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
-from ospc.recording.wording import quoted
+from ospc.recording.wording import escaped, quoted
 
 _HEADER = "std_msgs/Header header\n"
 _HEADER_TYPE = f"{'=' * 80}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
@@ -80,7 +80,7 @@ class Carrier:
         description = topic.description or self.description
         if not description:
             raise ExposureError(
-                f"the bag does not say what messages of type {topic.type} are made of; record it as .mcap, "
+                f"the bag does not say what messages of type {escaped(topic.type)} are made of; record it as .mcap, "
                 f"or convert it with 'ros2 bag convert'"
             )
         kind = MessageType(topic.type, description, topic.encoding, idl=topic.idl)
@@ -247,8 +247,8 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
         known = _KNOWN.get(topic.type.rpartition("/")[2])
         if known is None:
             raise ExposureError(
-                f"{topic.name} is of type {topic.type}; state which of its fields is the exposure with "
-                f"--exposure-field"
+                f"{escaped(topic.name)} is of type {escaped(topic.type)}; state which of its fields is the exposure "
+                f"with --exposure-field"
             )
         carrier = known
     return replace(

@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 from ospc.errors import OspcError, RecordingError
 from ospc.recording.bags.wire import Encoding
+from ospc.recording.wording import escaped
 
 MAX_CHUNK_BYTES = 256 * 2**20
 """Chunks and messages that are, or expand to, more are refused."""
@@ -108,7 +109,7 @@ def refusing_damage(path: Path, advice: str) -> Iterator[None]:
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
     except Exception as error:
-        said = " ".join(str(error).split())[:120]
+        said = escaped(" ".join(str(error).split())[:120])
         why = f" ({said})" if said else ""
         raise RecordingError(f"{path}: the bag is damaged or ends early{why}; {advice}") from None
 

@@ -7,6 +7,7 @@ import sys
 
 from ospc.errors import MissingExtraError, RecordingError
 from ospc.recording.bags.container import MAX_CHUNK_BYTES
+from ospc.recording.wording import quoted
 
 ZSTD_START = b"\x28\xb5\x2f\xfd"
 
@@ -41,7 +42,7 @@ def expand(data: bytes, compression: str, size: int | None = None) -> bytes:
     elif compression == "bz2":
         expanded = bz2.BZ2Decompressor().decompress(data, max_length=limit + 1)
     else:
-        raise RecordingError(f"its compression '{compression[:20]}' is unknown")
+        raise RecordingError(f"its compression {quoted(compression)} is unknown")
     if len(expanded) > limit or (size is not None and len(expanded) != size):
         raise RecordingError("a chunk does not expand to the size that is stated for it")
     return expanded

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ospc.errors import FrameError
 from ospc.recording.bags.bag import Bag
 from ospc.recording.bags.container import Message, Topic
+from ospc.recording.wording import escaped
 
 _READ_ON = 64
 """Images farther ahead than this are gone to directly instead of reading what lies between."""
@@ -60,7 +61,9 @@ class ImageStream:
                 self._start(index)
                 data = self._go_to(index)
             if data is None:
-                raise FrameError(f"{self._bag.path}: image {index} of {self._topic.name} is not there any more")
+                raise FrameError(
+                    f"{self._bag.path}: image {index} of {escaped(self._topic.name)} is not there any more"
+                )
             self._next = index + 1
             return data
 

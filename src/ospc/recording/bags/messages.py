@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ospc.recording.bags.wire import FORMATS, DamagedMessageError, Encoding, Wire
+from ospc.recording.wording import escaped, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -53,10 +54,10 @@ class MessageType:
         self._name = name
         self._encoding = encoding
         if len(description) > MAX_DESCRIPTION_CHARACTERS:
-            raise DamagedMessageError(f"the type {name} has a description of {len(description)} characters")
+            raise DamagedMessageError(f"the type {quoted(name)} has a description of {len(description)} characters")
         self._fields: Mapping[str, Sequence[tuple[str, Any]]] = _ALWAYS | _parsed(name, description, idl=idl)
         if name not in self._fields:
-            raise DamagedMessageError(f"the type {name} is not described")
+            raise DamagedMessageError(f"the type {quoted(name)} is not described")
 
     def decode(self, data: bytes) -> dict[str, Any]:
         """Return the fields of a message: numbers, texts, arrays of numbers, and lists and dictionaries of these.
@@ -79,7 +80,7 @@ class _Decoder:
 
     def message(self, name: str, depth: int) -> dict[str, Any]:
         if depth > _MAX_DEPTH or name not in self._fields:
-            raise DamagedMessageError(f"the type {name} is not described")
+            raise DamagedMessageError(f"the type {quoted(name)} is not described")
         self._count(1)
         return {field: self._value(description, depth) for field, description in self._fields[name]}
 
@@ -105,7 +106,7 @@ class _Decoder:
                 raise DamagedMessageError("messages with wide text cannot be read")
             return self._wire.text()
         if name not in FORMATS:
-            raise DamagedMessageError(f"messages with values of type {name} cannot be read")
+            raise DamagedMessageError(f"messages with values of type {quoted(name)} cannot be read")
         return self._wire.number(name)
 
     def _count(self, items: int) -> None:
@@ -138,7 +139,7 @@ def is_field(text: str) -> bool:
 
 
 def _known(message: Mapping[str, Any]) -> str:
-    return ", ".join(list(message)[:12])
+    return escaped(", ".join(list(message)[:12])[:200])
 
 
 def _parsed(name: str, description: str, *, idl: bool) -> dict[str, Sequence[tuple[str, Any]]]:
@@ -153,7 +154,7 @@ def _parsed(name: str, description: str, *, idl: bool) -> dict[str, Sequence[tup
                 found.update(get_types_from_idl(part))
     except Exception:
         # The parser fails in ways it does not name.
-        raise DamagedMessageError(f"the description of the type {name} cannot be understood") from None
+        raise DamagedMessageError(f"the description of the type {quoted(name)} cannot be understood") from None
     return {key: fields for key, (_, fields) in found.items()}
 
 

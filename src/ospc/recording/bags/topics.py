@@ -8,7 +8,7 @@ from ospc.recording.bags.carriers import candidates
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import IMAGE_TYPES, RAW
 from ospc.recording.options import ReadingOptions
-from ospc.recording.wording import listed, quoted
+from ospc.recording.wording import escaped, listed, quoted
 
 _NO_GREY = ("depth", "disparity", "segmentation", "mask", "label")
 
@@ -24,14 +24,16 @@ def image_topic(bag: Bag, options: ReadingOptions) -> tuple[Topic, list[str]]:
     if options.image_topic is not None:
         topic = _named(bag, options.image_topic)
         if topic.type not in IMAGE_TYPES:
-            raise RecordingError(f"{bag.path}: {topic.name} holds {topic.type}, no images; see --list-topics")
+            raise RecordingError(
+                f"{bag.path}: {escaped(topic.name)} holds {escaped(topic.type)}, no images; see --list-topics"
+            )
         return topic, []
     found = image_topics(bag)
     if not found:
         raise RecordingError(f"{bag.path}: has no topic with images; it has {_names(bag.topics)}")
     first, others = found[0], found[1:]
     return first, [
-        f"{first.name} is read; choose {listed([t.name for t in others])} with --image-topic"
+        f"{escaped(first.name)} is read; choose {listed([t.name for t in others])} with --image-topic"
     ] if others else []
 
 
@@ -73,8 +75,8 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     best = [t for t, count in zip(found, shared, strict=True) if count == max(shared)]
     if len(best) > 1:
         raise ExposureError(
-            f"{bag.path}: several topics may hold the exposures of {images.name} ({listed([t.name for t in best])}); "
-            f"state one with --exposure-topic"
+            f"{bag.path}: several topics may hold the exposures of {escaped(images.name)} "
+            f"({listed([t.name for t in best])}); state one with --exposure-topic"
         )
     return best[0]
 

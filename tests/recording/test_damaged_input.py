@@ -1,0 +1,52 @@
+"""A few damaged inputs for every parser; ``benchmarks/fuzz_parsers.py`` tries many more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from parser_targets import Target, attempt, damaged, targets
+
+NAMES = (
+    "times.txt",
+    "exposures.csv",
+    "image_list.txt",
+    "image file",
+    "images.zip",
+    "EXIF",
+    "ROS 1 bag",
+    "ROS 2 bag, sqlite3",
+    "ROS 2 bag, mcap",
+    "recording in mcap",
+    "image message",
+    "image message of ROS 1",
+    "exposure message",
+    "description of messages",
+    "region",
+)
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Target]:
+    return targets(tmp_path_factory.mktemp("samples"))
+
+
+def test_every_parser_is_tried(known: dict[str, Target]) -> None:
+    assert set(known) == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_undamaged_samples_are_accepted(known: dict[str, Target], name: str, tmp_path: Path) -> None:
+    accepted = [attempt(known[name], sample, tmp_path) for sample in known[name].samples]
+    assert any(accepted)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_whatever_comes_is_understood_or_refused(known: dict[str, Target], name: str, tmp_path: Path) -> None:
+    @settings(max_examples=30, database=None)
+    @given(damaged(known[name]))
+    def one(data: bytes) -> None:
+        attempt(known[name], data, tmp_path)
+
+    one()
