@@ -9,7 +9,7 @@ import ospc.output
 from calibrations import SIZE, calibration
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import read_pcalib, read_vignette
-from ospc.output import OWN_NAMES, OutputFolder
+from ospc.output import OWN_NAMES, REPORTS, OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import ArrayRecording
@@ -61,7 +61,7 @@ def test_what_is_unknown_is_not_written_and_does_not_remain_from_before(tmp_path
     folder.draw(lacking)
     gone = {"response": {"pcalib.txt", "plot_response.png"}, "vignette": {"vignette.png", "plot_vignette.png"}}[part]
     absent = gone | {"pcalib_16bit.txt", "calibration.vignette.npz"}
-    assert names(tmp_path) == sorted(set(OWN_NAMES) - absent)
+    assert names(tmp_path) == sorted(set(OWN_NAMES) - absent - set(REPORTS))
 
 
 def test_a_raster_vignette_is_stored_beside_and_goes_with_its_calibration(tmp_path):

@@ -16,13 +16,17 @@ from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
+from ospc.report.examples import Examples, examples_of, exposures_beside
+from ospc.report.page import Findings, write_page
+from ospc.report.pdf import write_pdf
 from ospc.report.pictures import PICTURES, write_picture
 
 _STATE = re.compile(r"state\.ospc|\.state\.ospc\.\d+\.part")
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
 _DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt")
-OWN_NAMES = (*_DATA, *PICTURES)
+REPORTS = ("report.html", "report.pdf")
+OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
 """All that is ever written into such a folder; nothing else in it is touched."""
 
 
@@ -149,6 +153,46 @@ class OutputFolder:
                 return written + Written(problems=(f"{self.path / name}: cannot be drawn ({error})",))
             written += Written(() if drawn is None else (drawn,))
         return written
+
+    def report(
+        self,
+        calibration: Calibration,
+        recording: Recording | None = None,
+        truth: Photometry | None = None,
+        *,
+        pdf: bool = False,
+    ) -> Written:
+        """Write report.html, and report.pdf if asked for.
+
+        Parameters
+        ----------
+        calibration
+            What to report.
+        recording
+            What pictures and points to follow are taken from; without it, there are none.
+        truth
+            What to draw it against.
+        pdf
+            Whether to write the PDF too.
+        """
+        written = Written()
+        try:
+            findings = self._findings(calibration, recording, truth)
+            written += Written((write_page(findings, self.path / "report.html"),))
+            if pdf:
+                written += Written((write_pdf(findings, self.path / "report.pdf"),))
+        except MissingExtraError as error:
+            return written + Written(notes=(f"no report.pdf: {error}",))
+        except OspcError as error:
+            return written + Written(problems=(str(error),))
+        except Exception as error:  # a report is not worth losing what follows it
+            return written + Written(problems=(f"{self.path}: the report cannot be made ({error})",))
+        return written
+
+    def _findings(self, calibration: Calibration, recording: Recording | None, truth: Photometry | None) -> Findings:
+        if recording is None:
+            return Findings(calibration, exposures_beside(self.path), Examples(), truth)
+        return Findings(calibration, recording.exposures_ms, examples_of(calibration, recording), truth)
 
     @staticmethod
     def _writers(

@@ -354,7 +354,13 @@ class TestInterruptions:
         result = run(recording, "-o", tmp_path / "out")
         assert result.exit_code == 130
         assert stored(tmp_path / "out")["partial"] is True
-        assert names(tmp_path / "out") == ["calibration.json", "pcalib.txt", "times.txt", "vignette.png"]
+        assert names(tmp_path / "out") == [
+            "calibration.json",
+            "pcalib.txt",
+            "report.html",
+            "times.txt",
+            "vignette.png",
+        ]
         assert read_pcalib(tmp_path / "out" / "pcalib.txt")
         assert read_vignette(tmp_path / "out" / "vignette.png").size == SIZE
 

@@ -8,10 +8,11 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.coverage import Coverage
 from ospc.report.svg import Chart, Scale, figure
-from ospc.report.words import WELL_FOUNDED, misfit_of
+from ospc.report.words import least_samples, misfit_of
 
 _PERCENT = 100.0
 _LEAST_SPAN = 0.5
+_LEAST_RANGE = 1.05
 
 
 def exposures_figure(exposures_ms: FloatArray, ratios: ExposureRatios) -> str:
@@ -37,7 +38,7 @@ def exposures_figure(exposures_ms: FloatArray, ratios: ExposureRatios) -> str:
 def shown_exposures(exposures_ms: FloatArray, ratios: ExposureRatios) -> tuple[IntArray, FloatArray]:
     """Return frames and the exposure that images show for each: the median over its well-founded pairs."""
     pairs = np.flatnonzero(
-        (ratios.samples >= WELL_FOUNDED) & (ratios.frames.max(axis=1, initial=0) < len(exposures_ms))
+        (ratios.samples >= least_samples(ratios)) & (ratios.frames.max(axis=1, initial=0) < len(exposures_ms))
     )
     first, second = ratios.frames[pairs].T
     later_ms = exposures_ms[first] / ratios.estimated[pairs]
@@ -47,7 +48,8 @@ def shown_exposures(exposures_ms: FloatArray, ratios: ExposureRatios) -> tuple[I
 
 def ratios_figure(ratios: ExposureRatios) -> str:
     """Return exposure ratios of pairs of frames from the images against those stated."""
-    founded = ratios.samples >= WELL_FOUNDED
+    least = least_samples(ratios)
+    founded = ratios.samples >= least
     shown = founded if founded.any() else np.ones_like(founded)
     low, high = _limits(ratios.metadata[shown], ratios.estimated[shown])
     scale = Scale(low, high, "exposure ratio k by the metadata", logarithmic=True)
@@ -57,7 +59,7 @@ def ratios_figure(ratios: ExposureRatios) -> str:
     chart.points(ratios.metadata[founded], ratios.estimated[founded], "green")
     keys = [("dashed ink", "equal"), ("dots green", "pair of frames")]
     if not founded.all():
-        keys.append(("dots grey few", f"{int((~founded).sum())} pairs of fewer than {WELL_FOUNDED} samples"))
+        keys.append(("dots grey few", f"{int((~founded).sum())} pairs of fewer than {least} samples"))
     return figure(
         [chart.svg()],
         keys,
@@ -69,6 +71,9 @@ def grey_coverage_figure(coverage: Coverage, max_grey: int) -> str:
     """Return how often each grey level was seen at each exposure."""
     counts = coverage.grey_exposure
     edges = coverage.exposure_edges_ms
+    if edges[-1] < _LEAST_RANGE * edges[0]:  # one exposure: one broad class
+        counts = counts.sum(axis=0, keepdims=True)
+        edges = np.sqrt(edges[0] * edges[-1]) * np.array([1 / _LEAST_RANGE, _LEAST_RANGE])
     chart = Chart(
         Scale(0, max_grey, "grey level M"),
         Scale(float(edges[0]), float(edges[-1]), "exposure in ms", logarithmic=True),

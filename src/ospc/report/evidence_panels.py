@@ -11,6 +11,7 @@ from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.coverage import Coverage
 from ospc.report.evidence_charts import shown_exposures
 from ospc.report.examples import PicturePair
+from ospc.report.panels import logarithmic
 from ospc.report.style import BLACK, BLUE, GREEN, ORANGE
 
 _PERCENT = 100.0
@@ -21,7 +22,9 @@ def draw_exposures_stated(axes: Any, exposures_ms: FloatArray, ratios: ExposureR
     frame, estimated_ms = shown_exposures(exposures_ms, ratios)
     axes.step(np.arange(len(exposures_ms)), exposures_ms, where="post", color=BLACK, lw=1, label="stated")
     axes.plot(frame, estimated_ms, "o", color=GREEN, ms=3.5, mew=0, alpha=0.7, label="shown by the images")
-    axes.set(title="Exposures along the recording", xlabel="frame", ylabel="exposure in ms", yscale="log")
+    axes.set(title="Exposures along the recording", xlabel="frame", ylabel="exposure in ms")
+    every = np.concatenate([exposures_ms, estimated_ms])
+    logarithmic(axes, float(every.min() / 1.1), float(every.max() * 1.1), "y")
     axes.legend(loc="best")
 
 
@@ -29,7 +32,8 @@ def draw_grey_coverage(axes: Any, coverage: Coverage, max_grey: int) -> None:
     """Draw how often each grey level was seen at each exposure."""
     counts = coverage.grey_exposure
     _draw_counts(axes, np.linspace(0, max_grey, counts.shape[1] + 1), coverage.exposure_edges_ms, counts)
-    axes.set(title="Samples: grey × exposure", xlabel="grey level M", ylabel="exposure in ms", yscale="log")
+    axes.set(title="Samples: grey × exposure", xlabel="grey level M", ylabel="exposure in ms")
+    logarithmic(axes, float(coverage.exposure_edges_ms[0]), float(coverage.exposure_edges_ms[-1]), "y")
 
 
 def draw_radius_coverage(axes: Any, coverage: Coverage) -> None:

@@ -15,17 +15,22 @@ from ospc.evaluation.frame_kinds import RawFrames
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
 from ospc.photometry.calibration import Calibration, ExposureRatios
 from ospc.photometry.correction import Corrector
+from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
 from ospc.recording import Frame, Recording
-from ospc.report.words import WELL_FOUNDED
+from ospc.report.words import FOUNDED
 
 TRACKED_FRAMES = 20
 """Frames of the excerpt that every report follows points through: enough to tell, few enough to cost no time."""
 
 _PICTURES = 2
 _WIDTH_PX = 480
-_VIDEO_REACH = 300
-"""Frames from its beginning that are taken from a video, of which each frame needs those before it decoded."""
+_STREAMS = ("video", "rosbag")
+_STREAM_REACH = 300
+"""Frames from its beginning that are taken from a recording of which each frame costs those before it."""
+
+_STILL = 0.98
+"""Share of sightings that stay in their class of radii where the camera stands still."""
 
 
 @dataclass(frozen=True)
@@ -87,11 +92,15 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
     if calibration.response is None and calibration.vignette is None:
         return Examples(notes=("no pictures: there is nothing to correct with",))
     corrector = Corrector(calibration.response, calibration.vignette, recording.max_grey, assume_missing=True)
-    reach = min(len(recording), _VIDEO_REACH if recording.kind == "video" else len(recording))
+    reach = min(len(recording), _STREAM_REACH if recording.kind in _STREAMS else len(recording))
     notes: list[str] = []
     pictures: tuple[PicturePair, ...] = ()
     try:
-        pictures = _pictures(corrector, recording, _chosen_pairs(calibration.exposure_ratios, reach))
+        if _stands_still(calibration.coverage):
+            pairs = _far_exposures(recording.exposures_ms[:reach])
+        else:
+            pairs = _chosen_pairs(calibration.exposure_ratios, reach)
+        pictures = _pictures(corrector, recording, pairs)
     except OspcError as error:
         notes.append(f"no pictures: {error}")
     if tracked_frames < 2:
@@ -149,7 +158,7 @@ class _Excerpt:
 def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
     """Return the pairs whose exposures differ most, among those that share much of their scene; else one frame."""
     inside = np.all(ratios.frames < reach, axis=1)
-    shared = ratios.samples >= max(WELL_FOUNDED, 0.5 * float(ratios.samples.max(initial=0)))
+    shared = ratios.samples >= max(FOUNDED, 0.5 * float(ratios.samples.max(initial=0)))
     chosen: list[tuple[int, int]] = []
     for pair in np.argsort(-np.abs(np.log(ratios.metadata)), kind="stable"):
         first, second = (int(frame) for frame in ratios.frames[pair])
@@ -159,6 +168,18 @@ def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
         if len(chosen) == _PICTURES:
             break
     return chosen or [(reach // 2, reach // 2)]
+
+
+def _stands_still(coverage: Coverage | None) -> bool:
+    if coverage is None or not coverage.radius_radius.any():
+        return False
+    return float(np.trace(coverage.radius_radius) / coverage.radius_radius.sum()) > _STILL
+
+
+def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, int]]:
+    """Return two frames of one unchanging scene, between which the exposures of most frames lie."""
+    order = np.argsort(exposures_ms, kind="stable")
+    return [(int(order[len(order) // 5]), int(order[-1 - len(order) // 5]))]
 
 
 def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int, int]]) -> tuple[PicturePair, ...]:

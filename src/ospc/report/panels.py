@@ -11,9 +11,9 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRati
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE
+from ospc.report.words import least_samples, misfit_of
 
 _BANDS = ((2, 0.2), (1, 0.35))
-_WELL_FOUNDED = 50
 _MOST_POINTS = 4000
 
 
@@ -110,7 +110,6 @@ def draw_exposures(axes: Any, calibration: Calibration) -> None:
     metadata, estimated = ratios.metadata[chosen], ratios.estimated[chosen]
     limits = _limits(metadata, estimated, founded)
     axes.plot(limits, limits, "--", color=BLACK, lw=1.3, label="equal", zorder=1)
-    spread = float(np.median(np.abs(ratios.log_residual)))
     axes.scatter(
         metadata[founded],
         estimated[founded],
@@ -118,12 +117,12 @@ def draw_exposures(axes: Any, calibration: Calibration) -> None:
         color=GREEN,
         alpha=0.65,
         lw=0,
-        label=f"pair of frames\n(median |Δ ln k| of all {ratios.metadata.size}: {spread:.2g})",
+        label=f"pair of frames\n(median |Δ ln k|: {misfit_of(ratios):.2g})",
     )
     if not founded.all():
-        label = f"{np.sum(~founded)} pairs with fewer than {_WELL_FOUNDED} samples"
+        label = f"{np.sum(~founded)} pairs with fewer than {least_samples(ratios)} samples"
         axes.scatter(metadata[~founded], estimated[~founded], s=12, facecolors="none", edgecolors=GREY, label=label)
-    _logarithmic(axes, *limits, "xy")
+    logarithmic(axes, *limits, "xy")
     room_for_legend = (limits[1] / limits[0]) ** 0.25
     axes.set(xlim=limits, ylim=(limits[0], limits[1] * room_for_legend))
     axes.legend(loc="upper left")
@@ -141,7 +140,7 @@ def draw_exposures_over_time(axes: Any, calibration: Calibration) -> None:
     axes.plot(frame, metadata, "x", color=BLACK, ms=5, mew=1.1, label="metadata", zorder=3)
     axes.plot(frame, estimated, "o", color=GREEN, ms=5, mew=0, alpha=0.7, label="from the images")
     limits = _limits(metadata, estimated, np.ones(len(chosen), dtype=np.bool_))
-    _logarithmic(axes, *limits, "y")
+    logarithmic(axes, *limits, "y")
     axes.set(ylim=limits)
     axes.legend(loc="best")
 
@@ -150,7 +149,7 @@ def _chosen_pairs(ratios: ExposureRatios) -> tuple[IntArray, BoolArray]:
     """Return indices of the pairs to draw, and which of them rest on enough samples."""
     step = int(np.ceil(ratios.metadata.size / _MOST_POINTS))
     chosen = np.arange(0, ratios.metadata.size, step)
-    return chosen, ratios.samples[chosen] >= _WELL_FOUNDED
+    return chosen, ratios.samples[chosen] >= least_samples(ratios)
 
 
 def _limits(metadata: FloatArray, estimated: FloatArray, founded: BoolArray) -> tuple[float, float]:
@@ -191,7 +190,7 @@ def _vignette_sigma(calibration: Calibration, radius: FloatArray) -> FloatArray 
     return None if sigma is None else np.interp(radius, PROFILE_RADII, sigma)
 
 
-def _logarithmic(axes: Any, low: float, high: float, names: str) -> None:
+def logarithmic(axes: Any, low: float, high: float, names: str) -> None:
     """Scale axes logarithmically, with ticks as plain numbers, few enough to be read."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 

@@ -45,7 +45,7 @@ def write_pdf(findings: Findings, path: Path) -> Path:
 
     content = io.BytesIO()
     title = f"Photometric calibration of {name_of(findings.calibration)}"
-    # Without a date, the same calibration always gives the same file.
+    # No date: a report is of its calibration, which says what it was made from.
     facts_of_file = {"Title": title, "Creator": "ospc", "CreationDate": None}
     with rules(), PdfPages(content, metadata=facts_of_file) as pages:
         for figure in _pages(findings, title):

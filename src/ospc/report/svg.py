@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ospc.arrays import FloatArray
 
 WIDTH = 430
-_LEFT, _RIGHT, _TOP = 50, 12, 24
+_LEFT, _RIGHT, _TOP = 50, 12, 30
 _BOTTOM, _BOTTOM_BARE = 40, 8
 _SHADES = 9
 _MOST_POINTS = 1500

@@ -10,9 +10,11 @@ from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 
-WELL_FOUNDED = 50
-"""Samples from which the exposure ratio of a pair of frames is worth looking at by itself."""
+FOUNDED, WELL_FOUNDED = 50, 120
+"""Samples from which the exposure ratio of a pair of frames is worth looking at by itself; those of pairs that were
+matched wrongly are seldom that many, and hardly ever so many as the second."""
 
+_ENOUGH_PAIRS = 20
 _FEW = 30
 
 
@@ -48,7 +50,7 @@ def facts(calibration: Calibration) -> list[str]:
     if calibration.vignette is not None:
         found.append(_vignette_fact(calibration.vignette, calibration.vignette_sigma))
     ratios = calibration.exposure_ratios
-    founded = ratios.samples >= WELL_FOUNDED
+    founded = ratios.samples >= least_samples(ratios)
     if founded.any() and calibration.response is not None:
         misfit = float(np.median(np.abs(ratios.log_residual[founded])))
         found.append(
@@ -73,9 +75,14 @@ def uncovered_radii(coverage: Coverage) -> str:
     return f"radii {', '.join(named)}" if named else ""
 
 
+def least_samples(ratios: ExposureRatios) -> int:
+    """Return from how many samples on a pair of frames counts as well-founded: more where there are many pairs."""
+    return WELL_FOUNDED if np.sum(ratios.samples >= WELL_FOUNDED) >= _ENOUGH_PAIRS else FOUNDED
+
+
 def misfit_of(ratios: ExposureRatios) -> float:
     """Return the median misfit |Δ ln k| of well-founded pairs, of all where there are none; NaN without pairs."""
-    founded = ratios.samples >= WELL_FOUNDED
+    founded = ratios.samples >= least_samples(ratios)
     residual = np.abs(ratios.log_residual[founded] if founded.any() else ratios.log_residual)
     return float(np.median(residual)) if residual.size else float("nan")
 

@@ -1,0 +1,84 @@
+"""``ospc report``, and the report that ``ospc calibrate`` writes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from calibrations import SIZE, calibration
+from ospc.cli import calibrate, report
+from ospc.errors import FormatError, OspcError
+from ospc.simulation import SimulationSettings, simulate
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    place = tmp_path_factory.mktemp("simulated") / "r"
+    simulate(place, SimulationSettings(size=SIZE, frames=6))
+    return place
+
+
+@pytest.fixture
+def folder(tmp_path):
+    calibration().save(tmp_path / "calibration.json")
+    return tmp_path
+
+
+def call(command, *arguments):
+    return CliRunner().invoke(command, [str(a) for a in arguments])
+
+
+def test_calibrate_writes_one_even_if_nothing_was_found(recording, tmp_path):
+    done = call(calibrate.command, recording, "-o", tmp_path / "out")
+    assert done.exit_code == 3
+    assert "report.html" in done.output
+    content = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "This recording does not tell the response and the vignette" in content
+
+
+def test_calibrate_writes_a_pdf_on_request(recording, tmp_path):
+    pytest.importorskip("matplotlib")
+    call(calibrate.command, recording, "-o", tmp_path / "out", "--pdf")
+    assert (tmp_path / "out" / "report.pdf").read_bytes().startswith(b"%PDF")
+    call(calibrate.command, recording, "-o", tmp_path / "out")
+    assert not (tmp_path / "out" / "report.pdf").exists()  # of an earlier run
+
+
+def test_it_is_made_anew_of_a_calibration(folder):
+    done = call(report.command, folder)
+    assert done.exit_code == 0
+    assert done.output.splitlines() == [str(folder / "report.html")]
+    assert "Before and after" not in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_pictures_come_from_the_recording_named(folder, recording):
+    assert call(report.command, folder, "--recording", recording, "--truth", recording).exit_code == 0
+    content = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Before and after" in content
+    assert "data:image/jpeg" in content
+    assert "Drawn against the reference" in content
+
+
+def test_exposures_come_from_the_times_beside_it(folder):
+    lines = [f"{n} {n} {e}" for n, e in enumerate(np.geomspace(1, 3, 41))]
+    (folder / "times.txt").write_text("\n".join(lines))
+    call(report.command, folder)
+    assert "exposure in ms" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_without_matplotlib_the_page_is_written_and_the_lack_of_a_pdf_said(folder, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
+    done = call(report.command, folder, "--pdf")
+    assert done.exit_code == 1
+    assert "no report.pdf" in done.output
+    assert "plots" in done.output
+    assert (folder / "report.html").exists()
+
+
+def test_what_is_no_calibration_is_refused_by_name(tmp_path, recording):
+    with pytest.raises(OspcError, match="is no folder with a calibration"):
+        raise call(report.command, tmp_path / "absent").exception
+    with pytest.raises(FormatError, match=r"calibration\.json"):
+        raise call(report.command, recording).exception
+    assert not (recording / "report.html").exists()

@@ -1,0 +1,97 @@
+"""Pictures before and after: corrected ones are alike where the calibration is the camera's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recordings import SIZE, before_a_wall, calibration, coverage
+
+from ospc.errors import FrameError
+from ospc.photometry.calibration import ExposureRatios
+from ospc.photometry.response import Response
+from ospc.recording.arrays import ArrayRecording
+from ospc.report.examples import Examples, examples_of, exposures_beside
+
+EXPOSURES_MS = np.geomspace(2, 10, 24)
+
+
+def pair_of(first, second, ratio):
+    return ExposureRatios(np.array([[first, second]]), np.array([ratio]), np.array([ratio]), np.array([300]))
+
+
+@pytest.mark.parametrize("max_grey", [255, 4095])
+def test_frames_of_one_scene_are_alike_after_correction_and_not_before(max_grey):
+    recording = before_a_wall(EXPOSURES_MS, max_grey=max_grey)
+    known = calibration(max_grey=max_grey, exposure_ratios=pair_of(0, 23, 0.2))
+    (pair,) = examples_of(known, recording, tracked_frames=0).pictures
+    assert pair.frames == (0, 23)
+    assert pair.exposures_ms == (pytest.approx(2), pytest.approx(10))
+    before, after = (np.abs(np.subtract(*[i.astype(float) for i in p])) for p in (pair.recorded, pair.corrected))
+    assert np.median(before) > 30
+    assert np.median(after) < 1.5
+    assert {image.dtype for image in pair.recorded + pair.corrected} == {np.dtype(np.uint8)}
+
+
+def test_a_wrong_calibration_leaves_them_unlike():
+    recording = before_a_wall(EXPOSURES_MS)
+    wrong = calibration(exposure_ratios=pair_of(0, 23, 0.2), response=Response.gamma(1.0), vignette=None)
+    (pair,) = examples_of(wrong, recording, tracked_frames=0).pictures
+    assert np.median(np.abs(np.subtract(*[i.astype(float) for i in pair.corrected]))) > 10
+
+
+def test_a_camera_that_stands_still_shows_exposures_far_apart():
+    known = calibration(coverage=coverage(still=True))
+    (pair,) = examples_of(known, before_a_wall(EXPOSURES_MS), tracked_frames=0).pictures
+    assert pair.exposures_ms[1] / pair.exposures_ms[0] > 2
+
+
+def test_without_pairs_one_frame_is_shown():
+    known = calibration(exposure_ratios=ExposureRatios.none())
+    (pair,) = examples_of(known, before_a_wall(EXPOSURES_MS), tracked_frames=0).pictures
+    assert pair.frames[0] == pair.frames[1]
+
+
+def test_points_are_followed_where_the_exposure_changes_most():
+    exposures_ms = np.concatenate([np.full(20, 5.0), np.geomspace(5, 10, 10), np.full(20, 10.0)])
+    found = examples_of(calibration(), before_a_wall(exposures_ms), tracked_frames=12)
+    first, end = found.tracked
+    assert (first, end - first) == (19, 12) or exposures_ms[first:end].min() == 5.0
+    assert exposures_ms[first:end].max() == pytest.approx(10.0)
+    assert found.tracking.frames == 12
+    assert found.tracking.residual_ratio > 5
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"size": (32, 24)}, "another image size"),
+        ({"response": None, "vignette": None}, "nothing to correct with"),
+    ],
+)
+def test_what_cannot_be_shown_is_said(changes, reason):
+    found = examples_of(calibration(**changes), before_a_wall(EXPOSURES_MS))
+    assert found.pictures == ()
+    assert found.tracking is None
+    assert reason in found.notes[0]
+
+
+def test_unreadable_frames_and_even_ones_cost_only_what_they_would_show():
+    class Damaged(ArrayRecording):
+        def __iter__(self):
+            for frame in super().__iter__():
+                if frame.index:
+                    yield frame
+                else:
+                    raise FrameError("0000.png: torn")
+
+    images = np.full((4, SIZE[1], SIZE[0]), 90, np.uint8)
+    torn = examples_of(calibration(), Damaged(images, [1, 2, 3, 4]))
+    assert [note.split(":")[0] for note in torn.notes] == ["no pictures", "no points were followed"]
+    even = examples_of(calibration(), ArrayRecording(images, [1, 2, 3, 4]))
+    assert even.pictures
+    assert even.notes[0].startswith("no points were followed")
+
+
+def test_an_empty_answer_is_one(tmp_path):
+    assert Examples().pictures == ()
+    assert exposures_beside(tmp_path) is None

@@ -1,0 +1,113 @@
+"""The report in a real browser: nothing asked for, nothing amiss, nothing cut off, light and dark, and printed."""
+
+from __future__ import annotations
+
+import browser
+import numpy as np
+import pytest
+from recordings import before_a_wall, calibration
+
+from ospc.photometry.calibration import ExposureRatios
+from ospc.report.examples import examples_of
+from ospc.report.page import Findings, write_page
+
+REPORTS = ("everything", "nothing")
+WIDTHS_PX = (1400, 700, 400, 320)
+
+CUT_OFF = """
+[...document.querySelectorAll('body *:not(svg *)')].filter(e => {
+  const box = e.getBoundingClientRect();
+  return box.width > 0 && (box.right > document.documentElement.clientWidth + 1 || box.left < -1);
+}).map(e => e.outerHTML.slice(0, 80))
+"""
+
+CONTRASTS = """
+(() => {
+  const light = colour => {
+    const parts = colour.match(/[\\d.]+/g).slice(0, 3).map(v => v / 255);
+    const linear = parts.map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
+  };
+  const ground = e => {
+    const colour = getComputedStyle(e).backgroundColor;
+    return colour === 'rgba(0, 0, 0, 0)' && e.parentElement ? ground(e.parentElement) : colour;
+  };
+  return [...document.querySelectorAll('h1, h2, h3, p, li, td, code, figcaption, .state, svg text')].map(e => {
+    const style = getComputedStyle(e);
+    const both = [light(e.closest('svg') ? style.fill : style.color), light(ground(e.closest('svg') || e))];
+    return (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
+  });
+})()
+"""
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory):
+    program = browser.find()
+    if program is None:
+        pytest.skip(f"no browser of the names {', '.join(browser.NAMES)} on this machine")
+    running = browser.Browser(program, tmp_path_factory.mktemp("profile"))
+    yield running
+    running.close()
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    place = tmp_path_factory.mktemp("reports")
+    recording = before_a_wall(np.geomspace(2, 10, 24))
+    known = calibration(source={"name": "a_name_that_is_" + "very_" * 20 + "long"})
+    nothing = calibration(
+        response=None, vignette=None, vignette_sigma=None, coverage=None, exposure_ratios=ExposureRatios.none()
+    )
+    found = {
+        "everything": Findings(known, recording.exposures_ms, examples_of(known, recording)),
+        "nothing": Findings(nothing),
+    }
+    return {name: write_page(found[name], place / f"{name}.html").as_uri() for name in REPORTS}
+
+
+@pytest.mark.parametrize("name", REPORTS)
+@pytest.mark.parametrize("width_px", WIDTHS_PX)
+def test_it_fits_the_window_and_nothing_is_amiss(chromium, pages, name, width_px):
+    chromium.show(pages[name], width_px)
+    assert chromium.complaints() == []
+    assert [url for url in chromium.requests() if not url.startswith(("file:", "data:"))] == []
+    assert chromium.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    assert chromium.value(CUT_OFF) == []
+    assert chromium.value("[...document.images].every(image => image.naturalWidth > 0)")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_stand_out_from_their_ground(chromium, pages, scheme):
+    chromium.show(pages["everything"], 1400, scheme)
+    ground = chromium.value("getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0] > 128")
+    assert ground == (scheme == "light")
+    contrasts = chromium.value(CONTRASTS)
+    assert len(contrasts) > 100
+    assert min(contrasts) >= 4.5
+
+
+@pytest.mark.parametrize("width_px", [1400, 400])
+def test_labels_in_charts_are_large_enough_to_read_and_do_not_collide(chromium, pages, width_px):
+    chromium.show(pages["everything"], width_px)
+    boxes = chromium.value(
+        "[...document.querySelectorAll('svg.chart')].map(chart => [...chart.querySelectorAll('text')].map(t => {"
+        " const b = t.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; }))"
+    )
+    assert len(boxes) >= 10
+    for texts in boxes:
+        for i, (left, top, right, bottom) in enumerate(texts):
+            assert bottom - top > 9
+            for other in texts[:i]:
+                apart = other[0] >= right or other[2] <= left or other[1] >= bottom - 2 or other[3] <= top + 2
+                assert apart
+
+
+def test_it_prints_light_on_a_few_pages(chromium, pages):
+    chromium.show(pages["everything"], 1400, "dark")
+    printed = chromium.pdf()
+    assert printed.startswith(b"%PDF")
+    assert 3 <= printed.count(b"/Type /Page\n") <= 8
+    chromium.do("Emulation.setEmulatedMedia", media="print")
+    assert chromium.value("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    chromium.do("Emulation.setEmulatedMedia", media="")
