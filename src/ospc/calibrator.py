@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,22 +9,21 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-import scipy
 
-import ospc
 from ospc.arrays import Image, ImageSize
 from ospc.errors import ExposureError, FormatError, FrameError, OspcError, SettingError
 from ospc.methods.joint import JointMethod
 from ospc.methods.joint_state import JointState
 from ospc.methods.method import Method, Progress
 from ospc.photometry.calibration import Calibration
+from ospc.pooling.continuation import Earlier
 from ospc.pooling.summary import Summary, summary_of
 from ospc.presets import JointSettings, Settings, as_dict, preset, with_overrides
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.identity import identity
 from ospc.state.run import RunState, load_run, save_run
+from ospc.versions import versions
 
 
 @dataclass(frozen=True)
@@ -61,6 +59,9 @@ class OnlineCalibrator:
         Identification of the recording the frames are of, kept with states; empty for a live camera.
     saved_by
         Versions of the software that saved the state it goes on from; empty if it began anew.
+    earlier
+        What was known of the camera before, which calibrations start from as long as it agrees with the frames;
+        None for nothing. It is not kept with states.
 
     Examples
     --------
@@ -85,6 +86,7 @@ class OnlineCalibrator:
         self._first_frames = ("", 0)
         self.source: dict[str, Any] = {}
         self.saved_by: dict[str, Any] = {}
+        self.earlier: Earlier | None = None
 
     def push(self, frame: Frame) -> bool:
         """Take the next frame and return whether it could be used.
@@ -121,7 +123,8 @@ class OnlineCalibrator:
             raise OspcError(f"no frame could be used{why}")
         known = self._method.calibration()
         counts = {"frames": self._frames, "skipped": self._skipped, **known.counts}
-        return replace(known, counts=counts, settings=as_dict(self._settings), versions=versions())
+        known = replace(known, counts=counts, settings=as_dict(self._settings), versions=versions())
+        return known if self.earlier is None else self.earlier.continued(known, self.summary())
 
     # States.
 
@@ -350,14 +353,3 @@ def calibrate(
     except KeyboardInterrupt:
         interrupted = True
     return replace(calibrator.calibration(), partial=interrupted, source=identity(source))
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of everything a result depends on."""
-    return {
-        "ospc": ospc.__version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "opencv": cv2.__version__,
-    }

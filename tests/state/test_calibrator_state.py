@@ -19,6 +19,7 @@ from ospc.presets import JointSettings
 from ospc.recording import Frame
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
+from ospc.state.run import KIND, VERSION
 
 QUICK = replace(JointSettings(), points_per_pair=80, max_points=1500, rounds=4, views=6)
 MOST_BYTES = 5_000_000
@@ -162,7 +163,7 @@ def saved(tmp_path_factory):
     ],
 )
 def test_what_another_version_made_is_refused(saved, tmp_path, change, said):
-    found = container.load(saved, "calibrator", 1)
+    found = container.load(saved, KIND, VERSION)
     other = container.save(replace(found, content=found.content | change), tmp_path / "other.ospc")
     with pytest.raises(FormatError, match=rf"^{other}: .*{said}"):
         OnlineCalibrator.load_state(other)
@@ -178,7 +179,7 @@ def test_what_another_version_made_is_refused(saved, tmp_path, change, said):
     ],
 )
 def test_settings_of_another_version_are_refused(saved, tmp_path, settings_of_another):
-    found = container.load(saved, "calibrator", 1)
+    found = container.load(saved, KIND, VERSION)
     run = found.content["run"] | {"settings": settings_of_another}
     other = container.save(replace(found, content=found.content | {"run": run}), tmp_path / "other.ospc")
     with pytest.raises(FormatError, match=rf"^{other}: "):

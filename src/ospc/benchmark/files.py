@@ -13,7 +13,7 @@ from ospc.benchmark.picture import draw_errors
 from ospc.benchmark.store import source_hash
 from ospc.benchmark.summary import METRICS, CaseResult, groups_of, methods_of, spread
 from ospc.benchmark.tables import all_tables, as_csv, as_markdown
-from ospc.calibrator import versions
+from ospc.versions import versions
 from ospc.errors import MissingExtraError, SettingError
 from ospc.presets import as_dict, preset
 

@@ -33,7 +33,6 @@ class _Request:
     resume: bool
     checkpoint_s: float
     start_from: Path | None
-    pdf: bool
     force: bool
     quiet: bool
     as_json: bool
@@ -85,7 +84,6 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     show_default=True,
     help="How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
 )
-@click.option("--pdf", is_flag=True, help="Write the report as report.pdf too; needs the extra plots.")
 @click.option(
     "--start-from",
     type=click.Path(path_type=Path),
@@ -103,9 +101,8 @@ def command(list_topics: bool, **options: Any) -> None:
     PATH is a folder or file of any kind that is known: a folder with images/ or images.zip and times.txt, a EuRoC
     folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures, a ROS bag.
 
-    OUT gets report.html to look at, calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. What the
-    recording does not determine is not written, and why is said. OUT/state.ospc is what --resume goes on from and
-    'ospc merge' takes.
+    OUT gets calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. What the recording does not
+    determine is not written, and why is said. OUT/state.ospc is what --resume goes on from and 'ospc merge' takes.
 
     Ctrl-C ends the run early; what is known by then is written and marked partial.
 
@@ -158,7 +155,7 @@ def _calibrate(request: _Request, interruption: Interruption) -> int:
         earlier.check_size(recording.size)
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
     checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier)
-    options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf)
+    options = Options(request.quiet, request.as_json, truth, checkpoints)
     return calibrate_into(folder, recording, settings, interruption, options)
 
 

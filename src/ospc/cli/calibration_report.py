@@ -45,11 +45,25 @@ def say_skipped(outcome: Outcome) -> None:
 
 def say_result(outcome: Outcome, total_frames: int, folder: OutputFolder, written: Written) -> None:
     """Print the verdicts and where the files are."""
+    calibration = outcome.calibration
+    say_verdicts(calibration)
+    counts = calibration.counts
+    seen = f"{counts['frames']} of {total_frames} frames" if calibration.partial else f"{counts['frames']} frames"
+    click.echo(f"from {seen}, {counts.get('pairs', 0)} pairs, {counts.get('samples', 0)} samples")
+    if outcome.interrupted:
+        click.echo("partial: the run was interrupted; more frames would tell more")
+    elif calibration.partial:
+        click.echo("partial: the run failed before its end")
+    names = [str(file.relative_to(folder.path)) for file in written.files]
+    click.echo(f"written to {folder.path}: {', '.join(names)}")
+
+
+def say_verdicts(calibration: Calibration) -> None:
+    """Print what is known, why, and what to record instead of the rest."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    calibration = outcome.calibration
     table = Table(show_edge=False, pad_edge=False, header_style="bold")
     for heading in ("", "state", "why, and what to record instead"):
         table.add_column(heading, overflow="fold")
@@ -62,15 +76,6 @@ def say_result(outcome: Outcome, total_frames: int, folder: OutputFolder, writte
     console.print()
     console.print(table)
     console.print()
-    counts = calibration.counts
-    seen = f"{counts['frames']} of {total_frames} frames" if calibration.partial else f"{counts['frames']} frames"
-    click.echo(f"from {seen}, {counts.get('pairs', 0)} pairs, {counts.get('samples', 0)} samples")
-    if outcome.interrupted:
-        click.echo("partial: the run was interrupted; more frames would tell more")
-    elif calibration.partial:
-        click.echo("partial: the run failed before its end")
-    names = [str(file.relative_to(folder.path)) for file in written.files]
-    click.echo(f"written to {folder.path}: {', '.join(names)}")
 
 
 def say_errors(comparison: Comparison | None, calibration: Calibration, truth: str) -> None:

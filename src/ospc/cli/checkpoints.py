@@ -13,6 +13,7 @@ from ospc.errors import FormatError, SettingError
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
+    from ospc.pooling.continuation import Earlier
     from ospc.presets import Settings
 
 STATE_NAME = "state.ospc"
@@ -37,6 +38,8 @@ class Checkpoints:
         Shortest time between checkpoints in seconds; 0 for one after every frame.
     resume
         Whether to go on from the checkpoint in the folder, if there is one.
+    earlier
+        What was known of the camera before; None for nothing.
     notes
         What the user should know: where it went on, what could not be written.
     saved
@@ -46,6 +49,7 @@ class Checkpoints:
     folder: Path
     every_s: float = 5.0
     resume: bool = False
+    earlier: Earlier | None = None
     notes: list[str] = field(default_factory=list)
     saved: bool = False
     _next_s: float = field(default=0.0, repr=False)
@@ -86,6 +90,7 @@ class Checkpoints:
             calibrator = self._resumed(settings, source)
         elif self.resume:
             self.notes.append(f"{self.folder} holds no checkpoint yet: starting with the first frame")
+        calibrator.earlier = self.earlier
         return calibrator
 
     def after_frame(self, calibrator: OnlineCalibrator) -> None:
@@ -100,12 +105,18 @@ class Checkpoints:
 
     def at_the_end(self, calibrator: OnlineCalibrator) -> None:
         """Save the final state, with the summary that it can be merged by; or remove one of an earlier run."""
+        self._note_change(calibrator)
         if calibrator.has_state:
             self._save(calibrator, complete=True)
             self.saved = not self._failed
         else:
             with suppress(OSError):
                 self.place.unlink(missing_ok=True)
+
+    def _note_change(self, calibrator: OnlineCalibrator) -> None:
+        difference = None if self.earlier is None else self.earlier.difference(calibrator.summary())
+        if self.earlier is not None and difference is not None:
+            self.notes.append(f"this is not the camera of {self.earlier.name} as it was: {difference.text}")
 
     def _save(self, calibrator: OnlineCalibrator, *, complete: bool) -> None:
         try:
@@ -117,7 +128,8 @@ class Checkpoints:
             self.notes.append(f"no state was saved: {error}")
 
     def _resumed(self, settings: Settings, source: dict[str, Any]) -> OnlineCalibrator:
-        from ospc.calibrator import OnlineCalibrator, versions
+        from ospc.calibrator import OnlineCalibrator
+        from ospc.versions import versions
 
         found = OnlineCalibrator.load_state(self.place)
         start_anew = "leave out --resume to start anew"

@@ -72,7 +72,7 @@ def summarise(evidence: Evidence, settings: JointSettings) -> Calibration:
         vignette_sigma=vignette_sigma(fit) if fit is not None and vignette_known else None,
         noise=evidence.noise,
         exposure_ratios=ratios,
-        covariance={} if fit is None else _covariance(fit, response_known, vignette_known),
+        covariance={} if fit is None else covariance_of(fit, response_known, vignette_known),
         max_grey=evidence.max_grey,
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
         counts={"pairs": evidence.pairs, "samples": points},
@@ -153,7 +153,8 @@ def exposure_ratios(fit: JointFit, sightings: Sightings) -> ExposureRatios:
     )
 
 
-def _covariance(fit: JointFit, response: bool, vignette: bool) -> dict[str, dict[str, object]]:
+def covariance_of(fit: JointFit, response: bool, vignette: bool) -> dict[str, dict[str, object]]:
+    """Return the parameters' names and their covariance for the parts that are known, as a calibration keeps them."""
     n = len(fit.response_basis)
     found: dict[str, dict[str, object]] = {}
     if response:

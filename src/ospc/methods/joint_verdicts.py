@@ -59,10 +59,11 @@ def response_verdict(
             f"only {points} scene points could be followed (at least {settings.min_points} are needed)",
             "record a longer sequence of a well-exposed scene with even surfaces and some texture, moving slowly",
         )
-    return _response_verdict_of_fit(fit, exposure_range_ms, unexplained_share(ratios))
+    return response_verdict_of_fit(fit, exposure_range_ms, unexplained_share(ratios))
 
 
-def _response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
+def response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
+    """Return whether a fit knows the response, given the share of changes of exposure that images do not show."""
     sigma = fit.log_response_step_sigma(0.25, 0.75)
     low, high = exposure_range_ms
     figure = f"ln g(0.75)/g(0.25) is known to ±{sigma:.3f} from exposures of {low:.4g} to {high:.4g} ms"

@@ -30,6 +30,11 @@ RESPONSE_PART = slice(0, len(RESPONSE))
 VIGNETTE_PART = slice(len(RESPONSE), len(RESPONSE) + len(VIGNETTE))
 """Where in the parameters the two parts are."""
 
+PARAMETERS = VIGNETTE_PART.stop
+"""Number of parameters."""
+
+_TRIANGLE = np.tril_indices(PARAMETERS)
+
 _REACH_OF_SUPPORT = (0.002, 0.998)
 
 
@@ -49,8 +54,9 @@ class Summary:
         Frames pushed, pairs of them compared, scene points and groups of these used.
     estimate
         Its own estimate of the common parameters, at which the likelihood was approximated, shape (p,).
-    matrix, vector
-        A and b of the approximation, shapes (p, p) and (p,), tempered for errors that samples have in common.
+    triangle, vector
+        Lower triangle of A, row by row, and b of the approximation, shapes (p (p + 1) / 2,) and (p,), tempered for
+        errors that samples have in common.
     exposure_range_ms
         Shortest and longest exposure.
     reach
@@ -74,7 +80,7 @@ class Summary:
     points: int
     groups: int
     estimate: FloatArray
-    matrix: FloatArray
+    triangle: FloatArray
     vector: FloatArray
     exposure_range_ms: tuple[float, float]
     reach: float
@@ -85,16 +91,23 @@ class Summary:
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not belong to the common models."""
-        p = VIGNETTE_PART.stop
-        if (self.estimate.shape, self.matrix.shape, self.vector.shape) != ((p,), (p, p), (p,)):
+        p = PARAMETERS
+        if (self.estimate.shape, self.triangle.shape, self.vector.shape) != ((p,), (p * (p + 1) // 2,), (p,)):
             raise ValueError(f"a summary has {p} parameters")
-        if not all(np.isfinite(values).all() for values in (self.estimate, self.matrix, self.vector)):
+        if not all(np.isfinite(values).all() for values in (self.estimate, self.triangle, self.vector)):
             raise ValueError("a summary has values that are not finite")
+
+    @property
+    def matrix(self) -> FloatArray:
+        """A, shape (p, p), symmetric."""
+        full = np.zeros((PARAMETERS, PARAMETERS))
+        full[_TRIANGLE] = self.triangle
+        return np.asarray(full + np.tril(full, -1).T)
 
     @property
     def rank(self) -> tuple[int, int, str]:
         """Which of two summaries of the same recording is kept: the larger; a total order."""
-        return self.frames, self.points, sha256(self.vector.tobytes() + self.matrix.tobytes()).hexdigest()
+        return self.frames, self.points, sha256(self.vector.tobytes() + self.triangle.tobytes()).hexdigest()
 
 
 def summary_of(evidence: Evidence, first_frames: str, source: dict[str, Any], frames: int) -> Summary | None:
@@ -126,7 +139,7 @@ def summary_of(evidence: Evidence, first_frames: str, source: dict[str, Any], fr
         points=fit.points,
         groups=fit.groups,
         estimate=estimate,
-        matrix=matrix,
+        triangle=triangle_of(matrix),
         vector=vector,
         exposure_range_ms=evidence.exposure_range_ms,
         reach=0.0 if evidence.standing_still else radial_reach(sightings),
@@ -135,6 +148,11 @@ def summary_of(evidence: Evidence, first_frames: str, source: dict[str, Any], fr
         unexplained=unexplained_share(exposure_ratios(fit, sightings)),
         noise=evidence.noise,
     )
+
+
+def triangle_of(matrix: FloatArray) -> FloatArray:
+    """Return the lower triangle of a matrix that is symmetric but for rounding, shape (p, p) -> (p (p + 1) / 2,)."""
+    return np.asarray(((matrix + matrix.T) / 2)[_TRIANGLE])
 
 
 def _key(first_frames: str, source: dict[str, Any]) -> str:
@@ -189,13 +207,14 @@ def without_part(summary: Summary, part: slice, prior_precision: FloatArray) -> 
         Precision of the prior of all parameters about the estimate, which keeps the part from being singular, shape
         (p, p).
     """
-    p = len(summary.vector)
+    p = PARAMETERS
+    whole = summary.matrix
     other = np.setdiff1d(np.arange(p), np.arange(p)[part])
-    inner = summary.matrix[part, part] + prior_precision[part, part]
+    inner = whole[part, part] + prior_precision[part, part]
     # The prior is centred on the recording's own estimate: it only says that the part is free.
     inner_vector = summary.vector[part] + prior_precision[part, part] @ summary.estimate[part]
-    carried = np.linalg.solve(inner, summary.matrix[part][:, other])
+    carried = np.linalg.solve(inner, whole[part][:, other])
     matrix, vector = np.zeros((p, p)), np.zeros(p)
-    matrix[np.ix_(other, other)] = summary.matrix[np.ix_(other, other)] - summary.matrix[other, part] @ carried
+    matrix[np.ix_(other, other)] = whole[np.ix_(other, other)] - whole[other, part] @ carried
     vector[other] = summary.vector[other] - carried.T @ inner_vector
-    return replace(summary, matrix=(matrix + matrix.T) / 2, vector=vector)
+    return replace(summary, triangle=triangle_of(matrix), vector=vector)

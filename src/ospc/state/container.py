@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -39,6 +40,8 @@ _MAX_ARRAY_BYTES = 2**30
 _DTYPES = ("<f8", "<f4", "<i8", "<i4", "<i2", "|i1", "|u1", "<u2", "|b1")
 _NARROWER = {"<f8": ("<f4",), "<i8": ("|i1", "<i2", "<i4")}
 _FAST = 1
+_BEGINNING = 300
+_KIND = re.compile(rb'ospc-state 1\n[^\n]*\n\{"kind":"(?P<kind>[a-z-]{1,40})"')
 
 
 @dataclass(frozen=True)
@@ -162,13 +165,15 @@ def from_bytes(data: bytes, name: str) -> Container:
     return Container(kind, version, content, arrays)
 
 
-def is_container(path: str | Path) -> bool:
-    """Tell whether a file begins as containers of any version do."""
+def kind_of(path: str | Path) -> str:
+    """Return what kind a file says it is of; empty where it does not say so. Only :func:`load` checks the rest."""
     try:
         with Path(path).open("rb") as stream:
-            return stream.read(len(_ANY_VERSION)) == _ANY_VERSION
+            beginning = stream.read(_BEGINNING)
     except OSError:
-        return False
+        return ""
+    found = _KIND.match(beginning)
+    return found["kind"].decode("ascii") if found else ""
 
 
 def _checked_body(data: bytes, name: str) -> bytes:

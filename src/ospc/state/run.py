@@ -13,7 +13,7 @@ from ospc.state import container
 from ospc.state.container import Array, Container
 from ospc.state.values import layout, pack, unpack
 
-KIND, VERSION = "calibrator", 1
+KIND, VERSION = "calibrator", 2
 """What files say they hold."""
 
 T = TypeVar("T")

@@ -1,0 +1,1 @@
+"""Many recordings of many cameras: calibrated wherever there is room, those of one camera merged."""

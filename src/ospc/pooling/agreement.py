@@ -1,0 +1,233 @@
+"""Whether recordings tell of the same camera, and if one does not, in what it differs.
+
+Each recording's own curves are compared with those that the others give together, at places that matter, in units of
+the standard deviations of both and of what the recordings of one camera differ by anyway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.estimation.joint_fit import JointFit
+from ospc.pooling.solution import Information, solve
+from ospc.pooling.summary import RESPONSE, RESPONSE_PART, VIGNETTE_PART, Summary
+
+Part = Literal["response", "vignette"]
+
+GREYS = np.array([0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9])
+"""Grey levels at which ln g is compared, against that at :data:`_MIDDLE`."""
+
+_MIDDLE = 0.5
+_RADII = (0.4, 0.7, 1.0)
+_DIRECTIONS = 8
+_ALLOWED = {"response": 0.02, "vignette": 0.01}
+"""Standard deviation, in ln, by which recordings of one camera differ beyond what they state."""
+
+_LIMIT = 5.0
+_MOST_ROUNDS = 10
+_FEWEST_FOR_SCATTER = 4
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How a recording differs from the others.
+
+    Attributes
+    ----------
+    key, name
+        Of the recording.
+    parts
+        What differs: response, vignette or both.
+    sigmas
+        The largest difference in standard deviations.
+    text
+        What differs by how much, and what that usually means, as one sentence.
+    """
+
+    key: str
+    name: str
+    parts: tuple[Part, ...]
+    sigmas: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """What recordings have in common.
+
+    Attributes
+    ----------
+    differing
+        Recordings that differ, by key.
+    majority
+        For each part, whether more than half of the recordings agree on it.
+    scatter
+        Mean square of the differences between recordings that agree, over what is expected; 1 for few recordings.
+    """
+
+    differing: dict[str, Difference]
+    majority: dict[Part, bool]
+    scatter: float = 1.0
+
+    def differs(self, summary: Summary, part: Part) -> bool:
+        """Return whether a recording differs in a part."""
+        found = self.differing.get(summary.key)
+        return found is not None and part in found.parts
+
+
+@dataclass(frozen=True)
+class _Curves:
+    """ln g and ln V at the places compared, with their standard deviations, shape (places,) each."""
+
+    value: FloatArray
+    sigma: FloatArray
+
+
+def agreement(summaries: Sequence[Summary]) -> Agreement:
+    """Return which recordings differ from what most of them say; it does not depend on their order.
+
+    Parameters
+    ----------
+    summaries
+        One of each recording, of frames of one size and bit depth.
+    """
+    ordered = sorted(summaries, key=lambda s: s.key)
+    if len(ordered) < 2:
+        return Agreement({}, {"response": True, "vignette": True})
+    own = [_curves(solve(Information.of([s]))) for s in ordered]
+    apart = _from_the_middle(own)
+    for _ in range(_MOST_ROUNDS):
+        rest = _rest_of_each(ordered, apart)
+        before, apart = apart, [_apart(one, other) for one, other in zip(own, rest, strict=True)]
+        if [set(a) for a in apart] == [set(a) for a in before]:
+            break
+    rest = _rest_of_each(ordered, apart)
+    majority: dict[Part, bool] = {
+        part: 2 * sum(part in found for found in apart) < len(ordered) for part in ("response", "vignette")
+    }
+    compared = list(zip(ordered, own, rest, apart, strict=True))
+    differing = {s.key: _described(s, found, others, curves) for s, curves, others, found in compared if found}
+    return Agreement(differing, majority, _scatter([(c, r) for _, c, r, found in compared if not found]))
+
+
+def difference_of(one: Summary, other: Summary) -> Difference | None:
+    """Return in what one recording differs from what is known otherwise; None where it does not."""
+    curves, known = (_curves(solve(Information.of([s]))) for s in (one, other))
+    found = _apart(curves, known)
+    return _described(one, found, known, curves, "before") if found else None
+
+
+def _from_the_middle(own: list[_Curves]) -> list[dict[Part, float]]:
+    """Return in what each recording is far from the median over all: a beginning that outliers do not spoil."""
+    values, sigmas = np.stack([c.value for c in own]), np.stack([c.sigma for c in own])
+    middle = np.median(values, axis=0)
+    of_middle = np.median(sigmas, axis=0) / np.sqrt(len(own))
+    return [_apart(c, _Curves(middle, of_middle)) for c in own]
+
+
+def _rest_of_each(summaries: list[Summary], apart: list[dict[Part, float]]) -> list[_Curves]:
+    """Return for each recording the curves of all others that did not differ."""
+    agreeing = [s for s, found in zip(summaries, apart, strict=True) if not found]
+    # Where nobody agrees, or nobody else does, all the others are what there is to compare with.
+    inside = {s.key for s in (agreeing if len(agreeing) > 1 else summaries)}
+    information = Information.of([s for s in summaries if s.key in inside])
+    together = solve(information)
+    whole = _curves(together)
+    return [_curves(solve(information.without(s), start=together)) if s.key in inside else whole for s in summaries]
+
+
+def _apart(one: _Curves, other: _Curves) -> dict[Part, float]:
+    """Return the parts in which curves differ, and by how many standard deviations."""
+    score = np.abs(_scores(one, other))
+    split = len(GREYS)
+    found: dict[Part, float] = {"response": float(score[:split].max()), "vignette": float(score[split:].max())}
+    return {part: sigmas for part, sigmas in found.items() if sigmas > _LIMIT}
+
+
+def _scores(one: _Curves, other: _Curves) -> FloatArray:
+    allowed = np.concatenate(
+        [np.full(len(GREYS), _ALLOWED["response"]), np.full(len(_places()), _ALLOWED["vignette"])]
+    )
+    return np.asarray(
+        (one.value - other.value) / np.sqrt(one.sigma**2 + other.sigma**2 + allowed**2), dtype=np.float64
+    )
+
+
+def _scatter(agreeing: list[tuple[_Curves, _Curves]]) -> float:
+    """Return by how much the spread of the recordings that agree exceeds what they state, as a ratio of variances."""
+    if len(agreeing) < _FEWEST_FOR_SCATTER:
+        return 1.0
+    squares = [(one.value - other.value) ** 2 / (one.sigma**2 + other.sigma**2) for one, other in agreeing]
+    return max(1.0, float(np.mean(squares)))
+
+
+@cache
+def _places() -> FloatArray:
+    """Return where V is compared, in half diagonals from the image centre, shape (places, 2)."""
+    angle = 2 * np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    return np.concatenate([r * np.stack([np.cos(angle), np.sin(angle)], axis=1) for r in _RADII])
+
+
+@cache
+def _response_rows() -> FloatArray:
+    return RESPONSE.log_rows(GREYS) - RESPONSE.log_rows(np.array([_MIDDLE]))
+
+
+def _curves(fit: JointFit) -> _Curves:
+    places, vignette = _places(), fit.vignette_parameters
+    # At the image centre V is 1 by convention; a centre of its own moves it by a constant that nobody can see.
+    centre = np.zeros((1, 2))
+    value = fit.vignette_basis.log_value(vignette, places) - fit.vignette_basis.log_value(vignette, centre)
+    rows = fit.vignette_basis.jacobian(vignette, places) - fit.vignette_basis.jacobian(vignette, centre)
+    of_response = fit.covariance[RESPONSE_PART, RESPONSE_PART]
+    of_vignette = fit.covariance[VIGNETTE_PART, VIGNETTE_PART]
+    variance = [
+        np.einsum("ij,jk,ik->i", rows_of, covariance, rows_of)
+        for rows_of, covariance in ((_response_rows(), of_response), (rows, of_vignette))
+    ]
+    return _Curves(
+        np.concatenate([_response_rows() @ fit.response_parameters, value]), np.sqrt(np.concatenate(variance))
+    )
+
+
+def _described(
+    summary: Summary, found: dict[Part, float], rest: _Curves, own: _Curves, whose: str = "the others'"
+) -> Difference:
+    score = np.abs(_scores(own, rest))
+    difference = np.exp(own.value - rest.value) - 1
+    split, said = len(GREYS), []
+    if "response" in found:
+        at = int(np.argmax(score[:split]))
+        said.append(
+            f"g({GREYS[at]:.1f})/g({_MIDDLE}) is {difference[at]:+.0%} off {whose} "
+            f"({score[at]:.0f} standard deviations)"
+        )
+    if "vignette" in found:
+        at = split + int(np.argmax(score[split:]))
+        radius = float(np.linalg.norm(_places()[at - split]))
+        said.append(
+            f"V at radius {radius:.1f} is {difference[at]:+.0%} off {whose} ({score[at]:.0f} standard deviations)"
+        )
+    parts = tuple(found)
+    return Difference(
+        summary.key, summary.name, parts, max(found.values()), f"{'; '.join(said)}: {_meaning(parts, summary)}"
+    )
+
+
+def _meaning(parts: tuple[Part, ...], summary: Summary) -> str:
+    if parts == ("vignette",):
+        return "another lens, or its focus, aperture or zoom changed"
+    if summary.unexplained > 0.15:
+        return (
+            f"its exposures are wrong ({summary.unexplained:.0%} of their changes do not show in the images), "
+            "or it is of another camera"
+        )
+    if parts == ("response",):
+        return "another tone curve or gain, wrong exposures, or another camera"
+    return "another camera, or wrong exposures"

@@ -1,0 +1,259 @@
+"""A calibration that starts from an earlier one of the camera, and notices when that does not hold any more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import FormatError, NotObservableError, SettingError
+from ospc.estimation.prior import Prior, Roughness
+from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.noise import NoiseModel
+from ospc.photometry.vignette import LogVignette
+from ospc.pooling.agreement import Difference, agreement, difference_of
+from ospc.pooling.pool import Pool
+from ospc.pooling.pooled_calibration import merge
+from ospc.pooling.solution import Information, solve
+from ospc.pooling.summary import (
+    PARAMETERS,
+    RESPONSE,
+    RESPONSE_PART,
+    VIGNETTE,
+    VIGNETTE_PART,
+    Summary,
+    triangle_of,
+)
+
+_LEAST_INFORMATION = 1e-9
+_GIVEN_UP_SIGMA = 0.005
+"""Standard deviation of the vignette's parameters that a calibration went without: they were not seen to be there."""
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """What was known of a camera before; make one with :meth:`open`.
+
+    Attributes
+    ----------
+    name
+        What to call it in messages.
+    pool
+        What was known.
+    """
+
+    name: str
+    pool: Pool
+
+    @classmethod
+    def open(cls, path: str | Path) -> Earlier:
+        """Read what was known of a camera from a state, of one recording or merged, or from a calibration.
+
+        Parameters
+        ----------
+        path
+            A ``state.ospc``, a ``calibration.json`` of the default method, or a folder with one of them.
+
+        Raises
+        ------
+        FormatError
+            If it is none of these, or damaged.
+        NotObservableError
+            If neither response nor vignette is known in it.
+        """
+        place = Path(path)
+        if place.is_dir():
+            place = place / ("state.ospc" if (place / "state.ospc").exists() else "calibration.json")
+        if place.suffix == ".json":
+            return cls(str(path), Pool.of([summary_of_calibration(Calibration.load(place), str(path))]))
+        return cls(str(path), Pool.load(place))
+
+    @cached_property
+    def summary(self) -> Summary:
+        """All that its recordings agree on, as if it were one recording."""
+        agreed = agreement(self.pool.summaries)
+        information = Information.of([s for s in self.pool.summaries if s.key not in agreed.differing])
+        information = information.weakened(agreed.scatter)
+        first = self.pool.summaries[0]
+        return replace(
+            first,
+            key="earlier",
+            name=self.name,
+            frames=sum(s.frames for s in self.pool.summaries),
+            pairs=sum(s.pairs for s in self.pool.summaries),
+            points=information.points,
+            groups=information.groups,
+            estimate=solve(information).parameters,
+            triangle=triangle_of(information.matrix),
+            vector=information.vector,
+            exposure_range_ms=(
+                min(s.exposure_range_ms[0] for s in self.pool.summaries),
+                max(s.exposure_range_ms[1] for s in self.pool.summaries),
+            ),
+            reach=max(s.reach for s in self.pool.summaries),
+            standing_still=all(s.standing_still for s in self.pool.summaries),
+            support=(
+                min(s.support[0] for s in self.pool.summaries),
+                max(s.support[1] for s in self.pool.summaries),
+            ),
+            unexplained=float(np.median([s.unexplained for s in self.pool.summaries])),
+        )
+
+    def check_size(self, size: tuple[int, int]) -> None:
+        """Refuse frames of another size.
+
+        Raises
+        ------
+        SettingError
+            If they are of another size than what was known before.
+        """
+        if size != self.pool.size:
+            raise SettingError(
+                f"{self.name}: is of {self.pool.size[0]}×{self.pool.size[1]} pixels, but the frames have "
+                f"{size[0]}×{size[1]}; start from a calibration of the same size"
+            )
+
+    def difference(self, today: Summary | None) -> Difference | None:
+        """Return how what is seen today differs from what was known before; None where it does not."""
+        return None if today is None else difference_of(today, self.summary)
+
+    def continued(self, own: Calibration, today: Summary | None) -> Calibration:
+        """Return the calibration from what was known before and what is seen today.
+
+        A part that changed meanwhile is as today's frames alone have it; that it changed is said in its verdict, and
+        in ``source["started_from"]``.
+
+        Parameters
+        ----------
+        own
+            What today's frames alone say.
+        today
+            The same as a summary; None where they say too little.
+
+        Raises
+        ------
+        SettingError
+            If the frames are of another size than what was known before.
+        """
+        self.check_size(own.size)
+        difference = self.difference(today)
+        known = {"name": self.name, "changed": [] if difference is None else list(difference.parts)}
+        known["text"] = "" if difference is None else difference.text
+        source = own.source | {"started_from": known}
+        if difference is not None:
+            return _changed(replace(own, source=source), difference, self.name)
+        together = merge(Pool.of([self.summary] if today is None else [self.summary, today])).calibration
+        return replace(
+            own,
+            response=together.response,
+            vignette=together.vignette,
+            vignette_sigma=together.vignette_sigma,
+            verdicts={
+                part: replace(verdict, reason=f"{verdict.reason.partition(', from ')[0]}, starting from {self.name}")
+                for part, verdict in together.verdicts.items()
+            },
+            covariance=together.covariance,
+            converged=together.converged,
+            advice=together.advice,
+            source=source,
+        )
+
+
+def _changed(own: Calibration, difference: Difference, name: str) -> Calibration:
+    verdicts = dict(own.verdicts)
+    for part in difference.parts:
+        verdict = verdicts[part]
+        verdicts[part] = Verdict(
+            verdict.state, f"{verdict.reason}; it is not that of {name} any more: {difference.text}", verdict.remedy
+        )
+    return replace(own, verdicts=verdicts)
+
+
+def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
+    """Return a calibration as a summary: what is in its covariance, without the prior that is in it too.
+
+    Raises
+    ------
+    NotObservableError
+        If neither response nor vignette is known.
+    FormatError
+        If it is not one of the default method.
+    """
+    if calibration.response is None and calibration.vignette is None:
+        raise NotObservableError(f"{name}: knows neither response nor vignette, so there is nothing to start from")
+    matrix, vector = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
+    estimate = np.concatenate([1 + RESPONSE.knots, np.zeros(len(VIGNETTE))])
+    try:
+        if calibration.response is not None:
+            estimate[RESPONSE_PART], matrix[RESPONSE_PART, RESPONSE_PART] = _of_response(calibration)
+        if calibration.vignette is not None:
+            estimate[VIGNETTE_PART], matrix[VIGNETTE_PART, VIGNETTE_PART] = _of_vignette(calibration)
+    except (LookupError, TypeError, ValueError, np.linalg.LinAlgError):
+        raise FormatError(
+            f"{name}: is no calibration of the default method with its covariance; start from a state.ospc instead"
+        ) from None
+    vector = matrix @ estimate
+    range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
+    points = int(calibration.counts.get("samples", 1))
+    return Summary(
+        key=f"calibration {name}",
+        name=name,
+        size=calibration.size,
+        max_grey=calibration.max_grey,
+        frames=int(calibration.counts.get("frames", 0)),
+        pairs=int(calibration.counts.get("pairs", 0)),
+        points=points,
+        groups=int(calibration.counts.get("pairs", 1)),
+        estimate=estimate,
+        triangle=triangle_of(matrix),
+        vector=vector,
+        exposure_range_ms=(float(range_ms[0]), float(range_ms[1])),
+        reach=1.0 if calibration.vignette is not None else 0.0,
+        standing_still=calibration.vignette is None,
+        support=(0.0, 1.0) if calibration.response is None else calibration.response.support,
+        unexplained=0.0,
+        noise=calibration.noise or NoiseModel((0.5 / 255) ** 2, 0.0),
+    )
+
+
+def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
+    model = calibration.response.model if calibration.response is not None else {}
+    coefficients = np.array(model["coefficients"], dtype=np.float64)
+    covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
+    if coefficients.shape != (len(RESPONSE),) or covariance.shape != (len(RESPONSE), len(RESPONSE)):
+        raise ValueError("another number of knots")
+    prior = Prior(RESPONSE.knots, coefficients, 0)
+    roughness = Roughness(float(model["prior_walk"]), float(model["prior_drift"]))
+    information = np.linalg.inv(covariance).astype(np.float64) - prior.precision(roughness)
+    return coefficients, _positive(information)
+
+
+def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
+    vignette = calibration.vignette
+    if not isinstance(vignette, LogVignette):
+        raise TypeError("another model of the vignette")
+    covariance = np.array(calibration.covariance["vignette"]["matrix"], dtype=np.float64)
+    given = [*vignette.coefficients]
+    names = calibration.covariance["vignette"]["parameters"]
+    place = [*range(len(given))]
+    if "centre_x" in names:
+        given, place = [*given, *vignette.centre], [*place, VIGNETTE.radial, VIGNETTE.radial + 1]
+    if vignette.non_radial:
+        given, place = [*given, *vignette.non_radial], [*place, *range(VIGNETTE.radial + 2, len(VIGNETTE))]
+    if len(vignette.coefficients) != VIGNETTE.radial or covariance.shape != (len(place), len(place)):
+        raise ValueError("another number of terms")
+    estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / _GIVEN_UP_SIGMA**2
+    estimate[place] = given
+    matrix[np.ix_(place, place)] = _positive(np.linalg.inv(covariance).astype(np.float64))
+    return estimate, matrix
+
+
+def _positive(matrix: FloatArray) -> FloatArray:
+    """Return the nearest matrix that is information: rounding must not make any direction known less than not."""
+    value, vector = np.linalg.eigh((matrix + matrix.T) / 2)
+    if value.max() <= 0:
+        raise ValueError("no information")
+    return np.asarray((vector * np.maximum(value, _LEAST_INFORMATION * value.max())) @ vector.T)

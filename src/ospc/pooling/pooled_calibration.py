@@ -1,0 +1,151 @@
+"""The calibration that all recordings of a camera give together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ospc.errors import SettingError
+from ospc.estimation.joint_fit import JointFit
+from ospc.methods.joint_summary import covariance_of, response_of, vignette_of, vignette_sigma
+from ospc.methods.joint_verdicts import response_verdict_of_fit, vignette_verdict
+from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.noise import NoiseModel
+from ospc.pooling.agreement import Agreement, Part, agreement
+from ospc.pooling.pool import Pool
+from ospc.pooling.solution import Information, solve_with_chosen_vignette
+from ospc.pooling.summary import VIGNETTE_PART, Summary, without_part
+from ospc.presets import JointSettings
+from ospc.versions import versions
+
+_FREE = 1e-4
+"""Precision that keeps a part that is left free from being singular."""
+
+
+@dataclass(frozen=True)
+class Merged:
+    """What became of a pool.
+
+    Attributes
+    ----------
+    calibration
+        What its recordings give together; parts on which they do not agree are None.
+    agreement
+        Which recordings differ from the others, and in what.
+    """
+
+    calibration: Calibration
+    agreement: Agreement
+
+
+def merge(pool: Pool) -> Merged:
+    """Return the calibration of a pool; recordings that differ from most are left out and named, not averaged.
+
+    Of a recording whose vignette alone differs, what it says of the response is used.
+
+    Raises
+    ------
+    SettingError
+        If the pool is empty.
+    """
+    if not len(pool):
+        raise SettingError("there is nothing to merge: give the states of one recording or more")
+    agreed = agreement(pool.summaries)
+    fit = fit_of(pool, agreed)
+    used = [s for s in pool.summaries if not agreed.differs(s, "response")]
+    verdicts = {
+        "response": _judged("response", _response_verdict(fit, used), agreed, len(pool)),
+        "vignette": _judged("vignette", _vignette_verdict(fit, used, agreed), agreed, len(pool)),
+    }
+    response, vignette = verdicts["response"].known, verdicts["vignette"].known
+    support = (min(s.support[0] for s in used), max(s.support[1] for s in used)) if used else (0.0, 1.0)
+    calibration = Calibration(
+        size=pool.size,
+        response=replace(response_of(fit, pool.max_grey), support=support) if response else None,
+        vignette=vignette_of(fit, pool.size) if vignette else None,
+        verdicts=verdicts,
+        vignette_sigma=vignette_sigma(fit) if vignette else None,
+        noise=_noise(used),
+        covariance=covariance_of(fit, response, vignette),
+        max_grey=pool.max_grey,
+        converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
+        counts=_counts(pool, agreed),
+        settings={"preset": "pooled", "scatter": agreed.scatter},
+        source=_source(pool, agreed),
+        versions=versions(),
+        advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
+    )
+    return Merged(calibration, agreed)
+
+
+def fit_of(pool: Pool, agreed: Agreement) -> JointFit:
+    """Return the fit to what the recordings of a pool agree on."""
+    parts = []
+    for summary in pool.summaries:
+        if agreed.differs(summary, "response"):
+            continue
+        parts.append(_response_alone(summary) if agreed.differs(summary, "vignette") else summary)
+    return solve_with_chosen_vignette(Information.of(parts).weakened(agreed.scatter))
+
+
+def _response_alone(summary: Summary) -> Summary:
+    """Return what a recording says of the response when its vignette is one of its own."""
+    free = np.zeros_like(summary.matrix)
+    free[VIGNETTE_PART, VIGNETTE_PART] = _FREE * np.eye(VIGNETTE_PART.stop - VIGNETTE_PART.start)
+    return without_part(summary, VIGNETTE_PART, free)
+
+
+def _response_verdict(fit: JointFit, used: Sequence[Summary]) -> Verdict:
+    if not used:
+        return Verdict("not identifiable", "")
+    range_ms = min(s.exposure_range_ms[0] for s in used), max(s.exposure_range_ms[1] for s in used)
+    return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
+
+
+def _vignette_verdict(fit: JointFit, used: Sequence[Summary], agreed: Agreement) -> Verdict:
+    moved = [s for s in used if not agreed.differs(s, "vignette")]
+    standing_still = bool(moved) and all(s.standing_still for s in moved)
+    return vignette_verdict(JointSettings(), fit, max((s.reach for s in moved), default=0.0), standing_still)
+
+
+def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:
+    """Return the verdict with what the recordings' agreement adds to it."""
+    differing = [found.name for found in agreed.differing.values() if part in found.parts]
+    names = ", ".join(sorted(differing)[:5]) + (", …" if len(differing) > 5 else "")
+    if not agreed.majority[part]:
+        return Verdict(
+            "not identifiable",
+            f"{len(differing)} of {recordings} recordings contradict the others ({names}), and no majority agrees",
+            "merge only recordings of one camera whose lens, focus and aperture were not changed",
+        )
+    reason = f"{verdict.reason}, from {recordings - len(differing)} of {recordings} recordings"
+    if differing:
+        reason += f"; {names} left out, for it differs" if len(differing) == 1 else f"; {names} left out"
+    return replace(verdict, reason=reason)
+
+
+def _noise(used: Sequence[Summary]) -> NoiseModel | None:
+    """Return the noise of the recording with the most scene points."""
+    return max(used, key=lambda s: (s.points, s.key)).noise if used else None
+
+
+def _counts(pool: Pool, agreed: Agreement) -> dict[str, int]:
+    return {
+        "recordings": len(pool),
+        "differing": len(agreed.differing),
+        "frames": sum(s.frames for s in pool.summaries),
+        "pairs": sum(s.pairs for s in pool.summaries),
+        "samples": sum(s.points for s in pool.summaries),
+    }
+
+
+def _source(pool: Pool, agreed: Agreement) -> dict[str, object]:
+    names = sorted(s.name for s in pool.summaries)
+    return {
+        "kind": "pool",
+        "name": names[0] if len(names) == 1 else f"{len(names)} recordings",
+        "recordings": [{"name": s.name, "key": s.key} for s in pool.summaries],
+        "differing": [{"name": d.name, "key": d.key, "text": d.text} for d in agreed.differing.values()],
+    }

@@ -1,0 +1,128 @@
+"""Response and vignette that summaries together call for: the sum of their information, and the prior once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from threadpoolctl import threadpool_limits
+
+from ospc.arrays import FloatArray
+from ospc.estimation.error_model import ErrorModel
+from ospc.estimation.joint_fit import JointFit
+from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.prior import Prior
+from ospc.estimation.response_basis import typical_gamma
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import asked_for
+from ospc.pooling.summary import PARAMETERS, RESPONSE, RESPONSE_PART, VIGNETTE, Summary
+
+_FLOOR = 0.05
+_MOST_ROUNDS = 12
+_SETTLED = 1e-3
+_SIMPLER = (
+    VignetteBasis(VIGNETTE.radial, free_centre=True),
+    VignetteBasis(VIGNETTE.radial),
+)
+
+
+@dataclass(frozen=True)
+class Information:
+    """The sum of summaries: A and b of their common likelihood.
+
+    Attributes
+    ----------
+    matrix, vector
+        A and b, shapes (p, p) and (p,).
+    points, groups
+        Scene points and groups of them behind it.
+    """
+
+    matrix: FloatArray
+    vector: FloatArray
+    points: int = 0
+    groups: int = 0
+
+    @classmethod
+    def of(cls, summaries: Sequence[Summary]) -> Information:
+        """Return the sum over summaries, which depends on their order by its last bits only."""
+        return cls(
+            np.sum([s.matrix for s in summaries], axis=0) if summaries else np.zeros((PARAMETERS, PARAMETERS)),
+            np.sum([s.vector for s in summaries], axis=0) if summaries else np.zeros(PARAMETERS),
+            sum(s.points for s in summaries),
+            sum(s.groups for s in summaries),
+        )
+
+    def without(self, summary: Summary) -> Information:
+        """Return what remains without one of the summaries."""
+        return Information(
+            self.matrix - summary.matrix,
+            self.vector - summary.vector,
+            self.points - summary.points,
+            self.groups - summary.groups,
+        )
+
+    def weakened(self, factor: float) -> Information:
+        """Return the information when all variances are so many times larger."""
+        return Information(self.matrix / factor, self.vector / factor, self.points, self.groups)
+
+
+def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: JointFit | None = None) -> JointFit:
+    """Return the most probable parameters, on one core: small matrices, which threads only slow down.
+
+    Parameters
+    ----------
+    information
+        What is known without the prior.
+    vignette
+        Model of the vignette: the common one, or it without its last parameters, which are zero then.
+    start
+        Solution for nearly the same information and the same model: its prior is taken, which saves most of the time.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        return _solve(information, vignette, start)
+
+
+def solve_with_chosen_vignette(information: Information) -> JointFit:
+    """Return the most probable parameters with only as many of the vignette's as the information asks for."""
+    fit = solve(information)
+    for simpler in _SIMPLER:
+        if asked_for(fit, len(fit.vignette_basis) - len(simpler)):
+            break
+        fit = solve(information, simpler)
+    return fit
+
+
+def _solve(information: Information, vignette: VignetteBasis, start: JointFit | None) -> JointFit:
+    p = len(RESPONSE) + len(vignette)
+    equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], 0.0, np.zeros((p, p)))
+    floor = np.full(p, -np.inf)
+    floor[RESPONSE_PART] = _FLOOR
+    parameters = np.concatenate([typical_gamma(RESPONSE.knots), np.zeros(len(vignette))])
+    if start is not None:
+        parameters = start.parameters
+    # The prior is one of ln γ, linearised where the last round ended: a few rounds settle it.
+    for _ in range(_MOST_ROUNDS):
+        prior = Prior(RESPONSE.knots, parameters[RESPONSE_PART], len(vignette))
+        roughness = equations.best_roughness(prior) if start is None else start.roughness
+        found = equations.solve(prior, roughness, floor)
+        found[RESPONSE_PART] = np.clip(
+            found[RESPONSE_PART], parameters[RESPONSE_PART] / 3, parameters[RESPONSE_PART] * 3
+        )
+        change, parameters = found - parameters, found
+        precision = equations.posterior_precision(prior, roughness)
+        if float(change @ precision @ change) < _SETTLED:
+            break
+    return JointFit(
+        RESPONSE,
+        vignette,
+        parameters,
+        cho_solve(cho_factor(precision), np.eye(p)),
+        ErrorModel(),
+        roughness,
+        0.0,
+        information.points,
+        information.groups,
+    )

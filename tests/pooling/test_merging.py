@@ -1,0 +1,126 @@
+"""Merging: smaller errors than single recordings, the same in any order, and no averaging over contradictions."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ospc.errors import SettingError
+from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
+from ospc.methods.joint_summary import summarise
+from ospc.pooling.pool import Pool
+from ospc.pooling.pooled_calibration import merge
+from ospc.presets import JointSettings
+from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, evidence_of, summary
+
+RECORDINGS = 8
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    return [summary(CAMERA, seed) for seed in range(RECORDINGS)]
+
+
+@pytest.fixture(scope="module")
+def merged(recordings):
+    return merge(Pool.of(recordings))
+
+
+@pytest.fixture(scope="module")
+def other_lens():
+    return summary(OTHER_LENS, 100)
+
+
+@pytest.fixture(scope="module")
+def other_response():
+    return summary(OTHER_RESPONSE, 101)
+
+
+def errors(calibration):
+    return np.array(
+        [
+            response_shape_rmse(calibration.response, CAMERA.response),
+            log_ratio_error(calibration.response, CAMERA.response),
+            vignette_rmse(calibration.vignette, CAMERA.vignette),
+        ]
+    )
+
+
+def as_text(merged):
+    return json.dumps(merged.calibration.as_dict())
+
+
+def test_eight_recordings_have_at_most_half_the_errors_of_their_median(merged):
+    alone = [summarise(evidence_of(CAMERA, seed), JointSettings()) for seed in range(RECORDINGS)]
+    median = np.median([errors(calibration) for calibration in alone], axis=0)
+    assert np.all(errors(merged.calibration) < median / 2)
+    assert merged.calibration.vignette_sigma[-1] < 0.6 * np.median([c.vignette_sigma[-1] for c in alone])
+
+
+def test_recordings_of_one_camera_agree(merged):
+    assert not merged.agreement.differing
+    assert merged.calibration.complete
+    assert merged.calibration.counts["recordings"] == RECORDINGS
+    assert "from 8 of 8 recordings" in merged.calibration.verdicts["response"].reason
+
+
+def test_the_order_makes_no_difference_to_a_single_bit(recordings, merged):
+    shuffled = [recordings[n] for n in np.random.default_rng(0).permutation(RECORDINGS)]
+    assert as_text(merge(Pool.of(shuffled))) == as_text(merged)
+    in_parts = (Pool.of(shuffled[:3]) + Pool.of(shuffled[5:])) + Pool.of(shuffled[2:6])
+    assert as_text(merge(in_parts)) == as_text(merged)
+
+
+def test_one_recording_alone_stays_what_it_was():
+    alone = summarise(evidence_of(CAMERA, 0), JointSettings())
+    pooled = merge(Pool.of([summary(CAMERA, 0)])).calibration
+    np.testing.assert_allclose(
+        np.log(pooled.response.inverse([0.2, 0.8])), np.log(alone.response.inverse([0.2, 0.8])), atol=0.02
+    )
+    np.testing.assert_allclose(pooled.vignette.image(), alone.vignette.image(), atol=0.01)
+
+
+def test_a_ninth_recording_of_another_lens_is_named_and_its_vignette_left_out(recordings, merged, other_lens):
+    found = merge(Pool.of([*recordings, other_lens]))
+    (difference,) = found.agreement.differing.values()
+    assert (difference.name, difference.parts) == ("recording 100", ("vignette",))
+    assert "another lens" in difference.text
+    assert "V at radius 1.0 is +1" in difference.text
+    assert "recording 100 left out" in found.calibration.verdicts["vignette"].reason
+    assert found.calibration.source["differing"][0]["name"] == "recording 100"
+    np.testing.assert_allclose(found.calibration.vignette.image(), merged.calibration.vignette.image(), atol=1e-3)
+
+
+def test_a_recording_of_another_response_is_left_out_altogether(recordings, merged, other_response):
+    found = merge(Pool.of([*recordings, other_response]))
+    (difference,) = found.agreement.differing.values()
+    assert "response" in difference.parts
+    assert "tone curve" in difference.text or "another camera" in difference.text
+    np.testing.assert_array_equal(found.calibration.response.inverse_table, merged.calibration.response.inverse_table)
+
+
+def test_wrong_exposures_are_said_to_be_wrong(recordings, other_response):
+    wrong = replace(other_response, unexplained=0.4)
+    (difference,) = merge(Pool.of([*recordings, wrong])).agreement.differing.values()
+    assert "its exposures are wrong (40% of their changes do not show in the images)" in difference.text
+
+
+def test_where_no_majority_agrees_nothing_is_invented(recordings, other_lens):
+    found = merge(Pool.of([recordings[0], other_lens])).calibration
+    assert found.vignette is None
+    assert "no majority agrees" in found.verdicts["vignette"].reason
+    assert found.response is not None
+
+
+def test_two_cameras_in_one_pool_are_told_apart(recordings, other_lens):
+    others = [other_lens, *(summary(OTHER_LENS, seed) for seed in (102, 103))]
+    found = merge(Pool.of([*recordings[:5], *others]))
+    assert {d.name for d in found.agreement.differing.values()} == {s.name for s in others}
+
+
+def test_an_empty_pool_is_refused():
+    with pytest.raises(SettingError, match="nothing to merge"):
+        merge(Pool())

@@ -1,0 +1,107 @@
+"""Pools: the same whatever the order, a recording counts once, and files hold them to the bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ospc.calibrator import OnlineCalibrator
+from ospc.errors import FormatError, SettingError
+from ospc.pooling.pool import KIND, VERSION, Pool
+from ospc.presets import JointSettings
+from ospc.simulation import SimulationSettings, frames
+from ospc.state import container
+from ospc.state.container import Container
+from summaries import plain
+
+SUMMARIES = st.builds(plain, st.sampled_from("abcde"), st.integers(1, 3), st.integers(0, 2))
+POOLS = st.lists(SUMMARIES, max_size=4).map(Pool.of)
+
+
+def as_bytes(pool, place):
+    return pool.save(place / "pool.ospc").read_bytes()
+
+
+@settings(max_examples=25)
+@given(a=POOLS, b=POOLS, c=POOLS)
+def test_addition_is_associative_commutative_and_counts_a_recording_once(a, b, c, tmp_path_factory):
+    place = tmp_path_factory.mktemp("pool")
+    one = as_bytes((a + b) + c, place)
+    assert as_bytes(a + (b + c), place) == one
+    assert as_bytes(c + b + a, place) == one
+    assert as_bytes(a + b + c + b + a, place) == one
+    assert as_bytes(a + Pool(), place) == as_bytes(a, place)
+
+
+@settings(max_examples=25)
+@given(pool=POOLS)
+def test_what_is_saved_is_loaded_to_the_bit(pool, tmp_path_factory):
+    place = tmp_path_factory.mktemp("pool")
+    data = as_bytes(pool, place)
+    again = Pool.load(place / "pool.ospc")
+    assert as_bytes(again, place) == data
+    assert [s.key for s in again.summaries] == [s.key for s in pool.summaries]
+
+
+def test_of_one_recording_the_longer_run_is_kept():
+    short, long = plain("a", frames=5), plain("a", frames=9)
+    assert [s.frames for s in (Pool.of([long]) + Pool.of([short])).summaries] == [9]
+
+
+@pytest.mark.parametrize("change", [{"size": (320, 240)}, {"max_grey": 4095}])
+def test_frames_of_another_size_or_depth_are_no_recordings_of_one_camera(change):
+    with pytest.raises(SettingError, match=r"a has (640×480|255) "):
+        Pool.of([plain("a"), replace(plain("b"), **change)])
+
+
+def test_hundreds_of_recordings_are_a_small_file(tmp_path):
+    pool = Pool.of(plain(f"{n:03}", seed=n) for n in range(500))
+    assert pool.save(tmp_path / "pool.ospc").stat().st_size < 5_000_000
+
+
+@pytest.mark.parametrize(("version", "age"), [(VERSION - 1, "an older"), (VERSION + 1, "a newer")])
+def test_pools_of_other_versions_are_refused(tmp_path, version, age):
+    place = container.save(Container(KIND, version, {}), tmp_path / "pool.ospc")
+    with pytest.raises(FormatError, match=rf"written by {age} version"):
+        Pool.load(place)
+
+
+def test_files_of_other_kinds_and_damaged_ones_are_refused(tmp_path):
+    with pytest.raises(FormatError, match="there is no such state"):
+        Pool.load(tmp_path)
+    place = container.save(Container(KIND, VERSION, {"summaries": [{"key": "a"}]}), tmp_path / "state.ospc")
+    with pytest.raises(FormatError, match="not readable as a state"):
+        Pool.load(tmp_path)
+    place.write_bytes(place.read_bytes()[:-3])
+    with pytest.raises(FormatError, match="torn or damaged"):
+        Pool.load(place)
+
+
+@pytest.fixture(scope="module")
+def calibrator():
+    """A calibrator that has seen a short recording."""
+    calibrator = OnlineCalibrator(replace(JointSettings(), points_per_pair=80, rounds=3, min_points=50))
+    calibrator.source = {"name": "kitchen", "frames_sha256": "1", "images_sha256": "2"}
+    exposures = (3.0, 6.0, 12.0, 24.0)
+    for frame in frames(SimulationSettings(size=(160, 120), frames=20, exposure="cycle", exposures_ms=exposures)):
+        calibrator.push(frame)
+    return calibrator
+
+
+def test_a_finished_run_and_its_last_checkpoint_are_the_same_recording(calibrator, tmp_path):
+    (tmp_path / "out").mkdir()
+    calibrator.save_state(tmp_path / "out" / "state.ospc", complete=True)
+    calibrator.save_state(tmp_path / "checkpoint.ospc")
+    finished, stopped = Pool.load(tmp_path / "out"), Pool.load(tmp_path / "checkpoint.ospc")
+    assert as_bytes(finished, tmp_path) == as_bytes(stopped, tmp_path)
+    assert len(finished + stopped) == 1
+    assert finished.summaries[0].name == "kitchen"
+
+
+def test_a_state_that_knows_nothing_is_said_to(tmp_path):
+    OnlineCalibrator().save_state(tmp_path / "state.ospc")
+    with pytest.raises(FormatError, match="nothing could be learned"):
+        Pool.load(tmp_path)

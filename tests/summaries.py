@@ -1,0 +1,66 @@
+"""Summaries of recordings of known cameras, and others quickly made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.methods.joint_summary import Evidence
+from ospc.photometry.noise import NoiseModel
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette
+from ospc.pooling.summary import PARAMETERS, Summary, summary_of, triangle_of
+from synthetic_sightings import SIZE, Camera
+
+NOISE = NoiseModel((1 / 255) ** 2, (1.5 / 255) ** 2)
+CAMERA = Camera(Response.gamma(1.7, 4097), slip_px=0.4)
+OTHER_LENS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.35, 0.05, -0.2)))
+OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
+
+
+def evidence_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> Evidence:
+    """Return what a short recording of a camera shows."""
+    sightings = camera.pairs(seed, groups, points)
+    fit = fit_with_chosen_vignette(
+        sightings, ResponseBasis(32), VignetteBasis(4, free_centre=True, non_radial=True), NOISE, rounds=5
+    )
+    return Evidence(SIZE, 255, NOISE, sightings, fit, (2.0, 30.0), standing_still=False, pairs=groups)
+
+
+def summary(camera: Camera, seed: int, **amount: int) -> Summary:
+    """Return the summary of a short recording of a camera."""
+    evidence = evidence_of(camera, seed, **amount)
+    found = summary_of(evidence, f"frames {seed}", {"name": f"recording {seed}"}, 100)
+    assert found is not None
+    return found
+
+
+def plain(key: str, frames: int = 10, seed: int = 0) -> Summary:
+    """Return a summary of nothing real, without the time an estimate takes."""
+    random = np.random.default_rng(seed)
+    rows = random.standard_normal((PARAMETERS, PARAMETERS))
+    matrix = rows.T @ rows
+    estimate = np.concatenate([np.full(33, 1.5), np.zeros(10)])
+    return Summary(
+        key=key,
+        name=key,
+        size=SIZE,
+        max_grey=255,
+        frames=frames,
+        pairs=frames,
+        points=100,
+        groups=frames,
+        estimate=estimate,
+        triangle=triangle_of(matrix),
+        vector=matrix @ estimate,
+        exposure_range_ms=(1.0, 10.0),
+        reach=0.5,
+        standing_still=False,
+        support=(0.01, 0.99),
+        unexplained=0.0,
+        noise=NOISE,
+    )
