@@ -32,6 +32,7 @@ class _Request:
     truth: str | None
     resume: bool
     checkpoint_s: float
+    start_from: Path | None
     pdf: bool
     force: bool
     quiet: bool
@@ -85,6 +86,12 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     help="How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
 )
 @click.option("--pdf", is_flag=True, help="Write the report as report.pdf too; needs the extra plots.")
+@click.option(
+    "--start-from",
+    type=click.Path(path_type=Path),
+    help="What was known of the camera before: a state.ospc, a calibration.json, or a folder with one. It counts as "
+    "long as the recording agrees with it; a changed lens or focus is noticed.",
+)
 @click.option("--force", is_flag=True, help="Write into OUT even if it holds other files; those named as results go.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
@@ -141,12 +148,16 @@ def _calibrate(request: _Request, interruption: Interruption) -> int:
     from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
+    from ospc.pooling.continuation import Earlier
 
     settings = _settings(request)
+    earlier = None if request.start_from is None else Earlier.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
     recording = request.reading.open(request.path)
+    if earlier is not None:
+        earlier.check_size(recording.size)
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
-    checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume)
+    checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier)
     options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf)
     return calibrate_into(folder, recording, settings, interruption, options)
 

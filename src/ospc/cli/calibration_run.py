@@ -63,12 +63,15 @@ class Options:
         What to compare with.
     checkpoints
         Where states are saved, and whether to go on from one; None for nowhere.
+    pdf
+        Whether to write the report as PDF too.
     """
 
     quiet: bool = False
     as_json: bool = False
     truth: Photometry | None = None
     checkpoints: Checkpoints | None = None
+    pdf: bool = False
 
 
 COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
@@ -103,7 +106,7 @@ def calibrate_into(
             checkpoints=options.checkpoints,
         )
         with interruption.held():
-            outcome, written = _write(folder, recording, outcome, interruption, options.truth)
+            outcome, written = _write(folder, recording, outcome, interruption, options)
             if options.checkpoints is not None and options.checkpoints.saved:
                 written += Written((options.checkpoints.place,))
             code = _exit_code(outcome)
@@ -142,13 +145,15 @@ def _write(
     recording: Recording,
     outcome: Outcome,
     interruption: Interruption,
-    truth: Photometry | None,
+    options: Options,
 ) -> tuple[Outcome, Written]:
-    """Write data, then pictures; an interruption now only leaves out pictures."""
+    """Write data, report, then pictures; an interruption now only leaves out pictures."""
     before = interruption.count
     written = folder.write(outcome.calibration, recording)
     if not written.problems:
-        written += folder.draw(outcome.calibration, truth, stop=lambda: interruption.count > before)
+        written += folder.report(outcome.calibration, recording, options.truth, pdf=options.pdf)
+    if not written.problems:
+        written += folder.draw(outcome.calibration, options.truth, stop=lambda: interruption.count > before)
     if interruption.requested and not outcome.interrupted:
         partial = replace(outcome.calibration, partial=True)
         partial.save(folder.path / "calibration.json")

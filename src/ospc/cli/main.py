@@ -21,6 +21,7 @@ _COMMANDS = {
     "evaluate": "Evaluate trajectories, and what a calibration does for tracking.",
     "export": "Write a calibration for another program.",
     "import": "Make a calibration of somebody else's pcalib.txt and vignette.png.",
+    "report": "Write the report on a calibration anew, as a page for browsers or PDF.",
     "merge": "Make one calibration of several recordings of one camera.",
     "simulate": "Make a recording with known truth.",
     "validate": "Check parameter files against the rules of the programs that read them.",
