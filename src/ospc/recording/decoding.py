@@ -20,7 +20,9 @@ MAX_FILE_BYTES = 256 * 2**20
 # The orientation noted in a photograph is ignored: response and vignette belong to the sensor's own axes.
 _STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _GREY, _COLOUR = cv2.IMREAD_GRAYSCALE | _STORED, cv2.IMREAD_COLOR | _STORED
-_JPEG_START = b"\xff\xd8"
+_JPEG_START, _PNG_START = b"\xff\xd8", b"\x89PNG"
+_DEFLATE_EXPANDS = 1032
+"""Two bits for a copy of 258 bytes: the compression of PNG cannot do better."""
 
 
 def decode_grey(data: bytes, name: str) -> Image:
@@ -56,6 +58,8 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     """
     header = read_header(data, name)
     _check_header(header, name)
+    if not _can_hold(data, header):
+        raise FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
     colour = header.channels > 2
     wanted = channel or Channel.LUMINANCE
     # JPEG stores luma. Elsewhere the decoders' own conversions truncate, half a grey value off; OpenCV's rounds.
@@ -71,6 +75,17 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: has {image.dtype} values, not 8 or 16 bit; convert it to PNG")
     return StoredImage(image, colour)
+
+
+def _can_hold(data: bytes, header: ImageHeader) -> bool:
+    """Tell whether a file can hold as many pixels as its header states; otherwise decoding it would take long."""
+    pixels = header.width * header.height
+    if data.startswith(_JPEG_START):
+        # Each block of 8×8 pixels takes a bit at the least, for its mean.
+        return pixels // 64 <= 8 * len(data)
+    if data.startswith(_PNG_START):
+        return pixels * header.bits // 8 <= _DEFLATE_EXPANDS * len(data)
+    return True
 
 
 def _check_header(header: ImageHeader, name: str) -> None:

@@ -7,7 +7,6 @@ import re
 import stat
 import threading
 import zipfile
-import zlib
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -148,10 +147,11 @@ class ZipImages:
             archive = zipfile.ZipFile(path)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file") from None
-        except (zipfile.BadZipFile, ValueError, NotImplementedError, EOFError, OverflowError):
+        except Exception:
+            # Damaged directories make it fail in ways it does not name.
             raise RecordingError(f"{path}: not a zip archive, or damaged; copy or download it again") from None
         try:
-            members = [m for m in archive.infolist() if not m.is_dir() and _is_image_member(m.filename)]
+            members = [m for m in archive.infolist() if _is_image_member(m.filename)]
             if len(archive.infolist()) > MAX_MEMBERS:
                 raise RecordingError(f"{path}: has more than the {MAX_MEMBERS} members allowed; split the archive")
             _check_members(members, path)
@@ -177,7 +177,7 @@ class ZipImages:
             # With a length the decompressor stops there, whatever the archive states about its members.
             with self._lock, self._archive.open(name) as member:
                 data = member.read(size + 1)
-        except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError, NotImplementedError):
+        except Exception:
             raise FrameError(
                 f"{self.label(name)}: cannot be read from the archive; it is damaged, or the recording was closed"
             ) from None
