@@ -138,7 +138,9 @@ class JointMethod:
         sightings = self._sightings()
         if sightings is None:
             return None
-        return preview_of(sightings, self._latest, self._fit, self._size, self._max_grey, self._pairs)
+        return preview_of(
+            sightings, self._latest, self._fit, size=self._size, max_grey=self._max_grey, pairs=self._pairs
+        )
 
     def calibration(self) -> Calibration:
         """Return what all that was seen amounts to."""

@@ -68,7 +68,13 @@ class Preview:
 
 
 def preview_of(
-    sightings: Sightings, latest: Sightings | None, fit: JointFit | None, size: ImageSize, max_grey: int, pairs: int
+    sightings: Sightings,
+    latest: Sightings | None,
+    fit: JointFit | None,
+    *,
+    size: ImageSize,
+    max_grey: int,
+    pairs: int,
 ) -> Preview:
     """Return what is known.
 
