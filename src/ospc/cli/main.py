@@ -11,6 +11,7 @@ from ospc import __version__
 from ospc.errors import OspcError
 
 _COMMANDS = {
+    "batch": "Calibrate many recordings, here or on a cluster, and merge those of one camera.",
     "bench": "Measure the methods on recordings whose truth is known.",
     "calibrate": "Calibrate the camera of a recording.",
     "check": "Say what a calibration of a recording could find, and what is wrong with it.",

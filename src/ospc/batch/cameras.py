@@ -1,0 +1,129 @@
+"""The cameras of a batch: what all recordings of each say together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+
+from ospc.batch.store import Store
+from ospc.batch.table import Row
+from ospc.errors import OspcError
+from ospc.output import OutputFolder
+from ospc.photometry.calibration import Calibration
+from ospc.pooling.agreement import Difference
+from ospc.pooling.pool import Pool
+from ospc.pooling.pooled_calibration import merge
+
+_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
+_LONGEST = 60
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One camera.
+
+    Attributes
+    ----------
+    name
+        As in the manifest.
+    folder
+        Where its calibration is, relative to the batch's folder; empty where there is none.
+    recordings, failed
+        How many of its recordings there are, and how many could not be calibrated.
+    calibration
+        What the others say together; None where they say nothing.
+    differing
+        Recordings that differ from the others.
+    error
+        Why there is no calibration; empty where there is one.
+    """
+
+    name: str
+    folder: str = ""
+    recordings: int = 0
+    failed: int = 0
+    calibration: Calibration | None = None
+    differing: tuple[Difference, ...] = ()
+    error: str = ""
+
+    @property
+    def is_good(self) -> bool:
+        """Whether all that a camera may be good for was found, from all of its recordings."""
+        return self.calibration is not None and self.calibration.complete and not (self.failed or self.differing)
+
+
+def merged_cameras(
+    rows: Sequence[Row], store: Store, folder: Path, progress: Callable[[int, int], None]
+) -> tuple[list[Camera], list[Row]]:
+    """Merge what was found, camera by camera, and write each camera's folder.
+
+    Parameters
+    ----------
+    rows
+        What became of the recordings.
+    store
+        Their results.
+    folder
+        Folder of the batch.
+    progress
+        Told how many cameras of how many are done.
+
+    Returns
+    -------
+    cameras
+        In the order in which the rows name them.
+    rows
+        The same rows, with what differs from the other recordings of the camera said.
+    """
+    by_name: dict[str, list[Row]] = {}
+    for row in rows:
+        by_name.setdefault(row.camera, []).append(row)
+    cameras, differs = [], {}
+    for number, (name, own) in enumerate(by_name.items()):
+        camera = _merged(name, own, store, folder)
+        cameras.append(camera)
+        differs.update({(name, difference.name): difference.text for difference in camera.differing})
+        progress(number + 1, len(by_name))
+    return cameras, [
+        replace(row, differs=differs.get((row.camera, _name_of(row)), "")) if row.status == "done" else row
+        for row in rows
+    ]
+
+
+def folder_name(camera: str) -> str:
+    """Return a name for a camera's folder: its own, if that is safe, else what is safe of it and a hash."""
+    safe = _UNSAFE.sub("_", camera).strip("._")[:_LONGEST]
+    return camera if safe == camera else f"{safe or 'camera'}-{sha256(camera.encode()).hexdigest()[:8]}"
+
+
+def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camera:
+    done = [row for row in rows if row.status == "done"]
+    camera = Camera(name, recordings=len(rows), failed=sum(row.status == "failed" for row in rows))
+    try:
+        found = [(row, store.get(row.key).summary) for row in done]
+        # Two recordings may have the same name in different folders: the table calls them by their paths.
+        pool = Pool.of(replace(summary, name=_name_of(row)) for row, summary in found if summary is not None)
+        if not len(pool):
+            return replace(
+                camera, error="no recording of it told anything" if done else "no recording was calibrated"
+            )
+        merged = merge(pool)
+        place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
+        written = place.write(replace(merged.calibration, source=merged.calibration.source | {"name": name}))
+        pool.save(place.path / "state.ospc")
+    except OspcError as error:
+        return replace(camera, error=str(error))
+    return replace(
+        camera,
+        folder=place.path.relative_to(folder).as_posix(),
+        calibration=merged.calibration,
+        differing=tuple(merged.agreement.differing.values()),
+        error="; ".join(written.problems),
+    )
+
+
+def _name_of(row: Row) -> str:
+    return row.recording

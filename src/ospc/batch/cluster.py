@@ -1,0 +1,207 @@
+"""A Dask cluster that works on a batch: each recording where it can be read, whatever becomes of single workers."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Any
+from uuid import uuid4
+
+import ospc
+from ospc.batch.work import Answer, Task, work
+from ospc.errors import MissingExtraError, SettingError
+
+_TASKS_PER_THREAD = 4
+_FEWEST_IN_FLIGHT = 16
+_LOOK_EVERY_S = 1.0
+_CONNECT_S = 15.0
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Does tasks on the workers of a Dask scheduler.
+
+    Workers need this package in the same version, and read recordings under the same paths; a recording that only
+    some of them can read is worked on by one of these. A task whose worker is lost is given to another; after three
+    lost workers it counts as failed.
+
+    Attributes
+    ----------
+    address
+        Address of the scheduler, such as ``tcp://10.0.0.1:8786``.
+    patience_s
+        How long to wait for a worker while there is none.
+    """
+
+    address: str
+    patience_s: float = 300.0
+
+    @property
+    def name(self) -> str:
+        """What to call it."""
+        return f"the workers of {self.address}"
+
+    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
+        """Give the answers as they come.
+
+        Raises
+        ------
+        MissingExtraError
+            Without Dask.
+        SettingError
+            If the scheduler cannot be reached, or its workers have another version of this package.
+        """
+        distributed = _distributed()
+        try:
+            client = distributed.Client(self.address, timeout=_CONNECT_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            text = " ".join(str(error).split()) or type(error).__name__
+            raise SettingError(f"{self.address}: no Dask scheduler answers there ({text})") from None
+        try:
+            yield from _Run(distributed, client, self).answers(iter(tasks))
+        finally:
+            client.close()
+
+
+@dataclass
+class _Run:
+    """One run over tasks.
+
+    Attributes
+    ----------
+    pending
+        Tasks that were given away, by their future.
+    """
+
+    distributed: Any
+    client: Any
+    cluster: Cluster
+    pending: dict[Any, Task] = field(default_factory=dict)
+    _allowed: dict[Any, frozenset[str]] = field(default_factory=dict)
+    _checked: set[str] = field(default_factory=set)
+
+    def answers(self, waiting: Iterator[Task]) -> Generator[Answer, None, None]:
+        """Give the answers as they come."""
+        while True:
+            threads = self._workers()
+            room = max(_FEWEST_IN_FLIGHT, _TASKS_PER_THREAD * sum(threads.values())) - len(self.pending)
+            self._give_away(list(islice(waiting, max(room, 0))), threads)
+            if not self.pending:
+                return
+            try:
+                done = self._some_done()
+            except (TimeoutError, self.distributed.TimeoutError):
+                self._rescue(threads)
+                continue
+            for future in done:
+                task = self.pending.pop(future)
+                self._allowed.pop(future, None)
+                yield self._answer(future, task)
+
+    def _some_done(self) -> set[Any]:
+        """Return futures that are done, waiting for a moment for the first one."""
+        with self.client.as_current():
+            found = self.distributed.wait(list(self.pending), timeout=_LOOK_EVERY_S, return_when="FIRST_COMPLETED")
+        return set(found.done)
+
+    def _workers(self) -> dict[str, int]:
+        """Return the workers there are and their threads, waiting for one if there is none."""
+        begun_s = time.monotonic()
+        while True:
+            threads = self._asked()
+            if threads:
+                self._check_versions(set(threads))
+                return threads
+            if time.monotonic() - begun_s > self.cluster.patience_s:
+                raise SettingError(
+                    f"{self.cluster.address}: the scheduler has no workers; start some, such as: dask worker "
+                    f"{self.cluster.address}"
+                )
+            time.sleep(_LOOK_EVERY_S)
+
+    def _asked(self) -> dict[str, int]:
+        try:
+            found: dict[str, int] = self.client.nthreads()
+        except (OSError, TimeoutError, self.distributed.comm.CommClosedError) as error:
+            raise SettingError(
+                f"{self.cluster.address}: the scheduler is lost ({error}); run it again to go on with what is left"
+            ) from None
+        return found
+
+    def _check_versions(self, workers: set[str]) -> None:
+        new = workers - self._checked
+        if not new:
+            return
+        answers = self.client.run(_version, workers=sorted(new), on_error="return")
+        for worker, found in answers.items():
+            if isinstance(found, Exception):
+                if worker not in self._asked():
+                    continue  # it died just now
+                raise SettingError(f"{worker}: cannot work on this ({found}); does it have ospc installed?")
+            if found != ospc.__version__:
+                raise SettingError(f"{worker}: has ospc {found}, this is {ospc.__version__}; install one version")
+            self._checked.add(worker)
+
+    def _give_away(self, tasks: list[Task], threads: dict[str, int]) -> None:
+        if not tasks:
+            return
+        readable = self._readable(tasks)
+        for task in tasks:
+            can = frozenset(worker for worker, numbers in readable.items() if task.number in numbers)
+            # Where none can, the one that tries says what is wrong; where all can, later ones may help.
+            restricted = bool(can) and len(can) < len(threads)
+            where = {"workers": sorted(can), "allow_other_workers": False} if restricted else {}
+            future = self.client.submit(work, task, key=f"ospc-{uuid4()}", pure=False, **where)
+            self.pending[future] = task
+            if restricted:
+                self._allowed[future] = can
+
+    def _readable(self, tasks: list[Task]) -> dict[str, set[int]]:
+        """Return which worker can read the recordings of which tasks."""
+        paths = {task.number: task.entry.recording for task in tasks if not task.entry.is_remote}
+        everything = {task.number for task in tasks}
+        if not paths:
+            return {}
+        answers = self.client.run(_readable_of, paths, on_error="return")
+        return {
+            worker: set(numbers) | (everything - set(paths))
+            for worker, numbers in answers.items()
+            if not isinstance(numbers, Exception)
+        }
+
+    def _rescue(self, threads: dict[str, int]) -> None:
+        """Give tasks to others whose every worker is gone."""
+        lost = [future for future, allowed in self._allowed.items() if not allowed & set(threads)]
+        tasks = [self.pending.pop(future) for future in lost]
+        for future in lost:
+            del self._allowed[future]
+            future.cancel()
+        self._give_away(tasks, threads)
+
+    def _answer(self, future: Any, task: Task) -> Answer:
+        try:
+            answer: Answer = future.result()
+        except self.distributed.KilledWorker as error:
+            return Answer(task.number, error=f"the workers that were given it died, the last at {error.last_worker}")
+        except Exception as error:  # whatever it is, it is of this recording alone
+            return Answer(task.number, error=f"{type(error).__name__}: {' '.join(str(error).split())[:300]}")
+        return answer
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise MissingExtraError("working on a Dask cluster", "cluster") from None
+    return distributed
+
+
+def _version() -> str:
+    return ospc.__version__
+
+
+def _readable_of(paths: dict[int, str]) -> list[int]:
+    return [number for number, path in paths.items() if os.access(path, os.R_OK)]

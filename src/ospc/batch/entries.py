@@ -1,0 +1,136 @@
+"""One recording of a batch: where it is, whose it is, how it is read, and how it is calibrated."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields
+from enum import Enum
+from pathlib import Path
+
+from ospc.errors import SettingError
+from ospc.presets import JointSettings, with_overrides
+from ospc.recording.bayer import Mosaic
+from ospc.recording.channel import Channel
+from ospc.recording.exposure_units import ExposureUnit, GainUnit
+from ospc.recording.options import ReadingOptions
+
+_URL = re.compile(r"[a-z][a-z0-9+.-]*://")
+_ENUMS: dict[str, type[Enum]] = {"channel": Channel, "exposure_unit": ExposureUnit, "gain_unit": GainUnit}
+_READING = tuple(entry.name for entry in fields(ReadingOptions))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One recording.
+
+    Attributes
+    ----------
+    recording
+        Path or object-store address.
+    camera
+        Name of its camera.
+    options
+        Names and values: settings of the default method, ``kind``, and what
+        :class:`~ospc.recording.options.ReadingOptions` has.
+    """
+
+    recording: str
+    camera: str = "camera"
+    options: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether the recording is in an object store."""
+        return is_address(self.recording)
+
+    @property
+    def kind(self) -> str | None:
+        """Kind of recording; None where its content tells."""
+        return dict(self.options).get("kind")
+
+    @property
+    def settings(self) -> JointSettings:
+        """Settings of the method.
+
+        Raises
+        ------
+        SettingError
+            If an option is unknown or its value is wrong.
+        """
+        given = {name: value for name, value in self.options if name != "kind" and name not in _READING}
+        settings = with_overrides(JointSettings(), given)
+        assert isinstance(settings, JointSettings)
+        return settings
+
+    @property
+    def reading(self) -> ReadingOptions:
+        """How the recording is read.
+
+        Raises
+        ------
+        SettingError
+            If a value is none that the option takes.
+        """
+        values: dict[str, object] = {}
+        for name, value in self.options:
+            if name in _ENUMS:
+                values[name] = _one_of(name, value)
+            elif name == "bayer":
+                values[name] = Mosaic(value)
+            elif name in _READING:
+                values[name] = value
+        return ReadingOptions(**values)  # type: ignore[arg-type]
+
+    def with_defaults(self, defaults: tuple[tuple[str, str], ...]) -> Entry:
+        """Return the entry with options that it does not have itself."""
+        return Entry(self.recording, self.camera, tuple({**dict(defaults), **dict(self.options)}.items()))
+
+    def checked(self) -> Entry:
+        """Return the entry if its options can be worked with.
+
+        Raises
+        ------
+        SettingError
+            If they cannot.
+        """
+        try:
+            _ = self.settings, self.reading
+        except SettingError as error:
+            raise SettingError(f"{self.recording}: {error}") from None
+        return self
+
+
+def is_address(text: str) -> bool:
+    """Tell whether a text is an object-store address instead of a path."""
+    return _URL.match(text) is not None
+
+
+def options_of(text: str) -> tuple[tuple[str, str], ...]:
+    """Return the options in a text such as ``rounds=4 kind=euroc``.
+
+    Raises
+    ------
+    SettingError
+        If a part of it is not NAME=VALUE.
+    """
+    found = {}
+    for part in text.replace(";", " ").split():
+        name, equals, value = part.partition("=")
+        if not (name and equals):
+            raise SettingError(f"option {part!r} is not NAME=VALUE, such as rounds=4")
+        found[name] = value
+    return tuple(found.items())
+
+
+def absolute(recording: str, folder: Path) -> str:
+    """Return a recording's path as seen from anywhere, taken from a folder if relative; an address as it is."""
+    return recording if is_address(recording) else str((folder / recording).absolute())
+
+
+def _one_of(name: str, value: str) -> object:
+    kind = _ENUMS[name]
+    try:
+        return kind(value)
+    except ValueError:
+        known = ", ".join(str(member.value) for member in kind)
+        raise SettingError(f"option {name} is one of {known}, not '{value}'") from None

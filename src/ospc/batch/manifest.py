@@ -1,0 +1,135 @@
+"""Which recordings a batch is of: a folder, a pattern, or a table."""
+
+from __future__ import annotations
+
+import csv
+import glob
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ospc.batch.entries import Entry, absolute, is_address, options_of
+from ospc.batch.object_store import matches
+from ospc.errors import FormatError, MissingExtraError, RecordingError, SettingError
+from ospc.recording.kinds import kinds
+
+_MOST_BYTES = 1_000_000_000
+_MOST_ENTRIES = 5_000_000
+_DEEPEST = 4
+_COLUMNS = ("recording", "camera", "options")
+
+
+def read_manifest(manifest: str, camera: str | None = None) -> list[Entry]:
+    """Return the recordings that a manifest names; whether they can be read is not looked at.
+
+    Parameters
+    ----------
+    manifest
+        One of
+
+        - a ``.csv`` or ``.parquet`` table with the columns ``recording`` (a path, relative to the table's folder, or
+          an object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the last two may be
+          missing, and other columns are ignored;
+        - a folder: every recording in it, up to four folders deep, the name of the folder that holds it being that
+          of its camera;
+        - a pattern such as ``recordings/*/cam0``, cameras as before; also of object-store addresses.
+    camera
+        Name of the camera of all recordings, whatever the manifest says.
+
+    Raises
+    ------
+    RecordingError
+        If there is nothing, or no recording in it.
+    FormatError
+        If a table cannot be read or has no column ``recording``.
+    SettingError
+        If options cannot be worked with.
+    MissingExtraError
+        If a Parquet table or an object store needs an optional dependency.
+    """
+    place = Path(manifest)
+    if is_address(manifest):
+        entries = [Entry(address, _parent_of(address)) for address in matches(manifest)]
+    elif place.is_dir():
+        entries = [Entry(str(found.absolute()), found.absolute().parent.name) for found in _recordings_in(place)]
+    elif place.suffix.lower() in (".csv", ".parquet"):
+        entries = list(_of_table(place))
+    else:
+        found_paths = sorted(glob.glob(manifest, recursive=True))  # noqa: PTH207 (the pattern may be absolute)
+        entries = [Entry(str(Path(path).absolute()), Path(path).absolute().parent.name) for path in found_paths]
+    if not entries:
+        raise RecordingError(f"{manifest}: no recordings there; give a folder, a pattern, or a table that names some")
+    if len(entries) > _MOST_ENTRIES:
+        raise RecordingError(f"{manifest}: more than {_MOST_ENTRIES} recordings; split it")
+    if camera is not None:
+        entries = [Entry(entry.recording, camera, entry.options) for entry in entries]
+    return list(dict.fromkeys(entry.checked() for entry in entries))
+
+
+def _parent_of(address: str) -> str:
+    parts = [part for part in address.split("://", 1)[1].split("/") if part]
+    return parts[-2] if len(parts) > 1 else "camera"
+
+
+def _recordings_in(folder: Path, depth: int = 0) -> Iterator[Path]:
+    """Give the recordings below a folder; what is inside of one is part of it."""
+    for place in sorted(folder.iterdir()):
+        if place.name.startswith("."):
+            continue
+        if any(kind.recognises(place) for kind in kinds()):
+            yield place
+        elif place.is_dir() and not place.is_symlink() and depth + 1 < _DEEPEST:
+            yield from _recordings_in(place, depth + 1)
+
+
+def _of_table(place: Path) -> Iterator[Entry]:
+    try:
+        if place.stat().st_size > _MOST_BYTES:
+            raise FormatError(f"{place}: is larger than {_MOST_BYTES // 10**6} MB; split it")
+        rows = _of_parquet(place) if place.suffix.lower() == ".parquet" else _of_csv(place)
+    except OSError as error:
+        raise RecordingError(f"{place}: cannot be read ({error.strerror or error}); check the path") from None
+    folder = place.absolute().parent
+    for number, row in enumerate(rows, start=2):
+        recording = (row.get("recording") or "").strip()
+        if not recording or "\0" in recording:
+            raise FormatError(f"{place}, row {number}: names no recording; give a path in column recording")
+        try:
+            options = options_of(row.get("options") or "")
+        except SettingError as error:
+            raise SettingError(f"{place}, row {number}: {error}") from None
+        yield Entry(absolute(recording, folder), (row.get("camera") or "").strip() or "camera", options)
+
+
+def _of_csv(place: Path) -> list[dict[str, str]]:
+    try:
+        text = place.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise FormatError(f"{place}: is not a text file in UTF-8; save it as such") from None
+    try:
+        reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
+        _check_columns(place, reader.fieldnames or [])
+        return [{name: row[name] or "" for name in _COLUMNS if name in row} for row in reader]
+    except csv.Error as error:
+        raise FormatError(f"{place}: cannot be read as CSV ({error})") from None
+
+
+def _of_parquet(place: Path) -> list[dict[str, str]]:
+    try:
+        import pyarrow as arrow
+        from pyarrow import parquet
+    except ImportError:
+        raise MissingExtraError("reading Parquet tables", "parquet") from None
+    try:
+        names = parquet.read_schema(place).names
+        _check_columns(place, names)
+        table: Any = parquet.read_table(place, columns=[name for name in _COLUMNS if name in names])
+    except arrow.ArrowException as error:
+        raise FormatError(f"{place}: cannot be read as Parquet ({' '.join(str(error).split())[:200]})") from None
+    return [{name: "" if value is None else str(value) for name, value in row.items()} for row in table.to_pylist()]
+
+
+def _check_columns(place: Path, names: Any) -> None:
+    if "recording" not in names:
+        raise FormatError(f"{place}: has no column recording; it needs recording, and may have camera and options")

@@ -1,0 +1,152 @@
+"""A real Dask cluster on this machine: what it finds is what this process finds, whatever happens to its workers."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from batch_recordings import QUICK, simulated, variant
+from ospc.batch.cluster import Cluster
+from ospc.batch.entries import Entry
+from ospc.batch.run import run_batch
+from ospc.batch.work import Task, work
+from ospc.errors import MissingExtraError, SettingError
+
+distributed = pytest.importorskip("distributed")
+
+RECORDINGS, WORKERS = 100, 3
+NO_FIT = (("min_points", "1000000"),)
+"""Nothing is estimated, which takes most of the time; counts, noise and coverage are found all the same."""
+
+
+@dataclass
+class Machines:
+    """A scheduler and its workers, each a process of its own."""
+
+    address: str
+    folder: str
+    processes: list[subprocess.Popen]
+
+    def start(self, *arguments):
+        command = [sys.executable, "-m", *arguments]
+        with Path(self.folder, f"{len(self.processes)}.log").open("wb") as log:
+            self.processes.append(subprocess.Popen(command, stdout=log, stderr=log, cwd=self.folder))
+        return self.processes[-1]
+
+    def start_worker(self):
+        return self.start(
+            "distributed.cli.dask_worker",
+            self.address,
+            *("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", self.folder),
+        )
+
+
+@pytest.fixture
+def machines(tmp_path):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    found = Machines(f"tcp://127.0.0.1:{port}", str(tmp_path), [])
+    try:
+        found.start(
+            "distributed.cli.dask_scheduler",
+            "--host",
+            "127.0.0.1",
+            "--port",
+            str(port),
+            "--no-dashboard",
+            "--no-show",
+        )
+        yield found
+    finally:
+        for process in found.processes:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def entries(tmp_path_factory):
+    """A hundred recordings of three cameras, the 40th corrupt and the 60th missing."""
+    place = tmp_path_factory.mktemp("recordings")
+    originals = [simulated(place / f"original{seed}", seed) for seed in range(2)]
+    found = []
+    for number in range(RECORDINGS):
+        recording = place / f"r{number:03}"
+        if number == 40:
+            shutil.copytree(originals[0], recording)
+            (recording / "times.txt").write_text("0 0.0 none\n")
+        elif number != 60:
+            variant(originals[number % 2], recording, 1 + number / 100)
+        found.append(Entry(str(recording), f"camera {number % 3}", QUICK if number % 12 == 0 else NO_FIT))
+    return found
+
+
+def test_a_hundred_recordings_three_workers_one_of_them_killed(machines, entries, tmp_path):
+    workers = [machines.start_worker() for _ in range(WORKERS)]
+
+    def kill_one(stage):
+        if stage.name == "calibrating" and stage.done == 30:
+            os.kill(workers[1].pid, signal.SIGKILL)
+
+    outcome = run_batch(entries, tmp_path / "out", Cluster(machines.address), progress=kill_one)
+    assert workers[1].poll() is not None
+    assert [row.recording[-4:] for row in outcome.failed] == ["r040", "r060"]
+    corrupt, missing = outcome.failed
+    assert "times.txt" in corrupt.error
+    assert "there is no such file or folder" in missing.error
+    assert {row.attempts for row in outcome.failed} == {2}
+    done = [row for row in outcome.rows if row.status == "done"]
+    assert len(done) == RECORDINGS - 2
+    assert len({row.worker for row in done}) == WORKERS
+    for number, row in enumerate(outcome.rows):
+        if row.status == "done":
+            kept = tmp_path / "out" / "recordings" / row.key[:2] / f"{row.key}.ospc"
+            assert kept.read_bytes() == work(Task(0, entries[number])).result
+
+
+def test_a_recording_goes_to_a_worker_that_can_read_it(machines, entries, tmp_path, monkeypatch):
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os\nfrom ospc.batch import cluster\n"
+        "cluster._readable_of = lambda paths: list(paths) if os.environ.get('HAS_DISK') else []\n"
+    )
+    before = os.environ.get("PYTHONPATH")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, (str(tmp_path), before))))
+    machines.start_worker()
+    monkeypatch.setenv("HAS_DISK", "1")
+    reading = machines.start_worker()
+    with distributed.Client(machines.address, set_as_default=False, timeout=30) as client:
+        client.wait_for_workers(2, timeout=30)
+    answers = list(Cluster(machines.address).run(Task(n, entries[n]) for n in (1, 2, 3)))
+    assert {int(answer.worker.rsplit(":", 1)[1]) for answer in answers} == {reading.pid}
+
+
+def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
+    monkeypatch.setattr("ospc.batch.cluster._CONNECT_S", 0.5)
+    with pytest.raises(SettingError, match="no Dask scheduler answers there"):
+        list(Cluster("tcp://127.0.0.1:9").run([]))
+
+
+def test_a_scheduler_without_workers_is_said(machines, entries):
+    deadline_s = time.monotonic() + 30
+    while time.monotonic() < deadline_s:
+        try:
+            with pytest.raises(SettingError, match="the scheduler has no workers; start some"):
+                list(Cluster(machines.address, patience_s=0.0).run([Task(0, entries[1])]))
+            break
+        except AssertionError:
+            time.sleep(0.2)
+
+
+def test_without_dask_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingExtraError, match=r"ospc\[cluster\]"):
+        list(Cluster("tcp://127.0.0.1:9").run([]))

@@ -1,0 +1,103 @@
+"""Manifests: folders, patterns and tables name recordings, and nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+from batch_recordings import simulated
+from ospc.batch.entries import Entry, options_of
+from ospc.batch.manifest import read_manifest
+from ospc.errors import FormatError, RecordingError, SettingError
+from ospc.recording.channel import Channel
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    place = tmp_path_factory.mktemp("recordings")
+    original = simulated(place / "left" / "a", 0, frames=2)
+    for name in ("left/b", "right/deep/c"):
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).symlink_to(original)
+    (place / "left" / "notes").mkdir()
+    (place / "left" / "notes" / "readme.txt").write_text("no recording")
+    return place
+
+
+def test_a_folder_is_searched_and_folders_name_cameras(recordings):
+    found = read_manifest(str(recordings))
+    assert [(entry.recording, entry.camera) for entry in found] == [
+        (str(recordings / "left" / "a"), "left"),
+        (str(recordings / "left" / "b"), "left"),
+        (str(recordings / "right" / "deep" / "c"), "deep"),
+    ]
+    assert {entry.camera for entry in read_manifest(str(recordings), camera="mine")} == {"mine"}
+
+
+def test_a_pattern_is_expanded(recordings):
+    found = read_manifest(str(recordings / "left" / "?"))
+    assert [entry.recording for entry in found] == [str(recordings / "left" / name) for name in "ab"]
+
+
+CSV = "camera,recording,options,weather\nA,left/a,rounds=4 kind=tum_mono,rain\n,/elsewhere/b,,\nA,s3://bucket/x/c,,\n"
+
+
+def test_a_table_has_paths_relative_to_itself_and_options(recordings):
+    (recordings / "m.csv").write_text(CSV)
+    first, second, third = read_manifest(str(recordings / "m.csv"))
+    assert first == Entry(str(recordings / "left" / "a"), "A", (("rounds", "4"), ("kind", "tum_mono")))
+    assert (first.settings.rounds, first.kind) == (4, "tum_mono")
+    assert second == Entry("/elsewhere/b", "camera")
+    assert third.recording == "s3://bucket/x/c"
+    assert third.is_remote
+
+
+def test_a_parquet_table_says_the_same(recordings):
+    arrow = pytest.importorskip("pyarrow")
+    from pyarrow import csv, parquet
+
+    (recordings / "m.csv").write_text(CSV)
+    strings = csv.ConvertOptions(column_types={"camera": arrow.string(), "options": arrow.string()})
+    parquet.write_table(csv.read_csv(recordings / "m.csv", convert_options=strings), recordings / "m.parquet")
+    assert read_manifest(str(recordings / "m.parquet")) == read_manifest(str(recordings / "m.csv"))
+
+
+def test_recordings_named_twice_are_one(recordings):
+    (recordings / "twice.csv").write_text("recording\nleft/a\nleft/a\n")
+    assert len(read_manifest(str(recordings / "twice.csv"))) == 1
+
+
+def test_options_of_an_entry_go_before_those_of_the_command():
+    entry = Entry("r", "A", options_of("rounds=4")).with_defaults(options_of("rounds=2;channel=red"))
+    assert entry.settings.rounds == 4
+    assert entry.reading.channel is Channel.RED
+
+
+@pytest.mark.parametrize(
+    ("content", "error", "said"),
+    [
+        (b"camera\nA\n", FormatError, "no column recording"),
+        (b"", FormatError, "no column recording"),
+        (b'recording\n""\n', FormatError, "row 2: names no recording"),
+        (b"recording\na\0b\n", FormatError, "names no recording|cannot be read as CSV"),
+        (b"recording,options\na,rounds\n", SettingError, "row 2: option 'rounds' is not NAME=VALUE"),
+        (b"recording,options\na,no_such=1\n", SettingError, "no setting is called 'no_such'"),
+        (b"recording,options\na,channel=ultraviolet\n", SettingError, "option channel is one of luminance"),
+        (b"recording\n", RecordingError, "no recordings there"),
+        (b'recording\n"a', FormatError, "cannot be read as CSV"),
+        (b"\xff\xfe\x00", FormatError, "not a text file in UTF-8"),
+    ],
+)
+def test_tables_that_make_no_sense_are_refused(tmp_path, content, error, said):
+    (tmp_path / "m.csv").write_bytes(content)
+    with pytest.raises(error, match=said):
+        read_manifest(str(tmp_path / "m.csv"))
+
+
+def test_what_is_not_there_is_refused(tmp_path):
+    for manifest in ("none", "none.csv", "none/*"):
+        with pytest.raises(RecordingError, match="none"):
+            read_manifest(str(tmp_path / manifest))
+    (tmp_path / "bad.parquet").write_bytes(b"PAR1 no")
+    pytest.importorskip("pyarrow")
+    with pytest.raises(FormatError, match="cannot be read as Parquet"):
+        read_manifest(str(tmp_path / "bad.parquet"))

@@ -1,0 +1,209 @@
+"""Batches: every recording accounted for, nothing done twice, failures said and never in the way."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+
+import pytest
+
+from batch_recordings import QUICK, Pretending, simulated, variant
+from ospc.batch.entries import Entry
+from ospc.batch.local import Processes, ThisProcess
+from ospc.batch.run import run_batch
+from ospc.batch.table import read_table
+from ospc.batch.work import Task, work
+from ospc.errors import FormatError, SettingError
+from ospc.photometry.calibration import Calibration
+from ospc.pooling.pool import Pool
+from ospc.state import container
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Four recordings of two cameras, and one whose images are no images."""
+    place = tmp_path_factory.mktemp("recordings")
+    first = simulated(place / "A" / "r0", 0)
+    for number in (1, 2, 3):
+        variant(first, place / "AAB"[number - 1] / f"r{number}", 1 + number / 10)
+    corrupt = place / "B" / "corrupt"
+    shutil.copytree(first, corrupt)
+    for image in (corrupt / "images").iterdir():
+        image.write_bytes(b"nothing")
+    return place
+
+
+@pytest.fixture(scope="module")
+def entries(recordings):
+    names = ("A/r0", "A/r1", "A/r2", "B/r3", "B/corrupt", "B/missing")
+    return [Entry(str(recordings / name), name[0], QUICK) for name in names]
+
+
+@pytest.fixture(scope="module")
+def done(entries, tmp_path_factory):
+    out = tmp_path_factory.mktemp("done") / "out"
+    return run_batch(entries, out, ThisProcess()), out
+
+
+def results(out):
+    return {place.name: place.read_bytes() for place in sorted((out / "recordings").rglob("*.ospc"))}
+
+
+def test_every_recording_has_a_row_and_failures_their_reason(done):
+    outcome, out = done
+    assert [row.status for row in outcome.rows] == ["done"] * 4 + ["failed"] * 2
+    corrupt, missing = outcome.failed
+    assert "corrupt" in corrupt.error
+    assert "there is no such file or folder" in missing.error
+    assert missing.attempts == 2
+    assert read_table(out / "batch.csv") == list(outcome.rows)
+    assert read_table(out / "batch.parquet") == list(outcome.rows)
+    assert "Failed: 2" in (out / "index.html").read_text()
+    assert json.loads((out / "batch.json").read_text())["failed"] == 2
+
+
+def test_recordings_of_a_camera_are_merged(done, entries):
+    outcome, out = done
+    assert [(camera.name, camera.recordings, camera.failed) for camera in outcome.cameras] == [
+        ("A", 3, 0),
+        ("B", 3, 2),
+    ]
+    found = Calibration.load(out / "cameras" / "A")
+    assert found.source["name"] == "A"
+    assert len(Pool.load(out / "cameras" / "A")) == 3
+    assert found.counts["recordings"] == 3
+
+
+def test_processes_give_the_same_bytes(done, entries, tmp_path):
+    outcome = run_batch(entries, tmp_path / "out", Processes(2), retries=0)
+    assert results(tmp_path / "out") == results(done[1])
+    same = [
+        (a.recording, a.status, a.key, a.error, a.samples) == (b.recording, b.status, b.key, b.error, b.samples)
+        for a, b in zip(outcome.rows, done[0].rows, strict=True)
+    ]
+    assert all(same)
+
+
+def test_what_is_done_is_recognised_wherever_it_moved_and_whenever_it_was_touched(recordings, entries, tmp_path):
+    runner = Pretending()
+    run_batch(entries[:2], tmp_path / "out", runner)
+    assert runner.asked == [("calibrate", "r0"), ("calibrate", "r1")]
+    moved = tmp_path / "moved"
+    shutil.copytree(recordings / "A" / "r0", moved)
+    os.utime(moved / "times.txt", (0, 0))
+    again = Pretending()
+    outcome = run_batch([Entry(str(moved), "A", QUICK), *entries[1:3]], tmp_path / "out", again)
+    assert [name for what, name in again.asked if what == "calibrate"] == ["r2"]
+    assert [row.attempts for row in outcome.rows] == [0, 0, 1]
+
+
+@pytest.mark.parametrize("change", ["settings", "exposures", "an image", "a damaged result"])
+def test_what_changed_is_done_again(recordings, tmp_path, change):
+    place = tmp_path / "r"
+    shutil.copytree(recordings / "A" / "r0", place)
+    entry = Entry(str(place), "A", QUICK)
+    run_batch([entry], tmp_path / "out", ThisProcess())
+    if change == "settings":
+        entry = Entry(str(place), "A", (*QUICK, ("max_points", "100")))
+    elif change == "exposures":
+        times = place / "times.txt"
+        times.write_text(times.read_text().rstrip() + ".5\n")
+    elif change == "an image":
+        image = sorted((place / "images").iterdir())[1]
+        image.write_bytes(image.read_bytes() + b"\0")
+    else:
+        (result,) = (tmp_path / "out" / "recordings").rglob("*.ospc")
+        result.write_bytes(result.read_bytes()[:-1])
+    runner = Pretending()
+    outcome = run_batch([entry], tmp_path / "out", runner)
+    assert ("calibrate", "r") in runner.asked
+    assert outcome.rows[0].status == "done"
+
+
+def test_failures_are_tried_again_after_all_others(entries, tmp_path):
+    runner = Pretending(failing={"r0": 1, "r1": 9})
+    outcome = run_batch(entries[:3], tmp_path / "out", runner, retries=2)
+    assert [name for _, name in runner.asked] == ["r0", "r1", "r2", "r0", "r1", "r1"]
+    assert [(row.status, row.attempts) for row in outcome.rows] == [("done", 2), ("failed", 3), ("done", 1)]
+    assert outcome.rows[1].error == "r1 is torn"
+
+
+def test_interrupted_it_writes_what_is_done_and_goes_on_later(entries, tmp_path):
+    def stop(stage):
+        if stage.name == "calibrating" and stage.done == 2:
+            raise KeyboardInterrupt
+
+    outcome = run_batch(entries[:4], tmp_path / "out", ThisProcess(), progress=stop)
+    assert outcome.interrupted
+    assert [row.status for row in outcome.rows] == ["done", "done", "not done", "not done"]
+    assert "2 recordings are not done yet" in (tmp_path / "out" / "index.html").read_text()
+    runner = Pretending()
+    outcome = run_batch(entries[:4], tmp_path / "out", runner)
+    assert [name for what, name in runner.asked if what == "calibrate"] == ["r2", "r3"]
+    assert {row.status for row in outcome.rows} == {"done"}
+
+
+def test_without_pyarrow_there_is_no_parquet_and_a_note(entries, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    outcome = run_batch(entries[:1], tmp_path / "out", ThisProcess())
+    assert "pip install 'ospc[parquet]'" in outcome.notes[0]
+    assert not (tmp_path / "out" / "batch.parquet").exists()
+
+
+def test_other_folders_and_batches_of_other_versions_are_refused(entries, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("all of it")
+    with pytest.raises(SettingError, match="something else than an earlier batch"):
+        run_batch(entries[:1], tmp_path / "mine", ThisProcess())
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "batch.json").write_text('{"schema": "ospc-batch/0"}')
+    with pytest.raises(SettingError, match=r"a batch of another version .*ospc-batch/0"):
+        run_batch(entries[:1], tmp_path / "old", ThisProcess(), force=True)
+    with pytest.raises(SettingError, match="is a file"):
+        run_batch(entries[:1], tmp_path / "old" / "batch.json", ThisProcess())
+
+
+def test_results_of_other_versions_are_made_again(done, entries, tmp_path):
+    shutil.copytree(done[1], tmp_path / "out")
+    for place in (tmp_path / "out" / "recordings").rglob("*.ospc"):
+        found = container.from_bytes(place.read_bytes(), "it")
+        container.save(container.Container(found.kind, 0, found.content, found.arrays), place)
+    runner = Pretending()
+    run_batch(entries[:2], tmp_path / "out", runner)
+    assert [name for what, name in runner.asked if what == "calibrate"] == ["r0", "r1"]
+
+
+def test_a_result_that_is_not_what_was_asked_for_is_not_kept(tmp_path):
+    class Lying(Pretending):
+        def run(self, tasks):
+            for answer in super().run(tasks):
+                yield type(answer)(answer.number, "0" * 64, answer.result)
+
+    place = simulated(tmp_path / "r", 1, frames=2)
+    with pytest.raises(FormatError, match="is not what was asked for"):
+        run_batch([Entry(str(place), "A", QUICK)], tmp_path / "out", Lying())
+
+
+def test_one_process_that_dies_takes_only_its_own_task(recordings, tmp_path, entries):
+    deadly = tmp_path / "deadly"
+    shutil.copytree(recordings / "A" / "r0", deadly)
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, ospc.batch.work as w\n"
+        "before = w.open_recording\n"
+        "def dying(path, *a):\n"
+        "    if path.name == 'deadly': os.kill(os.getpid(), 9)\n"
+        "    return before(path, *a)\n"
+        "w.open_recording = dying\n"
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH")))))
+        tasks = [Task(0, Entry(str(deadly), "A", QUICK)), *(Task(n, entry) for n, entry in enumerate(entries[:3], 1))]
+        answers = {answer.number: answer for answer in Processes(2).run(tasks)}
+    assert answers[0].error == "the process that worked on it died (SIGKILL, perhaps for lack of memory)"
+    assert all(answers[number].result for number in (1, 2, 3))
+
+
+def test_equal_work_gives_equal_bytes(entries):
+    assert work(Task(0, entries[0])).result == work(Task(7, entries[0])).result

@@ -1,0 +1,61 @@
+"""Very small recordings in very large numbers, and runners that only pretend."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ospc.batch.work import Answer, Task, work
+from ospc.simulation import SimulationSettings, simulate
+
+QUICK = (("rounds", "1"), ("points_per_pair", "40"), ("min_points", "30"), ("response_intervals", "8"))
+SIZE, FRAMES = (96, 72), 8
+
+
+def simulated(place: Path, seed: int, **settings: object) -> Path:
+    """Simulate a recording."""
+    exposures = (3.0, 6.0, 12.0, 24.0)
+    values = {"size": SIZE, "frames": FRAMES, "exposure": "cycle", "exposures_ms": exposures, "seed": seed}
+    simulate(place, SimulationSettings(**(values | settings)))
+    return place
+
+
+def variant(original: Path, place: Path, factor: float) -> Path:
+    """Make a recording with the images of another and exposures of its own."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copytree(original, place, copy_function=os.link)
+    lines = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
+    (place / "times.txt").unlink()
+    (place / "times.txt").write_text("".join(f"{i} {stamp} {float(e) * factor:.6f}\n" for i, stamp, e in lines))
+    return place
+
+
+@dataclass
+class Pretending:
+    """A runner that fails as it is told to, and counts what it is asked.
+
+    Attributes
+    ----------
+    failing
+        How often each task fails, by part of its recording's path.
+    asked
+        Tasks it was given: what and which recording.
+    """
+
+    failing: dict[str, int] = field(default_factory=dict)
+    asked: list[tuple[str, str]] = field(default_factory=list)
+    name = "pretending"
+
+    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
+        """Give the answers in order."""
+        for task in tasks:
+            name = Path(task.entry.recording).name
+            self.asked.append((task.what, name))
+            if task.what == "calibrate" and self.failing.get(name, 0) > 0:
+                self.failing[name] -= 1
+                yield Answer(task.number, error=f"{name} is torn")
+            else:
+                yield work(task)

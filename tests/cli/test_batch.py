@@ -1,0 +1,73 @@
+"""``ospc batch`` as a user calls it."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from batch_recordings import QUICK, simulated, variant
+from ospc.batch.local import ThisProcess
+from ospc.cli.batch import command
+from ospc.errors import RecordingError
+
+SETTINGS = [part for name, value in QUICK for part in ("--set", f"{name}={value}")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a camera's recordings."""
+    place = tmp_path_factory.mktemp("data")
+    first = simulated(place / "A" / "r0", 0)
+    variant(first, place / "A" / "r1", 1.5)
+    return place
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    """Other processes take seconds to start; what they do is tested elsewhere."""
+    monkeypatch.setattr("ospc.batch.local.Processes", lambda _count: ThisProcess())
+
+
+def run(*arguments):
+    return CliRunner().invoke(command, [str(a) for a in arguments])
+
+
+def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
+    result = run(folder, "-o", tmp_path / "out", *SETTINGS)
+    assert result.exit_code == 0, result.output
+    assert "2 of 2 recordings calibrated (0 of them before), 0 failed" in result.stdout
+    names = {place.name for place in (tmp_path / "out").iterdir()}
+    assert names == {"batch.json", "batch.csv", "batch.parquet", "index.html", "cameras", "recordings"}
+    assert (tmp_path / "out" / "cameras" / "A" / "calibration.json").exists()
+    again = run(folder, "-o", tmp_path / "out", *SETTINGS)
+    assert "(2 of them before)" in again.stdout
+
+
+def test_failures_are_said_and_exit_code_4(folder, tmp_path):
+    (tmp_path / "m.csv").write_text(f"recording,camera\n{folder / 'A' / 'r0'},X\nnone,X\n")
+    result = run(tmp_path / "m.csv", "-o", tmp_path / "out", *SETTINGS)
+    assert result.exit_code == 4
+    assert f"failed: {tmp_path / 'none'}: " in result.stderr
+    assert "(tried 2 times)" in result.stderr
+    result = run(tmp_path / "m.csv", "-o", tmp_path / "out", *SETTINGS, "--json", "--retries", "0")
+    content = json.loads(result.stdout)
+    assert (content["exit_code"], content["done"], len(content["failed"])) == (4, 1, 1)
+    assert content["cameras"]["X"]["failed"] == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--jobs", "2", "--scheduler", "tcp://x:1"], ["--set", "rounds"], ["--jobs", "0"], ["--retries", "-1"]],
+)
+def test_wrong_usage_is_exit_code_2_and_writes_nothing(folder, tmp_path, options):
+    assert run(folder, "-o", tmp_path / "out", *options).exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_empty_folder_is_one_line(tmp_path):
+    (tmp_path / "empty").mkdir()
+    result = run(tmp_path / "empty", "-o", tmp_path / "out")
+    assert isinstance(result.exception, RecordingError)
+    assert "no recordings there" in str(result.exception)
