@@ -12,6 +12,7 @@ from ospc.arrays import FloatArray, IntArray
 
 _MIN_VALUES = 24
 _LOWEST_CYCLES = 4
+_LEAST_PERIODS = 2
 _OVERSAMPLING = 8
 _MIN_SHARE = 0.4
 _CHANCE = 1e-4
@@ -82,6 +83,35 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
     if amplitude < _MIN_AMPLITUDE or share < _MIN_SHARE or chance > _CHANCE:
         return None
     return Flicker(line, amplitude, share)
+
+
+def main_line(frame: IntArray, change: FloatArray) -> tuple[float, float] | None:
+    """Return the frequency that changes have most of, in cycles per frame, and its share of their energy.
+
+    Parameters
+    ----------
+    frame
+        Index of the frame of each value, increasing, shape (n,).
+    change
+        The values, shape (n,).
+
+    Returns
+    -------
+    tuple of float or None
+        None where no run of frames is long enough. Frequencies with less than two periods in a run count for nothing.
+    """
+    runs = _runs(frame)
+    energy = float(np.sum(change**2))
+    if not runs or max(run.stop - run.start for run in runs) < _MIN_VALUES or energy <= 0:
+        return None
+    grids = [_on_grid(frame[run], change[run]) for run in runs]
+    length = _OVERSAMPLING * max(len(grid) for grid in grids)
+    power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))
+    frequency = np.fft.rfftfreq(length)
+    line = float(frequency[np.argmax(np.where(frequency >= _LEAST_PERIODS / max(map(len, grids)), power, 0.0))])
+    wave = waves(frame, [line])
+    left = change - wave @ np.linalg.lstsq(wave, change, rcond=None)[0]
+    return line, 1 - float(np.sum(left**2)) / energy
 
 
 def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:

@@ -7,8 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.diagnosis.flicker import Flicker, find_flicker, without_waves
-from ospc.diagnosis.lag_decision import SILENT, LagEstimate, LagState, Trial, decide, flicker_columns
+from ospc.diagnosis.flicker import Flicker, find_flicker, main_line, without_waves
+from ospc.diagnosis.lag_decision import (
+    SILENT,
+    LagEstimate,
+    LagState,
+    Trial,
+    decide,
+    exposure_cycle,
+    flicker_columns,
+)
 from ospc.diagnosis.lag_likelihood import Fit, Observations, fit_exposures
 from ospc.diagnosis.shifted import with_exposure_lag
 
@@ -29,6 +37,8 @@ _OPPOSED_SIGMAS = 4.0
 _SMALL_LEAD = 3.0
 _WEAK_SLOPE = 0.25
 _SCATTERS = (2.0, 8.0)
+_CHASING_SHARE = 0.5
+_LARGEST_CHASE_LOG = 0.12
 
 
 def estimate_lag(seen: Observations, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
@@ -64,11 +74,33 @@ def estimate_lag(seen: Observations, exposures_ms: FloatArray, max_lag: int = MA
     doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _WEAK_SLOPE
     settled = first.state not in ("ambiguous", *SILENT)
     if settled and not doubtful:
-        return first
+        return first if _survives_chasing(first, trial) else replace(first, state="follows flicker", frames=None)
     scattered = None if flickers else _with_scatter(inner, log_exposure, lags, changes)
     if scattered is not None:
         return replace(scattered, fit=fits[int(np.flatnonzero(lags == scattered.frames)[0])])
     return first if settled else _over_longer(first, trial, seen)
+
+
+def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
+    """Return whether a lag holds even if the light swings with the main period of the exposures.
+
+    An exposure control that chases a swinging light leaves swings of brightness, which exposures of another time fit
+    as well as their own. Its exposures swing a little, and with one period; none that are programmed are so small.
+    """
+    if first.frames is None or trial.flickers or exposure_cycle(trial.log_exposure) is not None:
+        return True
+    change = trial.changes[trial.best]
+    found = main_line(trial.seen.frame, change)
+    if found is None:
+        return True
+    line, share = found
+    swing = float(np.std(change)) / (2 * np.sin(np.pi * line))
+    if share < _CHASING_SHARE or swing > _LARGEST_CHASE_LOG:
+        return True
+    flicker = (Flicker(line, float(np.sqrt(2) * np.std(change)), share),)
+    columns = flicker_columns(trial.seen, flicker)
+    fits = tuple(fit_exposures(trial.seen, each, columns) for each in trial.changes)
+    return decide(replace(trial, fits=fits, flickers=flicker)).frames == first.frames
 
 
 def _over_longer(first: LagEstimate, trial: Trial, seen: Observations) -> LagEstimate:

@@ -21,6 +21,7 @@ LagState = Literal[
     "follows flicker",
     "between frames",
     "changing",
+    "out of range",
 ]
 
 SILENT: tuple[LagState, ...] = ("no response to exposure", "changes too small")
@@ -180,6 +181,8 @@ def decide(trial: Trial) -> LagEstimate:
     fraction = _fraction(trial, best)
     if state == "determined" and _follows_flicker(trial, best):
         state = "follows flicker"
+    if state == "determined" and _at_the_end(trial, best):
+        state = "out of range"
     if state == "determined" and abs(fraction) > _LARGEST_FRACTION:
         state = "between frames"
     if state == "determined" and _differs_within(trial, best):
@@ -227,6 +230,16 @@ def _sigmas(lead: FloatArray, reach: int) -> float:
         variance += 2 * (1 - step / (reach + 1)) * float(np.mean(centred[step:] * centred[:-step]))
     variance = max(variance, own / 2)
     return float(lead.mean() * np.sqrt(len(lead) / variance)) if variance > 0 else 0.0
+
+
+def _at_the_end(trial: Trial, best: int) -> bool:
+    """Return whether a lag is the largest tried, and no usual one: the best may be a larger one that means nothing.
+
+    An exposure control that chases a slowly swinging light leaves swings of brightness that exposures of another
+    time fit, however far away.
+    """
+    lag = abs(int(trial.lags[best]))
+    return lag > USUAL_LAG and lag == int(np.abs(trial.lags).max())
 
 
 def _explained_share(fit: Fit) -> float:

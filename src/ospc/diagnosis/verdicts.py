@@ -128,6 +128,7 @@ def _unknown_lag(figures: Figures) -> Verdict:
         "too few pairs": f"only {lag.pairs} pairs of consecutive frames could be compared",
         "follows flicker": "the exposures follow a flickering light, which hides by how many frames they are late",
         "between frames": f"the exposures fit best between two frames ({lag.fraction_frames:+.1f})",
+        "out of range": f"the exposures fit best with a lag of {either} frames, the largest tried, which is unlikely",
         "changing": "the exposures belong to other frames in one half of the recording than in the other",
     }
     reason = reasons.get(lag.state, f"the exposures fit with a lag of {either} frames alike")

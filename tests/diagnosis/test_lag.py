@@ -1,0 +1,119 @@
+"""The estimate of the lag: found, or said not to be determinable, but never wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from filmed import Film, jumping, wandering
+
+from ospc.diagnosis import RecordingReport, check_recording
+from ospc.diagnosis.lag_likelihood import Observations, fit_exposures
+from ospc.errors import SettingError
+from ospc.recording import ArrayRecording
+from ospc.diagnosis.shifted import with_exposure_lag
+
+FRAMES = 80
+
+
+def check(**film) -> RecordingReport:
+    return check_recording(Film(**film).recording())
+
+
+@pytest.mark.parametrize(
+    ("lag", "film"),
+    [
+        (2, {"log_exposure": jumping(FRAMES, 1), "gamma": 1.0, "noise": 4.0}),
+        (-1, {"log_exposure": wandering(FRAMES, 2), "movers": 6, "speed_px": 4.0}),
+        (3, {"log_exposure": wandering(FRAMES, 3, step=0.15), "metadata_error": 0.01}),
+        (1, {"log_exposure": 0.4 * np.sin(np.arange(FRAMES) / 3), "speed_px": 0.0}),
+    ],
+)
+def test_it_is_found_in_spite_of_noise_motion_and_inexact_metadata(lag: int, film: dict) -> None:
+    assert check(lag=lag, **film).exposure_lag_frames == lag
+
+
+def test_a_cycle_leaves_what_differs_by_whole_cycles() -> None:
+    report = check(log_exposure=np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1, lag=1)
+    assert report.exposure_lag_frames is None
+    assert set(report.lag.candidates) == {-5, -2, 1, 4}
+    # Whichever of them it is, correcting by one corrects by all.
+    assert report.lag.correction(report.exposure.cycle_frames) == 1
+    assert report.lag.correction(None) is None
+
+
+def test_a_long_cycle_leaves_one_usual_lag() -> None:
+    cycle = np.log([1, 3, 2, 5, 2.5, 4, 1.5, 6])
+    report = check(log_exposure=cycle[np.arange(FRAMES) % 8] - 1, lag=-2)
+    assert report.exposure.cycle_frames == 8
+    assert report.exposure_lag_frames == -2
+
+
+def test_a_steady_change_says_nothing() -> None:
+    report = check(log_exposure=np.linspace(-0.6, 0.6, FRAMES), lag=2)
+    assert report.exposure_lag_frames is None
+    assert report.lag.correction(report.exposure.cycle_frames) is None
+
+
+@pytest.mark.parametrize(("gain", "lag"), [(0.2, 2), (0.5, -1)])
+def test_exposures_that_chase_a_swinging_light_are_never_given_a_wrong_lag(gain: float, lag: int) -> None:
+    frames = 120
+    light = 0.08 * np.sin(2 * np.pi * np.arange(frames) / 12.4)
+    exposure = np.zeros(frames)
+    for i in range(1, frames):
+        exposure[i] = exposure[i - 1] - gain * (exposure[i - 1] + light[i - 1])
+    report = check(log_exposure=exposure, hidden_log_gain=light, lag=lag)
+    assert report.exposure_lag_frames in (None, lag)
+
+
+def test_the_lag_of_a_correction_is_nought() -> None:
+    late = Film(wandering(FRAMES, 5), lag=2).recording()
+    corrected = with_exposure_lag(late, 2)
+    assert check_recording(corrected).exposure_lag_frames == 0
+    assert len(corrected) == FRAMES - 2
+    assert any("lag of 2" in note for note in corrected.notes)
+
+
+@pytest.mark.parametrize("lag", [-2, 3])
+def test_exposures_move_to_their_frames(lag: int) -> None:
+    count = 9
+    images = [np.full((4, 5), i, np.uint8) for i in range(count)]
+    true = 1.0 + np.arange(count)
+    written = true[np.clip(np.arange(count) - lag, 0, count - 1)]
+    corrected = with_exposure_lag(ArrayRecording(images, written, np.arange(count) / 10), lag)
+    assert len(corrected) == count - abs(lag) == len(corrected.exposures_ms) == len(corrected.stamps_s)
+    for index, frame in enumerate(corrected):
+        assert frame.index == index
+        number = int(frame.image[0, 0])
+        assert frame.exposure_ms == true[number] == corrected.exposures_ms[index]
+        assert frame.stamp_s == number / 10 == corrected.stamps_s[index]
+
+
+def test_no_lag_leaves_the_recording_and_too_large_a_one_is_refused() -> None:
+    recording = ArrayRecording([np.zeros((4, 4), np.uint8)] * 3, [1, 2, 3])
+    assert with_exposure_lag(recording, 0) is recording
+    with pytest.raises(SettingError, match="leaves nothing of the 3 frames"):
+        with_exposure_lag(recording, -3)
+
+
+def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> Observations:
+    """Changes as an inexactly known exposure leaves them, in one grey bin."""
+    pairs = len(change)
+    error = rng.normal(0, scatter, pairs + 1)
+    seen = 0.5 * (change + np.diff(error)) + rng.normal(0, 0.002, pairs)
+    return Observations(np.arange(pairs), seen[:, None], np.full((pairs, 1), 1000.0), np.zeros((pairs, 1, 2)))
+
+
+def test_whitening_undoes_the_correlation_of_single_errors() -> None:
+    rng = np.random.default_rng(0)
+    seen = simulated_observations(np.zeros(4000), 0.02, rng)
+    inexact = Observations(seen.frame, seen.log_ratio, seen.weight, seen.moved, scatter=0.5 * 0.02 / 0.002)
+    before, after = seen.log_ratio[:, 0], inexact.whitened(seen.log_ratio)[0][:, 0]
+    assert np.corrcoef(before[1:], before[:-1])[0, 1] < -0.4
+    assert abs(np.corrcoef(after[1:], after[:-1])[0, 1]) < 0.05
+
+
+def test_the_slope_is_that_of_the_response() -> None:
+    change = np.diff(wandering(300, 4))
+    fit = fit_exposures(simulated_observations(change, 0.0, np.random.default_rng(1)), change)
+    assert fit.slopes[0] == pytest.approx(0.5, rel=0.02)
+    assert fit.scale == pytest.approx(0.002, rel=0.25)
