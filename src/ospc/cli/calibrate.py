@@ -198,10 +198,12 @@ def _calibrate_one(
 def _calibrate_rig(request: _Request, interruption: Interruption) -> int:
     """Calibrate one camera after the other; what goes wrong with one does not keep the others from it."""
     from ospc.cli.calibration_run import print_json
+    from ospc.cli.rig_scale import rig_scale_or_error
 
     told: dict[str, Any] = {}
     codes = []
-    for name, opened in request.reading.cameras(request.path).items():
+    cameras = request.reading.cameras(request.path)
+    for name, opened in cameras.items():
         if not request.quiet and not request.as_json:
             click.echo(f"{name}:")
         try:
@@ -215,8 +217,11 @@ def _calibrate_rig(request: _Request, interruption: Interruption) -> int:
         if interruption.requested:
             break
     code = next((c for c in (INTERRUPTED, 1, 3) if c in codes), 0)
+    scale = None
+    if len(cameras) > 1 and not interruption.requested:
+        scale = rig_scale_or_error(request.out, cameras, talkative=not (request.quiet or request.as_json))
     if request.as_json:
-        print_json({"exit_code": code, "cameras": told})
+        print_json({"exit_code": code, "cameras": told, "relative_scale": scale})
     return code
 
 

@@ -1,0 +1,68 @@
+"""What commands do with the cameras of a rig when each has been calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ospc.errors import NotObservableError, OspcError
+
+if TYPE_CHECKING:
+    from ospc.recording import Recording
+
+RIG_NAME = "rig.json"
+"""Name of the file with the relative scales in the folder of the cameras' folders."""
+
+
+def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool) -> dict[str, Any]:
+    """Find the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
+
+    Parameters
+    ----------
+    out
+        Folder that holds the folder of each camera.
+    cameras
+        What opens the recording of each.
+    talkative
+        Whether to say what was found.
+    """
+    from ospc.photometry.calibration import Calibration
+    from ospc.rig import rig_scale
+
+    (out / RIG_NAME).unlink(missing_ok=True)  # one of an earlier run would be of other calibrations
+    recordings, calibrations = {}, {}
+    for name, opened in cameras.items():
+        if (out / name / "calibration.json").exists():
+            recordings[name], calibrations[name] = opened(), Calibration.load(out / name)
+    try:
+        found = rig_scale(recordings, calibrations)
+    except NotObservableError as error:
+        if talkative:
+            click.echo(f"no relative irradiance scale: {error}")
+        return {"error": str(error)}
+    found.save(out / RIG_NAME)
+    if talkative:
+        click.echo(f"irradiance relative to {found.reference}, where views overlap:")
+        for name, scale in found.scale.items():
+            if name != found.reference:
+                click.echo(f"  {name}: {scale:.4f} ± {found.sigma[name]:.4f}")
+        for name, why in found.left_out.items():
+            click.echo(f"  {name}: unknown, {why}")
+        if found.misfit > 4:
+            click.echo(f"warning: overlaps contradict each other by {found.misfit:.0f} standard deviations", err=True)
+        click.echo(f"written to {out / RIG_NAME}")
+    return found.as_dict()
+
+
+def rig_scale_or_error(
+    out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool
+) -> dict[str, Any]:
+    """Do the same, but let a failure be one line: the calibrations are worth more than the scale."""
+    try:
+        return add_rig_scale(out, cameras, talkative=talkative)
+    except OspcError as error:
+        click.echo(f"ospc: error: no relative irradiance scale: {error}", err=True)
+        return {"error": str(error)}

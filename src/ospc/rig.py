@@ -1,0 +1,313 @@
+"""Several cameras that look at the same things at the same time: how bright each sees what another sees.
+
+Response and vignette of a camera are known up to a scale of its own: g(1) = 1, V = 1 at the centre. Where the views
+of two calibrated cameras overlap, the same scene points fix the ratio of the two scales: with s the camera's scale,
+g(M) / (e V) = s L for every point of radiance L.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.atomic import write_atomically
+from ospc.correspondence.features import Features, SiftExtractor, match
+from ospc.errors import FormatError, FrameError, NotObservableError
+from ospc.photometry.calibration import Calibration
+from ospc.recording import Frame, Recording
+
+SCHEMA = "ospc-rig/1"
+
+_MOMENTS = 24
+_MAX_FEATURES = 1500
+_LONGEST_SIDE_PX = 800
+_MATCH_RATIO = 0.8
+_FEWEST_MATCHES = 20
+_EPIPOLAR_PX = 1.5
+_SMOOTHING_PX = 2.0
+_BLACK, _WHITE = 4 / 255, 247 / 255
+_LARGEST_GAP_S = 0.02
+_SYSTEMATIC = 0.005
+"""Standard deviation of ln s beyond that of the matches: surfaces look different from different sides."""
+
+
+@dataclass(frozen=True)
+class PairScale:
+    """What the overlap of two cameras says.
+
+    Attributes
+    ----------
+    cameras
+        Their names.
+    log_ratio, sigma
+        ln (s₀/s₁) and its standard deviation.
+    moments, points
+        Moments compared, and scene points behind it.
+    """
+
+    cameras: tuple[str, str]
+    log_ratio: float
+    sigma: float
+    moments: int
+    points: int
+
+
+@dataclass(frozen=True)
+class RigScale:
+    """Relative irradiance scale of the cameras of a rig.
+
+    Attributes
+    ----------
+    reference
+        The camera whose scale is 1.
+    scale, sigma
+        s of every camera that overlaps with the reference, directly or through others, and its standard deviation:
+        the irradiance g(M) / (e V) of a camera divided by its s is comparable over the rig.
+    pairs
+        What they follow from.
+    left_out
+        Cameras whose scale is not known, and why.
+    misfit
+        Largest disagreement between overlaps, in their standard deviations; 0 where nothing is measured twice.
+    """
+
+    reference: str
+    scale: dict[str, float]
+    sigma: dict[str, float]
+    pairs: tuple[PairScale, ...]
+    left_out: dict[str, str] = field(default_factory=dict)
+    misfit: float = 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as JSON-compatible values; the documented content of ``rig.json``."""
+        return {
+            "schema": SCHEMA,
+            "reference": self.reference,
+            "scale": self.scale,
+            "sigma": self.sigma,
+            "pairs": [vars(pair) | {"cameras": list(pair.cameras)} for pair in self.pairs],
+            "left_out": self.left_out,
+            "misfit": self.misfit,
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as JSON, whole or not at all, and return the path.
+
+        Raises
+        ------
+        FormatError
+            If it cannot be written.
+        """
+        place = Path(path)
+        try:
+            return write_atomically(place, json.dumps(self.as_dict(), indent=1, allow_nan=False).encode() + b"\n")
+        except OSError as error:
+            raise FormatError(
+                f"{place}: cannot be written ({error.strerror}); check that the folder exists"
+            ) from None
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What one camera saw at a moment: features, and ln of the irradiance there."""
+
+    features: Features
+    log_irradiance: FloatArray
+
+
+def rig_scale(recordings: Mapping[str, Recording], calibrations: Mapping[str, Calibration]) -> RigScale:
+    """Return the relative irradiance scale of cameras that recorded at the same time.
+
+    Parameters
+    ----------
+    recordings, calibrations
+        Recording and calibration of every camera by its name; the first that can be used is the reference.
+
+    Raises
+    ------
+    NotObservableError
+        If fewer than two cameras have both response and vignette.
+    """
+    left_out = {
+        name: f"its {' and '.join(_unknown(calibrations.get(name)))} could not be determined"
+        for name in recordings
+        if _unknown(calibrations.get(name))
+    }
+    names = [name for name in recordings if name not in left_out]
+    if len(names) < 2:
+        raise NotObservableError(
+            "a relative scale needs two cameras or more whose response and vignette are known; here there "
+            f"{'is one' if names else 'is none'}"
+        )
+    moments = _moments([recordings[name] for name in names])
+    seen = {
+        name: _all_seen(recordings[name], calibrations[name], frames)
+        for name, frames in zip(names, moments.T, strict=True)
+    }
+    pairs = [
+        found
+        for first, second in combinations(names, 2)
+        if (found := _compared((first, second), seen[first], seen[second])) is not None
+    ]
+    return _solved(names, tuple(pairs), left_out)
+
+
+def _unknown(calibration: Calibration | None) -> list[str]:
+    parts = ("response", "vignette")
+    return [part for part in parts if calibration is None or getattr(calibration, part) is None]
+
+
+def _moments(recordings: Sequence[Recording]) -> IntArray:
+    """Return frames of all cameras that were taken at the same time, evenly spread, shape (moments, cameras).
+
+    A camera that has none at a moment has −1.
+    """
+    stamps = [np.asarray(recording.stamps_s, dtype=np.float64) for recording in recordings]
+    chosen = np.unique(np.linspace(0, len(stamps[0]) - 1, min(_MOMENTS, len(stamps[0]))).astype(np.int64))
+    columns = [chosen]
+    for own in stamps[1:]:
+        order = np.argsort(own, kind="stable")
+        after = np.clip(np.searchsorted(own[order], stamps[0][chosen]), 1, max(len(own) - 1, 1))
+        near = [order[np.minimum(after + step, len(own) - 1)] for step in (-1, 0)]
+        gap = [np.abs(own[index] - stamps[0][chosen]) for index in near]
+        nearest = np.where(gap[0] <= gap[1], near[0], near[1])
+        columns.append(np.where(np.minimum(*gap) <= _LARGEST_GAP_S, nearest, -1))
+    return np.stack(columns, axis=1)
+
+
+def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) -> list[_Seen | None]:
+    """Return what a camera saw at each moment; None where there is no frame, or none that can be read."""
+    wanted: dict[int, list[int]] = {}
+    for moment, index in enumerate(frames.tolist()):
+        wanted.setdefault(index, []).append(moment)
+    found: list[_Seen | None] = [None] * len(frames)
+    extractor = SiftExtractor(_MAX_FEATURES)
+    for frame in recording:
+        for moment in wanted.get(frame.index, []):
+            try:
+                found[moment] = _seen(frame, calibration, extractor)
+            except FrameError:
+                continue
+    return found
+
+
+def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> _Seen:
+    """Return features of a frame and the irradiance there, from what its response and vignette make of it."""
+    response, vignette = calibration.response, calibration.vignette
+    assert response is not None
+    assert vignette is not None
+    image = frame.image.astype(np.float32) / np.float32(frame.max_grey)
+    reduction = -(-max(image.shape) // _LONGEST_SIDE_PX)
+    irradiance = np.asarray(response.inverse(image) / (frame.exposure_ms * vignette.image()), dtype=np.float32)
+    bad = ((image < _BLACK) | (image > _WHITE)).astype(np.float32)
+    if frame.mask is not None:
+        bad = np.maximum(bad, (~frame.mask).astype(np.float32))
+    small, bad = (_reduced(values, reduction) for values in (irradiance, bad))
+    points, descriptors = extractor.detect(_alike(small))
+    column, row = np.clip(np.rint(points).astype(np.int64), 0, np.array(small.shape[::-1]) - 1).T
+    smooth = cv2.GaussianBlur(small, (0, 0), _SMOOTHING_PX)
+    exposed = cv2.GaussianBlur(bad, (0, 0), _SMOOTHING_PX)[row, column] < 0.01
+    value = smooth[row, column]
+    kept = exposed & (value > 0)
+    features = Features(frame.index, frame.exposure_ms, points[kept], value[kept], descriptors[kept])
+    return _Seen(features, np.log(value[kept].astype(np.float64)))
+
+
+def _alike(irradiance: np.ndarray[Any, np.dtype[np.float32]]) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    """Return an image that looks the same whatever camera and exposure it comes from: ln irradiance, stretched."""
+    log_value = np.log(np.maximum(irradiance, np.float32(1e-9)))
+    low, high = np.quantile(log_value, [0.02, 0.98])
+    return np.asarray(np.clip((log_value - low) / max(high - low, 1e-6) * 255, 0, 255), dtype=np.uint8)
+
+
+def _reduced(values: np.ndarray[Any, np.dtype[np.float32]], factor: int) -> np.ndarray[Any, np.dtype[np.float32]]:
+    if factor == 1:
+        return values
+    size = (values.shape[1] // factor, values.shape[0] // factor)
+    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _compared(
+    cameras: tuple[str, str], seen0: Sequence[_Seen | None], seen1: Sequence[_Seen | None]
+) -> PairScale | None:
+    """Return what the overlap of two cameras says; None where they share too few points."""
+    medians, spreads, points = [], [], 0
+    for one, other in zip(seen0, seen1, strict=True):
+        if one is None or other is None:
+            continue
+        first, second = match(one.features, other.features, SiftExtractor.norm, _MATCH_RATIO)
+        kept = _epipolar(one.features.points[first], other.features.points[second])
+        if np.count_nonzero(kept) < _FEWEST_MATCHES:
+            continue
+        difference = one.log_irradiance[first[kept]] - other.log_irradiance[second[kept]]
+        middle = float(np.median(difference))
+        medians.append(middle)
+        spreads.append(1.4826 * float(np.median(np.abs(difference - middle))) / np.sqrt(len(difference)))
+        points += len(difference)
+    if not medians:
+        return None
+    # Moments differ by more than their matches say where some are wrong together: their own spread has that in it.
+    between = 1.4826 * float(np.median(np.abs(np.array(medians) - np.median(medians)))) if len(medians) > 2 else 0.0
+    sigma = max(float(np.median(spreads)), between) * 1.2533 / np.sqrt(len(medians))
+    return PairScale(cameras, float(np.median(medians)), float(np.hypot(sigma, _SYSTEMATIC)), len(medians), points)
+
+
+def _epipolar(points0: FloatArray, points1: FloatArray) -> BoolArray:
+    """Return which matches lie on one another's epipolar lines, or move as one plane does."""
+    if len(points0) < _FEWEST_MATCHES:
+        return np.zeros(len(points0), np.bool_)
+    cv2.setRNGSeed(0)
+    _, inlier = cv2.findFundamentalMat(points0, points1, cv2.FM_RANSAC, _EPIPOLAR_PX, 0.999)
+    if inlier is None or len(inlier) != len(points0):
+        return np.zeros(len(points0), np.bool_)
+    return np.asarray(inlier.ravel() > 0)
+
+
+def _solved(names: Sequence[str], pairs: tuple[PairScale, ...], left_out: dict[str, str]) -> RigScale:
+    """Return the scales that agree best with all overlaps, by least squares, given that of the first camera."""
+    reached = _reached(names[0], pairs)
+    left_out = left_out | {
+        name: f"its view overlaps with none that leads to {names[0]}" for name in names if name not in reached
+    }
+    inside = [name for name in names if name in reached]
+    used = [pair for pair in pairs if pair.cameras[0] in reached]
+    rows = np.zeros((len(used), len(inside)))
+    for row, pair in zip(rows, used, strict=True):
+        row[[inside.index(name) for name in pair.cameras]] = 1, -1
+    weight = np.array([1 / pair.sigma for pair in used])
+    target = np.array([pair.log_ratio for pair in used])
+    log_scale, sigma = np.zeros(len(inside)), np.zeros(len(inside))
+    misfit = 0.0
+    if used:
+        weighted = rows[:, 1:] * weight[:, None]
+        covariance = np.linalg.inv(weighted.T @ weighted)
+        log_scale[1:] = covariance @ weighted.T @ (target * weight)
+        sigma[1:] = np.sqrt(np.diag(covariance))
+        misfit = float(np.max(np.abs(rows @ log_scale - target) * weight))
+    scale = np.exp(log_scale)
+    return RigScale(
+        names[0],
+        dict(zip(inside, scale.tolist(), strict=True)),
+        dict(zip(inside, (scale * sigma).tolist(), strict=True)),
+        pairs,
+        left_out,
+        misfit if len(used) >= len(inside) else 0.0,
+    )
+
+
+def _reached(start: str, pairs: Sequence[PairScale]) -> set[str]:
+    reached, before = {start}, set[str]()
+    while reached != before:
+        before = set(reached)
+        for pair in pairs:
+            if reached & set(pair.cameras):
+                reached |= set(pair.cameras)
+    return reached
