@@ -30,8 +30,11 @@ from ospc.recording.frame import Frame
 _LEVELS = 256
 _COMPONENTS = 5
 _SAME_RADIUS, _MOVING = 0.03, 0.1
-_FEWEST = 250
+_FEWEST, _FEWEST_LEVELS = 400, 60
 _RINGS = 25
+_PULL = 3.0
+"""Weight of the mean curve: grey levels of one pair are wrong together, so that their number says too much."""
+
 _ASSUMED_LOG_RATIO = float(np.log(1.5))
 _FLOOR = 3
 """Grey levels below this say nothing of ratios."""
@@ -109,7 +112,7 @@ def _transfer(pair: Correspondences) -> tuple[IntArray, IntArray, FloatArray] | 
     support = cv2.boxFilter(smooth, -1, (5, 1), normalize=False)[np.arange(_LEVELS), path]
     levels = np.arange(_LEVELS)
     kept = (support > 1) & (levels >= _FLOOR) & (path >= _FLOOR) & (levels < 250) & (path < 250)
-    if np.count_nonzero(kept) < 20:
+    if np.count_nonzero(kept) < _FEWEST_LEVELS:
         return None
     return levels[kept], path[kept], support[kept]
 
@@ -142,7 +145,7 @@ def _solve_response(
     free = np.delete(matrix, place, axis=1)
     # A weak pull towards the mean curve decides what no pair shows.
     pull = np.zeros((components.shape[0], free.shape[1]))
-    pull[:, : components.shape[0]] = 0.5 * np.eye(components.shape[0])
+    pull[:, : components.shape[0]] = _PULL * np.eye(components.shape[0])
     found = _robust(free, target, pull)
     curve = np.exp(mean + found[: components.shape[0]] @ components)
     ratios = np.insert(found[components.shape[0] :], fixed, value)
@@ -205,7 +208,7 @@ def _log_model() -> tuple[FloatArray, FloatArray]:
 
 
 def calibrate_decoupled(
-    frames: Iterable[Frame], *, offset: int = 15, every: int = 5, exposures_known: bool = False
+    frames: Iterable[Frame], *, offset: int = 10, every: int = 5, exposures_known: bool = False
 ) -> DecoupledEstimate:
     """Return the estimate from a recording's frames, registered densely in pairs.
 
@@ -240,7 +243,7 @@ def calibrate_decoupled(
         raise NotObservableError(f"the recording is shorter than {offset} frames; pairs are so far apart")
     known = None
     if exposures_known:
-        enough = [i for i, pair in enumerate(pairs) if np.sum(pair.radial_displacement < _SAME_RADIUS) >= _FEWEST]
+        enough = [i for i, pair in enumerate(pairs) if _transfer(pair) is not None]
         if enough:
             best = max(enough, key=lambda i: abs(np.log(pairs[i].exposure_ratio)))
             known = (best, float(np.log(pairs[best].exposure_ratio)))

@@ -20,6 +20,7 @@ _COMMANDS = {
     "correct": "Take response and vignette out of a recording's images.",
     "demo": "Simulate a short recording, calibrate it and compare with the truth.",
     "evaluate": "Evaluate trajectories, and what a calibration does for tracking.",
+    "experiments": "Make the paper's figures and tables anew.",
     "export": "Write a calibration for another program.",
     "import": "Make a calibration of somebody else's pcalib.txt and vignette.png.",
     "report": "Write the report on a calibration anew, as a page for browsers or PDF.",

@@ -1,0 +1,186 @@
+"""Methods under comparison: each takes frames and, at the end, gives one calibration or several variants of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import process_time
+from typing import Protocol
+
+from ospc.baselines.joint import OnlineJoint
+from ospc.baselines.kim_pollefeys import calibrate_decoupled
+from ospc.benchmark.running import SharedMatcher
+from ospc.calibrator import OnlineCalibrator
+from ospc.errors import NotObservableError, OspcError
+from ospc.formats.opening import Photometry
+from ospc.methods.sequential import SequentialMethod, feature_matcher
+from ospc.photometry.calibration import ExposureRatios
+from ospc.photometry.response import Response
+from ospc.presets import PaperSettings
+from ospc.recording import Frame
+
+_MATCHING = (
+    "features",
+    "max_features",
+    "match_ratio",
+    "filter_blocks",
+    "filter_bins",
+    "filter_min_matches",
+    "filter_length_sigmas",
+)
+"""Settings that finding and matching of features depend on."""
+
+
+class Rival(Protocol):
+    """One method over one recording."""
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        ...
+
+    def found(self) -> dict[str, Photometry | str]:
+        """Return calibrations by name, or why there is none."""
+        ...
+
+
+class Ours:
+    """The method of this project."""
+
+    def __init__(self) -> None:
+        self._calibrator = OnlineCalibrator()
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._calibrator.push(frame)
+
+    def found(self) -> dict[str, Photometry | str]:
+        """Return the calibration."""
+        known = self._calibrator.calibration()
+        return {"ours": Photometry("ours", known.response, known.vignette, known)}
+
+
+class Paper:
+    """The paper's method in variants that look at the same frames; those that can share match features once.
+
+    Parameters
+    ----------
+    variants
+        Settings by name.
+    """
+
+    def __init__(self, variants: dict[str, PaperSettings]) -> None:
+        self._variants = variants
+        self._methods: dict[str, SequentialMethod] = {}
+        self.ratios: dict[str, ExposureRatios] = {}
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        if not self._methods:
+            shared: dict[tuple[object, ...], SharedMatcher] = {}
+            size = (frame.image.shape[1], frame.image.shape[0])
+            for name, settings in self._variants.items():
+                alike = tuple(getattr(settings, setting) for setting in _MATCHING)
+                matcher = shared.setdefault(alike, SharedMatcher(feature_matcher(settings)))
+                self._methods[name] = SequentialMethod(settings, size, frame.max_grey, matcher)
+        for method in self._methods.values():
+            method.push(frame)
+
+    def found(self) -> dict[str, Photometry | str]:
+        """Return the calibrations."""
+        results: dict[str, Photometry | str] = {}
+        for name, method in self._methods.items():
+            known = method.calibration()
+            self.ratios[name] = known.exposure_ratios
+            results[name] = Photometry(name, known.response, known.vignette, known)
+        return results
+
+
+class Joint:
+    """Joint estimation, with one point of the true response and without.
+
+    Parameters
+    ----------
+    truth
+        The true response, of which one point is used.
+    online
+        Whether it is the online variant.
+    """
+
+    def __init__(self, truth: Response | None, *, online: bool) -> None:
+        self._truth = truth
+        self._name = "joint-online" if online else "joint-batch"
+        self._method = OnlineJoint(200 if online else None)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._method.push(frame)
+
+    def found(self) -> dict[str, Photometry | str]:
+        """Return the calibration with the known point and without."""
+        free = self._method.estimate()
+        results: dict[str, Photometry | str] = {}
+        if self._truth is not None:
+            fixed = free.aligned_to(self._truth)
+            results[f"{self._name}-wgt"] = Photometry(f"{self._name}-wgt", fixed.response, fixed.vignette)
+        results[f"{self._name}-wogt"] = Photometry(f"{self._name}-wogt", free.response, free.vignette)
+        return results
+
+
+class Decoupled:
+    """Kim and Pollefeys, with one exposure ratio known and with one assumed."""
+
+    EVERY, OFFSET = 5, 2
+
+    def __init__(self) -> None:
+        self._frames: list[Frame] = []
+        self._seen = 0
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        if self._seen % self.EVERY == 0:
+            image = frame.image
+            self._frames.append(replace(frame, load=lambda: image))
+        self._seen += 1
+
+    def found(self) -> dict[str, Photometry | str]:
+        """Return both calibrations."""
+        results: dict[str, Photometry | str] = {}
+        for name, known in (("kim-pollefeys-known", True), ("kim-pollefeys-assumed", False)):
+            try:
+                found = calibrate_decoupled(self._frames, offset=self.OFFSET, every=1, exposures_known=known)
+                results[name] = Photometry(name, found.response, found.vignette)
+            except NotObservableError as error:
+                results[name] = str(error)
+        return results
+
+
+class Timed:
+    """A method whose processor time is taken; its errors are results."""
+
+    def __init__(self, label: str, rival: Rival) -> None:
+        self.label = label
+        self.rival = rival
+        self.seconds = 0.0
+        self._failure = ""
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame, unless it has broken down."""
+        if self._failure:
+            return
+        began = process_time()
+        try:
+            self.rival.push(frame)
+        except OspcError as error:
+            self._failure = str(error)
+        self.seconds += process_time() - began
+
+    def found(self) -> dict[str, Photometry | str]:
+        """Return what it found, or under its label why it found nothing."""
+        if self._failure:
+            return {self.label: self._failure}
+        began = process_time()
+        try:
+            return self.rival.found()
+        except OspcError as error:
+            return {self.label: str(error)}
+        finally:
+            self.seconds += process_time() - began
