@@ -8,9 +8,9 @@ from filmed import Film, jumping, wandering
 
 from ospc.diagnosis import RecordingReport, check_recording
 from ospc.diagnosis.lag_likelihood import Observations, fit_exposures
+from ospc.diagnosis.shifted import with_exposure_lag
 from ospc.errors import SettingError
 from ospc.recording import ArrayRecording
-from ospc.diagnosis.shifted import with_exposure_lag
 
 FRAMES = 80
 

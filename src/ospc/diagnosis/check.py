@@ -30,6 +30,7 @@ from ospc.recording.recording import Recording
 DEFAULT_FRAMES = 240
 _FEWEST_FRAMES = 2
 _WIDE_EVERY = 8
+_TELLING_LOG_CHANGE = 0.1
 
 
 def check_recording(
@@ -37,6 +38,7 @@ def check_recording(
     *,
     frames: int = DEFAULT_FRAMES,
     max_lag: int = MAX_LAG,
+    among: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> RecordingReport:
     """Say what a recording can tell of its camera, and what is wrong with it.
@@ -52,6 +54,8 @@ def check_recording(
         Most frames to look at.
     max_lag
         Largest lag of the metadata tried, either way, in frames.
+    among
+        Look only at some of the first so many frames, if the exposure changes there; None for the whole recording.
     progress
         Called with the number of frames looked at and to be looked at.
 
@@ -70,7 +74,7 @@ def check_recording(
     if frames < _FEWEST_FRAMES or max_lag < 1:
         raise SettingError(f"a check needs 2 frames or more and a lag of 1 or more, not {frames} and {max_lag}")
     look = _Look(recording.size)
-    runs = choose_runs(recording.exposures_ms, frames)
+    runs = choose_runs(_beginning(recording.exposures_ms, among), frames)
     wanted = [index for run in runs for index in run]
     starts, chosen = {run.start for run in runs}, set(wanted)
     for frame in recording:
@@ -84,6 +88,15 @@ def check_recording(
         if frame.index == wanted[-1]:
             break
     return _report(recording, look, tuple(wanted), max_lag)
+
+
+def _beginning(exposures_ms: FloatArray, among: int | None) -> FloatArray:
+    """Return the first exposures, if they tell as much as all do."""
+    first = exposures_ms[:among]
+    change = np.log(first.max() / first.min())
+    return (
+        first if change >= min(_TELLING_LOG_CHANGE, np.log(exposures_ms.max() / exposures_ms.min())) else exposures_ms
+    )
 
 
 class _Look:

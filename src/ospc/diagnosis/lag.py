@@ -94,8 +94,7 @@ def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
     if found is None:
         return True
     line, share = found
-    swing = float(np.std(change)) / (2 * np.sin(np.pi * line))
-    if share < _CHASING_SHARE or swing > _LARGEST_CHASE_LOG:
+    if share < _CHASING_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > _LARGEST_CHASE_LOG:
         return True
     flicker = (Flicker(line, float(np.sqrt(2) * np.std(change)), share),)
     columns = flicker_columns(trial.seen, flicker)
