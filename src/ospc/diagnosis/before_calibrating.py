@@ -92,8 +92,8 @@ def examine(recording: Recording, correct_lag: LagChoice = "auto") -> Examined:
     certain = report.lag.correction(report.exposure.cycle_frames)
     if certain and correct_lag == "auto":
         found = (
-            f"exposures are written {_frames(certain)} {'late' if certain > 0 else 'early'} ({report.lag.pairs} pairs "
-            f"of frames say so) and were moved to where they belong; --correct-lag never leaves them"
+            f"exposures are written {_frames(certain)} {'late' if certain > 0 else 'early'}, as {report.lag.pairs} "
+            f"pairs of frames say, and were moved to where they belong; --correct-lag never leaves them"
         )
         return Examined(with_exposure_lag(recording, certain), lag, certain, (found,))
     return Examined(recording, lag, 0, _open_questions(report), *_doubts(report))
