@@ -7,7 +7,7 @@ READY := .venv/.ready
 BIN4 := .venv-opencv4/bin
 READY4 := .venv-opencv4/.ready
 
-.PHONY: demo test lint format test-opencv4 clean
+.PHONY: demo test lint format docs test-opencv4 clean
 
 demo: $(READY)
 	$(BIN)/ospc demo --out demo
@@ -24,6 +24,10 @@ lint: $(READY)
 format: $(READY)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+docs: $(READY)
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo docs/_build/html/index.html
 
 # The oldest OpenCV that is supported, with the NumPy of its time (Python 3.11 or 3.12); whole commands are left out,
 # for they take most of the time and rest on what the other tests cover.

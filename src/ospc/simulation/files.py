@@ -115,7 +115,7 @@ def _write(path: Path, lines: list[str]) -> None:
 
 
 def remove_recording(folder: Path) -> None:
-    """Remove an earlier simulated recording, and nothing but what :func:`ospc.simulation.simulate` writes.
+    """Remove an earlier simulated recording, and nothing but what :func:`~ospc.simulation.camera.simulate` writes.
 
     Parameters
     ----------

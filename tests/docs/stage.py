@@ -1,0 +1,180 @@
+"""The recordings that the documentation's commands are about, small, made when first asked for."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from click.testing import CliRunner
+
+from ospc.arrays import Image
+from ospc.cli.main import cli
+from ospc.recording import open_recording
+from ospc.simulation import SimulationSettings, simulate
+
+_SMALL = SimulationSettings(size=(160, 128), frames=50, exposure="sweep", response="srgb", seed=1)
+
+
+def run_command(arguments: list[str], exit_code: int = 0) -> str:
+    """Run a command of ``ospc`` in this process and return what it prints on standard output."""
+    result = CliRunner().invoke(cli, arguments, prog_name="ospc")
+    if result.exit_code != exit_code:
+        why = f"{type(result.exception).__name__}: {result.exception}" if result.exception else ""
+        raise AssertionError(
+            f"ospc {' '.join(arguments)}: exit code {result.exit_code}, not {exit_code}\n{result.output}\n{why}"
+        )
+    return result.stdout
+
+
+@dataclass
+class Stage:
+    """A folder with everything the pages mention; each part is made once.
+
+    Attributes
+    ----------
+    root
+        The folder.
+    """
+
+    root: Path
+    _made: set[str] = field(default_factory=set)
+
+    def set_for(self, text: str, folder: Path) -> None:
+        """Put what a page mentions into a folder, where commands may do with it what they like."""
+        for name, make in MAKERS.items():
+            if re.search(rf"\b{re.escape(name)}\b", text):
+                self._ensure(name, make)
+                for part in self.root.glob(f"{Path(name).stem}*"):
+                    _copy(part, folder / part.name)
+
+    def _ensure(self, name: str, make: Callable[[Stage, Path], None]) -> None:
+        if name not in self._made:
+            make(self, self.root / name)
+            self._made.add(name)
+
+    def recording(self) -> Path:
+        """Return the recording of a hand-held camera."""
+        self._ensure("my_recording", MAKERS["my_recording"])
+        return self.root / "my_recording"
+
+
+def _copy(part: Path, to: Path) -> None:
+    if part.is_dir():
+        shutil.copytree(part, to, dirs_exist_ok=True)
+    else:
+        shutil.copyfile(part, to)
+
+
+def _simulated(**changes: object) -> Callable[[Stage, Path], None]:
+    def make(_: Stage, to: Path) -> None:
+        simulate(to, replace(_SMALL, **changes))  # type: ignore[arg-type]
+
+    return make
+
+
+def _calibrated(recording: str) -> Callable[[Stage, Path], None]:
+    def make(stage: Stage, to: Path) -> None:
+        stage._ensure(recording, MAKERS[recording])
+        run_command(["calibrate", str(stage.root / recording), "-o", str(to), "--quiet"])
+
+    return make
+
+
+def _frames(stage: Stage, count: int) -> list[tuple[Image, float]]:
+    return [(frame.image, frame.exposure_ms) for frame in open_recording(stage.recording())][:count]
+
+
+def _video(stage: Stage, to: Path) -> None:
+    frames = _frames(stage, 40)
+    height, width = frames[0][0].shape
+    code = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(to), cv2.CAP_FFMPEG, code, 20.0, (width, height))
+    for image, _ in frames:
+        writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    rows = "".join(f"{i / 20:.3f},{ms * 1000:.1f},1.0\n" for i, (_, ms) in enumerate(frames))
+    to.with_suffix(".csv").write_text(f"timestamp_s,exposure_us,gain\n{rows}")
+
+
+def _listed_images(stage: Stage, to: Path) -> None:
+    to.mkdir()
+    rows = ["file,timestamp_s,exposure_us,gain_db"]
+    for i, (image, ms) in enumerate(_frames(stage, 40)):
+        cv2.imwrite(str(to / f"{i:04d}.png"), image)
+        rows.append(f"{i:04d}.png,{i / 20:.3f},{ms * 1000:.1f},0")
+    (to / "exposures.csv").write_text("\n".join(rows) + "\n")
+
+
+def _photographs(stage: Stage, to: Path) -> None:
+    to.mkdir()
+    for i, (image, ms) in enumerate(_frames(stage, 50)[::4]):
+        jpeg = cv2.imencode(".jpg", image)[1].tobytes()
+        (to / f"DSC_{i:04d}.JPG").write_bytes(jpeg[:2] + _exif(ms, second=i) + jpeg[2:])
+
+
+def _exif(exposure_ms: float, second: int) -> bytes:
+    """Return a JPEG segment with exposure time, f-number, ISO and time of day."""
+    taken = f"2025:06:01 12:00:{second:02d}\0".encode()
+    entries = [
+        (0x829A, 5, 1, struct.pack("<II", round(exposure_ms * 1000), 1_000_000)),
+        (0x829D, 5, 1, struct.pack("<II", 8, 1)),
+        (0x8827, 3, 1, struct.pack("<HH", 100, 0)),
+        (0x9003, 2, len(taken), taken),
+    ]
+    main = _directory([(0x8769, 4, 1, struct.pack("<I", 26))], 8)
+    body = b"Exif\0\0II*\0" + struct.pack("<I", 8) + main + _directory(entries, 26)
+    return b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body
+
+
+def _directory(entries: list[tuple[int, int, int, bytes]], start: int) -> bytes:
+    """Return a TIFF directory at an offset, its longer values after it."""
+    place = start + 2 + 12 * len(entries) + 4
+    rows, values = b"", b""
+    for tag, kind, count, value in entries:
+        stored = value.ljust(4, b"\0")
+        if len(value) > 4:
+            stored = struct.pack("<I", place + len(values))
+            values += value
+        rows += struct.pack("<HHI", tag, kind, count) + stored
+    return struct.pack("<H", len(entries)) + rows + bytes(4) + values
+
+
+def _brackets(_: Stage, to: Path) -> None:
+    made = simulate(
+        to.with_name("all_of_the_brackets"),
+        replace(_SMALL, frames=10, motion="static", exposure="cycle", exposures_ms=(1.0, 2.0, 4.0, 8.0, 16.0)),
+    )
+    for i, frame in enumerate(open_recording(made.path)):
+        folder = to / f"{frame.exposure_ms:g}ms"
+        folder.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(folder / f"{1_700_000_000 + i}.png"), frame.image)
+
+
+def _broken_files(_: Stage, to: Path) -> None:
+    to.mkdir()
+    values = np.linspace(0, 255, 256)
+    values[250:] = 250.0
+    (to / "pcalib.txt").write_text(" ".join(f"{v:.3f}" for v in values) + "\n")
+
+
+MAKERS: dict[str, Callable[[Stage, Path], None]] = {
+    "my_recording": _simulated(),
+    "my_camera": _calibrated("my_recording"),
+    "second_recording": _simulated(seed=2),
+    "other_camera": _calibrated("second_recording"),
+    "late_recording": _simulated(frames=60, exposure="auto", lag=1, seed=3),
+    "tripod_series": _simulated(frames=40, motion="static", exposure="sweep"),
+    "brackets": _brackets,
+    "constant_exposure": _simulated(frames=30, exposure="constant", exposures_ms=(8.0,)),
+    "webcam.avi": _video,
+    "listed_images": _listed_images,
+    "photographs": _photographs,
+    "somebodys_files": _broken_files,
+}
+"""What pages may mention, by name. Files beside it whose names begin alike belong to it."""

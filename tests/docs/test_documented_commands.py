@@ -1,0 +1,114 @@
+"""Whatever the documentation tells a reader to type does what it says."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import click
+import pytest
+from documented_code import DOCS, ROOT, Block, blocks, pages
+from stage import Stage, run_command
+
+from ospc.cli.main import cli
+from ospc.output import OutputFolder, Written
+
+ELSEWHERE = {DOCS / "state.md", DOCS / "scaling.md"} | set((DOCS / "experiments").glob("*.md"))
+"""Pages about commands that take hours, or whose steps are tested one by one elsewhere."""
+
+RUN = [
+    page
+    for page in [*pages(), ROOT / "README.md"]
+    if page not in ELSEWHERE and any(not b.not_run and (b.commands or b.language == "python") for b in blocks(page))
+]
+
+
+@pytest.fixture(scope="session")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
+    return Stage(tmp_path_factory.mktemp("stage"))
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("page", RUN, ids=name_of)
+def test_what_a_page_tells_to_type_works(
+    page: Path, stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    to_run = [block for block in blocks(page) if not block.not_run]
+    stage.set_for("\n".join(block.text for block in to_run), tmp_path)
+    monkeypatch.chdir(tmp_path)
+    # Pictures take most of the time, and have tests of their own.
+    monkeypatch.setattr(OutputFolder, "draw", lambda *_, **__: Written(()))
+    names: dict[str, object] = {"__name__": "page"}
+    for block in to_run:
+        try:
+            _run(block, names)
+        except Exception as error:
+            raise AssertionError(f"{block.place}: {type(error).__name__}: {error}") from error
+
+
+def _run(block: Block, names: dict[str, object]) -> None:
+    if block.language == "python":
+        with contextlib.redirect_stdout(io.StringIO()):
+            exec(compile(block.text, block.place, "exec"), names)
+    commands = block.commands
+    for number, words in enumerate(commands):
+        arguments, output = (words[:-2], words[-1]) if ">" in words else (words, "")
+        printed = run_command(arguments, block.exit_code if number == len(commands) - 1 else 0)
+        if output:
+            Path(output).write_text(printed, encoding="utf-8")
+
+
+def every_block() -> list[Block]:
+    return [block for page in [*pages(), ROOT / "README.md"] for block in blocks(page)]
+
+
+def resolved(words: list[str]) -> tuple[str, click.Command]:
+    """Return the command that the words call, and its name."""
+    command: click.Command = cli
+    context = click.Context(cli, info_name="ospc")
+    for word in words:
+        inner = command.get_command(context, word) if isinstance(command, click.Group) else None
+        if inner is None:
+            break
+        command, context = inner, click.Context(inner, info_name=word, parent=context)
+    return context.command_path, command
+
+
+@pytest.mark.parametrize("block", [b for b in every_block() if b.commands], ids=lambda block: block.place)
+def test_commands_and_options_exist(block: Block) -> None:
+    """Also where they are not run."""
+    for words in block.commands:
+        name, command = resolved(words)
+        options = {option for parameter in command.params for option in parameter.opts} | {
+            "--help",
+            "-h",
+            "--version",
+        }
+        unknown = {word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)} - options
+        assert not unknown, f"{block.place}: {name} has no option {unknown}"
+
+
+def test_whatever_is_not_run_says_why() -> None:
+    assert [b.place for b in every_block() if b.not_run and len(b.not_run) < 5] == []
+
+
+def test_every_page_is_reached_from_the_first() -> None:
+    reached, todo = set(), [DOCS / "index.md"]
+    while todo:
+        page = todo.pop()
+        if page in reached:
+            continue
+        reached.add(page)
+        text = page.read_text(encoding="utf-8")
+        for block in text.split("```{toctree}")[1:]:
+            for line in block.split("```")[0].splitlines():
+                entry = line.strip()
+                if entry and not entry.startswith(":"):
+                    target = entry.split("<")[-1].rstrip(">")
+                    todo += list(page.parent.glob(f"{target}.md"))
+    assert set(pages()) - reached == set()
