@@ -189,6 +189,8 @@ class GainRobustTracker:
 
 
 def _sampled(image: Float32Array, places: Float32Array) -> FloatArray:
+    if not len(places):
+        return np.empty(0)
     x, y = np.ascontiguousarray(places.T, dtype=np.float32)
     return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR).ravel(), dtype=np.float64)
 

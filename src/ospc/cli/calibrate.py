@@ -116,6 +116,12 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     help="Calibrate every camera of a rig (a EuRoC folder, a bag, folders side by side), each into OUT/CAMERA; "
     "--truth and --start-from may be folders of the same names.",
 )
+@click.option(
+    "--unknown-exposures",
+    is_flag=True,
+    help="Estimate the exposures from the images, whatever the recording says of them: everything is then known only "
+    "up to one exponent, and labelled so.",
+)
 @click.option("--list-topics", is_flag=True, help="Say what topics the bag at PATH has, and do nothing else.")
 def command(list_topics: bool, **options: Any) -> None:
     """Calibrate the camera of the recording at PATH.
@@ -142,6 +148,8 @@ def command(list_topics: bool, **options: Any) -> None:
         return
     if options["out"] is None:
         raise click.UsageError("Missing option '-o' / '--out'.")
+    if options["unknown_exposures"] and (options["resume"] or options["start_from"] or options["mask"]):
+        raise click.UsageError("--unknown-exposures goes with none of --resume, --start-from and --mask")
     request = _Request(reading=Reading.taken_from(options), **options)
     with Interruption() as interruption:
         sys.exit(one_line(lambda: _calibrate(request, interruption)))
@@ -187,12 +195,31 @@ def _calibrate_one(
     earlier = None if request.start_from is None else Earlier.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
     recording = opened()
+    if request.reading.unknown_exposures:
+        recording = _with_recovered_exposures(recording, request, interruption)
     if earlier is not None:
         earlier.check_size(recording.size)
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
-    checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier)
+    # A state says nothing of an exponent: it must not be merged with those of known exposures.
+    keeps_state = not request.reading.unknown_exposures
+    checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier) if keeps_state else None
     options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf, tell)
     return calibrate_into(folder, recording, settings, interruption, options)
+
+
+def _with_recovered_exposures(recording: Recording, request: _Request, interruption: Interruption) -> Recording:
+    from ospc.cli.progress import progress_bar
+    from ospc.unknown_exposures import recover_exposures
+
+    visible = not request.quiet and sys.stderr.isatty()
+    with progress_bar("exposures", len(recording), visible=visible) as show, interruption.deferred():
+
+        def step(done: int, total: int) -> None:
+            if interruption.requested:
+                raise KeyboardInterrupt
+            show(done, total)
+
+        return recover_exposures(recording, step)
 
 
 def _calibrate_rig(request: _Request, interruption: Interruption) -> int:

@@ -116,6 +116,7 @@ def as_json(
         "error": outcome.failure or None,
         "verdicts": {name: vars(verdict) for name, verdict in calibration.verdicts.items()},
         "converged": calibration.converged,
+        "exponent_sigma": calibration.exponent_sigma,
         "counts": calibration.counts,
         "skipped": list(outcome.skipped),
         "advice": list(calibration.advice),

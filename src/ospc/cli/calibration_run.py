@@ -216,6 +216,7 @@ def run(
         If the user does not want to wait for the estimate from the frames seen so far either, or they allow none.
     """
     from ospc.calibrator import OnlineCalibrator
+    from ospc.unknown_exposures import labelled
 
     with _progress(len(recording), visible) as show, interruption.deferred():
         source = _identity(recording)
@@ -228,7 +229,7 @@ def run(
             frames = calibrator.status.frames
             click.echo(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
         calibration = _estimate(calibrator, failure, early=early)
-        calibration = replace(calibration, source=source | calibration.source)
+        calibration = labelled(replace(calibration, source=source | calibration.source), recording)
         if checkpoints is not None:
             checkpoints.at_the_end(calibrator)
     stopped = interruption.requested

@@ -32,11 +32,12 @@ class Reading:
     gain_field: str | None = None
     mask: Path | None = None
     roi: str | None = None
+    unknown_exposures: bool = False
 
     @classmethod
     def taken_from(cls, options: dict[str, Any]) -> Reading:
         """Take these options out of all options of a command."""
-        return cls(**{name: options.pop(name) for name in cls.__dataclass_fields__})
+        return cls(**{name: options.pop(name) for name in cls.__dataclass_fields__ if name in options})
 
     def options(self) -> ReadingOptions:
         """Return what readers are told."""
@@ -54,6 +55,7 @@ class Reading:
             exposure_topic=self.exposure_topic,
             exposure_field=self.exposure_field,
             gain_field=self.gain_field,
+            unknown_exposures=self.unknown_exposures,
         )
 
     def open(self, path: Path) -> Recording:

@@ -132,6 +132,9 @@ class Calibration:
         What would reduce the uncertainty most, most helpful first.
     coverage
         What the measurements cover and how far they are from the calibration; None where the method keeps no tables.
+    exponent_sigma
+        Standard deviation of ln γ where response, vignette and exposures are known only up to a common exponent γ, for
+        no exposures were known; contained in the other deviations, not in the covariance. 0 where they were known.
     """
 
     size: ImageSize
@@ -151,6 +154,7 @@ class Calibration:
     versions: dict[str, str] = field(default_factory=dict)
     advice: tuple[str, ...] = ()
     coverage: Coverage | None = None
+    exponent_sigma: float = 0.0
 
     @property
     def complete(self) -> bool:
@@ -292,6 +296,7 @@ class Calibration:
             "max_grey": self.max_grey,
             "partial": self.partial,
             "converged": self.converged,
+            "exponent_sigma": self.exponent_sigma,
             "verdicts": {name: vars(verdict) for name, verdict in self.verdicts.items()},
             "response": _response_as_dict(self.response),
             "vignette": _vignette_as_dict(self.vignette, self.vignette_sigma),
@@ -402,6 +407,7 @@ def _from_dict(content: dict[str, Any], place: Path) -> Calibration:
         max_grey=int(content["max_grey"]),
         converged=bool(content["converged"]),
         partial=bool(content["partial"]),
+        exponent_sigma=float(content.get("exponent_sigma", 0.0)),
         counts=content["counts"],
         settings=content["settings"],
         source=content["source"],

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError
+from ospc.recording.frame_table import table_or_unlisted
 from ospc.recording.image_folder import exposure_lists, read_exposures
 from ospc.recording.image_names import by_name
 from ospc.recording.image_sequence import ImageSequence, open_sequence
@@ -51,7 +52,12 @@ class Euroc:
         notes = []
         if others and camera != path:
             notes.append(f"{camera.name} is read; open {camera.parent}/{others[0]} for that camera")
-        table = read_exposures(_list_of(camera), options)
+        table = table_or_unlisted(
+            lambda: read_exposures(_list_of(camera), options),
+            str(source.place),
+            len(source.names),
+            allowed=options.unknown_exposures,
+        )
         return open_sequence(path, self.name, source, table, notes, options=options)
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.errors import ExposureError, MissingExtraError, RecordingError
-from ospc.recording.frame_table import EXPOSURE_RANGE_MS, FrameTable, Row, make_table
+from ospc.recording.frame_table import EXPOSURE_RANGE_MS, FrameTable, Row, make_table, table_or_unlisted
 from ospc.recording.image_folder import exposure_lists
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
@@ -63,8 +63,15 @@ class ExifPhotos:
         source = FolderImages.of(path)
         if not source.names:
             raise RecordingError(f"{path}: holds no images; put the photographs there")
-        photos = [_photo(path / name) for name in source.names]
-        return open_sequence(path, self.name, source, _table(path, photos), _notes(path, photos), options=options)
+        notes: list[str] = []
+
+        def read() -> FrameTable:
+            photos = [_photo(path / name) for name in source.names]
+            notes.extend(_notes(path, photos))
+            return _table(path, photos)
+
+        table = table_or_unlisted(read, str(path), len(source.names), allowed=options.unknown_exposures)
+        return open_sequence(path, self.name, source, table, notes, options=options)
 
 
 @dataclass(frozen=True)

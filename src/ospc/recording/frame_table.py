@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import PurePosixPath
@@ -120,6 +120,40 @@ def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = (), *, s
     stamps.setflags(write=False)
     exposures.setflags(write=False)
     return FrameTable(source, ids, stamps, exposures, tuple(said), stamped)
+
+
+def table_or_unlisted(read: Callable[[], FrameTable], source: str, frames: int, *, allowed: bool) -> FrameTable:
+    """Return the frames as they are listed, or, where their exposures are missing or unusable, with 1 ms each.
+
+    Parameters
+    ----------
+    read
+        Reads the list.
+    source
+        Where the images are, for messages.
+    frames
+        Number of images.
+    allowed
+        Whether to do without exposures.
+
+    Raises
+    ------
+    ExposureError
+        If there are none, and they are needed.
+    """
+    try:
+        return read()
+    except ExposureError:
+        if not allowed or not frames:
+            raise
+    return unlisted(source, np.arange(frames, dtype=np.float64), stamped=False)
+
+
+def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
+    """Return frames of which no exposure is known."""
+    ones = np.ones(len(stamps_s))
+    ones.setflags(write=False)
+    return FrameTable(source, (), stamps_s, ones, (f"{source}: holds no exposures that can be used",), stamped)
 
 
 def _check_exposures(source: str, rows: Sequence[Row]) -> None:

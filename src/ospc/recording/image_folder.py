@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError
 from ospc.recording.exposure_table import names_exposures, read_exposure_table
-from ospc.recording.frame_table import FrameTable
+from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.image_list import read_image_list
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
@@ -44,7 +44,12 @@ class ImageFolder:
         source = FolderImages.of(path)
         if not source.names:
             raise RecordingError(f"{path}: holds no images; put the PNG, JPEG, TIFF, BMP, PGM or PPM files there")
-        table = read_exposures(_only_list(path), options)
+        table = table_or_unlisted(
+            lambda: read_exposures(_only_list(path), options),
+            str(path),
+            len(source.names),
+            allowed=options.unknown_exposures,
+        )
         return open_sequence(path, self.name, source, table, options=options)
 
 

@@ -32,6 +32,8 @@ class ReadingOptions:
         Field of the messages on that topic that is the exposure, such as ``exposure_time``.
     gain_field
         Field of these messages that is a gain.
+    unknown_exposures
+        Whether recordings without usable exposures are opened, too; every frame's exposure is 1 ms then.
     """
 
     channel: Channel | None = None
@@ -42,6 +44,7 @@ class ReadingOptions:
     exposure_topic: str | None = None
     exposure_field: str | None = None
     gain_field: str | None = None
+    unknown_exposures: bool = False
 
 
 DEFAULT = ReadingOptions()

@@ -24,7 +24,7 @@ from ospc.recording.bags.wire import DamagedMessageError
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import GainUnit, infer_unit
 from ospc.recording.frame import Frame
-from ospc.recording.frame_table import EXPOSURE_RANGE_MS
+from ospc.recording.frame_table import EXPOSURE_RANGE_MS, unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.wording import escaped, listed
@@ -54,7 +54,12 @@ class Rosbag:
         """
         bag = Bag.at(path)
         images, notes = image_topic(bag, options)
-        carrying = exposure_topic(bag, images, options)
+        try:
+            carrying = exposure_topic(bag, images, options)
+        except ExposureError:
+            if not options.unknown_exposures:
+                raise
+            return _without_exposures(bag, images, notes, options)
         source = f"{path}: {escaped(carrying.name)}"
         carrier = carrier_of(carrying, options)
         contents = _go_through(bag, images, carrying, carrier)
@@ -186,6 +191,29 @@ class _Contents:
     exposures: Times
     values: FloatArray
     gains: FloatArray
+
+
+def _without_exposures(bag: Bag, images: Topic, notes: Sequence[str], options: ReadingOptions) -> BagRecording:
+    times = _image_times(bag, images)
+    source = f"{bag.path}: {escaped(images.name)}"
+    if not len(times.log_ns):
+        raise RecordingError(f"{source} holds no images")
+    stamps_ns, kept, stamp_notes = _increasing(times, np.arange(len(times.log_ns)), str(bag.path))
+    table = unlisted(str(bag.path), stamps_ns / 1e9, stamped=True)
+    load = partial(_load, ImageStream(bag, images, times.log_ns), images, options)
+    layout, pixel_notes = find_layout(
+        lambda i: load(int(kept[i])), table.exposures_ms, source, options, take_green=True
+    )
+    said = (*notes, *table.notes, *stamp_notes, *pixel_notes)
+    return BagRecording(bag.path, bag, images, options, table.exposures_ms, table.stamps_s, layout, kept, times, said)
+
+
+def _image_times(bag: Bag, images: Topic) -> Times:
+    columns = array("q"), array("q")
+    for message in bag.messages({images.name}):
+        columns[0].append(_stamp(message.data, images))
+        columns[1].append(message.log_ns)
+    return Times(*(np.array(column, dtype=np.int64) for column in columns))
 
 
 def camera_names(

@@ -49,6 +49,8 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
         If it has no exposures or one that is not a positive number.
     """
     rows = [(number, line.split()) for number, line in lines_of(text, source) if not line.startswith("#")]
+    if options.unknown_exposures:
+        rows = [(number, [*fields[:2], "1"] if len(fields) in (2, 3) else fields) for number, fields in rows]
     if rows and all(len(fields) == _COLUMNS - 1 for _, fields in rows):
         raise ExposureError(
             f"{source}: has no exposures, only ids and time stamps; calibration needs a third column with the "

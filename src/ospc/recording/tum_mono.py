@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ospc.errors import RecordingError
+from ospc.errors import ExposureError, RecordingError
+from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages, ImageSource, ZipImages
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -39,13 +40,28 @@ class TumMono:
         """
         if not path.is_dir():
             raise RecordingError(f"{path}: a {self.name} recording is a folder with {_FOLDER}/ and {_TIMES}")
-        if not (path / _TIMES).is_file():
+        times = path / _TIMES
+        if not times.is_file() and not options.unknown_exposures:
             raise RecordingError(
                 f"{path}: has no {_TIMES}; add it with a line 'id stamp[s] exposure[ms]' for each image"
             )
-        table = read_times(path / _TIMES, options)
+        if times.is_file() and not options.unknown_exposures:
+            table = read_times(times, options)
         source, notes = _images(path)
+        if options.unknown_exposures:
+            table = _without_exposures(times, options, source)
         return open_sequence(path, self.name, source, table, notes, options=options)
+
+
+def _without_exposures(times: Path, options: ReadingOptions, source: ImageSource) -> FrameTable:
+    """Return the frames with whatever is known of them."""
+
+    def read() -> FrameTable:
+        if not times.is_file():
+            raise ExposureError(f"{times}: is not there")
+        return read_times(times, options)
+
+    return table_or_unlisted(read, str(source.place), len(source.names), allowed=True)
 
 
 def _images(path: Path) -> tuple[ImageSource, tuple[str, ...]]:

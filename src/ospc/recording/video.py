@@ -18,7 +18,7 @@ from ospc.errors import ExposureError, FrameError, RecordingError
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_table import read_exposure_table
 from ospc.recording.frame import Frame
-from ospc.recording.frame_table import FrameTable
+from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.video_stream import VideoStream, count_frames
 from ospc.recording.wording import escaped, listed
@@ -57,7 +57,12 @@ class Video:
         # Only the content is trusted to tell a video: a playlist could lead the decoder to other files.
         if not self.recognises(path):
             raise RecordingError(f"{path}: is no MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
-        table = read_exposure_table(_list_of(path), options)
+        table = table_or_unlisted(
+            lambda: read_exposure_table(_list_of(path), options),
+            str(path),
+            count_frames(path) if options.unknown_exposures else 0,
+            allowed=options.unknown_exposures,
+        )
         with VideoStream(path, options.channel) as stream:
             stated, fps = stream.stated_frames, stream.fps
             size = _size(stream, path)

@@ -16,7 +16,7 @@ from ospc.report.panels import (
     draw_vignette_error,
     draw_vignette_map,
 )
-from ospc.report.style import new_figure, rules, save
+from ospc.report.style import ORANGE, new_figure, rules, save
 
 _SIZES_IN = {
     "figure.png": (14.0, 5.2),
@@ -75,7 +75,19 @@ def _drawn(name: str, calibration: Calibration, path: Path, truth: Photometry | 
             left, right = figure.subplots(1, 2)
             draw_exposures(left, calibration)
             draw_exposures_over_time(right, calibration)
+        _label(figure, calibration)
         return save(figure, path)
+
+
+def _label(figure: Any, calibration: Calibration) -> None:
+    """Say under the picture what it must not be taken for."""
+    if calibration.exponent_sigma:
+        figure.supxlabel(
+            "No exposures were known: response, vignette and exposures are estimated up to one common exponent γ "
+            f"(ln γ ± {calibration.exponent_sigma:.2f})",
+            fontsize=8.5,
+            color=ORANGE,
+        )
 
 
 def _overview(figure: Any, calibration: Calibration, truth: Photometry | None) -> None:

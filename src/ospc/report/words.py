@@ -31,6 +31,11 @@ def headline(calibration: Calibration) -> str:
         parts.append(f"The {_both(rough)} {_are(rough)} known only roughly.")
     if lost:
         parts.append(f"This recording does not tell the {_both(lost)}, so none is given.")
+    if calibration.exponent_sigma:
+        parts.append(
+            "No exposures were known: response, vignette and exposures are estimated up to one common exponent, "
+            "which is assumed to be that of a usual camera."
+        )
     if calibration.partial:
         parts.append("The run ended before the end of the recording; more frames would tell more.")
     return " ".join(parts) or "Nothing is said about how well this calibration is known."
@@ -51,7 +56,7 @@ def facts(calibration: Calibration) -> list[str]:
         found.append(_vignette_fact(calibration.vignette, calibration.vignette_sigma))
     ratios = calibration.exposure_ratios
     founded = ratios.samples >= least_samples(ratios)
-    if founded.any() and calibration.response is not None:
+    if founded.any() and calibration.response is not None and not calibration.exponent_sigma:
         misfit = float(np.median(np.abs(ratios.log_residual[founded])))
         found.append(
             f"Ratios of exposures, taken from the images alone, agree with those stated to {_percent(misfit)} "

@@ -104,6 +104,11 @@ def refusing_damage(path: Path, advice: str) -> Iterator[None]:
     """
     try:
         yield
+    except RecordingError as error:
+        # Only this place knows the file.
+        if str(error).startswith(str(path)):
+            raise
+        raise RecordingError(f"{path}: {error}; {advice}") from None
     except OspcError:
         raise
     except OSError as error:

@@ -112,14 +112,7 @@ class McapFile:
         with refusing_damage(self.path, _ADVICE), self.path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise RecordingError(f"{self.path}: is no MCAP file")
-            try:
-                yield file
-            except RecordingError as error:
-                # Only this place knows the file.
-                said = str(error)
-                if said.startswith(str(self.path)):
-                    raise
-                raise RecordingError(f"{self.path}: {said}; {_ADVICE}") from None
+            yield file
 
     def _read_directory(self, file: BinaryIO) -> _Directory:
         """Return what the end of the file says about it, or, where it says nothing, what reading all of it does."""

@@ -147,7 +147,7 @@ class Sqlite3File:
             wanted = [c for c in reader.connections if c.topic in names]
             if wanted:
                 for connection, log_ns, data in reader.messages(wanted, start_ns):
-                    yield Message(connection.topic, log_ns, _expanded(_checked(bytes(data))))
+                    yield Message(connection.topic, int(log_ns), _expanded(_checked(bytes(data))))
 
     @contextmanager
     def _open(self) -> Iterator[Any]:
@@ -205,6 +205,8 @@ def _by_name(connections: list[Connection]) -> list[list[Connection]]:
 def _topic(connection: Connection, messages: int, encoding: Encoding) -> Topic:
     from rosbags.interfaces import MessageDefinitionFormat
 
+    if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
+        raise RecordingError("has a topic without a name or type")
     definition = connection.msgdef
     idl = definition.format == MessageDefinitionFormat.IDL
     return Topic(connection.topic, connection.msgtype, messages, encoding, definition.data, idl)
