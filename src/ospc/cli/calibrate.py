@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ospc.cli.exposure_checking import correct_lag_option, examined
 from ospc.cli.interruption import Interruption
+from ospc.cli.live import Watching
 from ospc.cli.reading import Reading, reading_options, say_topics
 from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
+    from ospc.diagnosis.before_calibrating import LagChoice
     from ospc.presets import Settings
     from ospc.recording import Recording
 
@@ -35,11 +38,20 @@ class _Request:
     resume: bool
     checkpoint_s: float
     start_from: Path | None
+    correct_lag: LagChoice
     pdf: bool
+    live: bool
+    rerun: bool
+    rerun_file: Path | None
     force: bool
     quiet: bool
     as_json: bool
     all_cameras: bool
+
+    @property
+    def watching(self) -> Watching:
+        """How the run is watched."""
+        return Watching(live=self.live, viewer=self.rerun, stream=self.rerun_file)
 
     def of_camera(self, name: str) -> _Request:
         """Return what is asked for of one camera of a rig."""
@@ -50,7 +62,8 @@ class _Request:
 
         truth = None if self.truth is None else str(own(self.truth))
         earlier = None if self.start_from is None else own(self.start_from)
-        return replace(self, out=self.out / name, truth=truth, start_from=earlier)
+        stream = None if self.rerun_file is None else self.rerun_file.with_stem(f"{self.rerun_file.stem}_{name}")
+        return replace(self, out=self.out / name, truth=truth, start_from=earlier, rerun_file=stream)
 
 
 def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -99,6 +112,15 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     show_default=True,
     help="How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
 )
+@click.option("--live", is_flag=True, help="Show coverage and converging curves in the terminal while it runs.")
+@click.option("--rerun", is_flag=True, help="Open the Rerun viewer and watch the run in it; needs the extra rerun.")
+@click.option(
+    "--rerun-file",
+    metavar="FILE.rrd",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Stream the same to a file, to be looked at later.",
+)
+@correct_lag_option
 @click.option("--pdf", is_flag=True, help="Write the report as report.pdf too; needs the extra plots.")
 @click.option(
     "--start-from",
@@ -140,7 +162,7 @@ def command(list_topics: bool, **options: Any) -> None:
       0    complete: response and vignette are known
       1    error; what was known by then is written as partial if possible
       2    wrong usage
-      3    written, but response or vignette could not be determined
+      3    written, but response or vignette could not be determined, or the exposures cannot be relied on
       130  interrupted; the partial result is written
     """  # noqa: D301 (click reads the escaped character as "do not rewrap")
     if list_topics:
@@ -203,8 +225,12 @@ def _calibrate_one(
     # A state says nothing of an exponent: it must not be merged with those of known exposures.
     keeps_state = not request.reading.unknown_exposures
     checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier) if keeps_state else None
-    options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf, tell)
-    return calibrate_into(folder, recording, settings, interruption, options)
+    options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf, tell, request.watching)
+    if request.reading.unknown_exposures:
+        # They come from the images, with which they cannot disagree.
+        return calibrate_into(folder, recording, settings, interruption, options)
+    checked = examined(recording, request.correct_lag)
+    return calibrate_into(folder, checked.recording, settings, interruption, replace(options, examined=checked))
 
 
 def _with_recovered_exposures(recording: Recording, request: _Request, interruption: Interruption) -> Recording:

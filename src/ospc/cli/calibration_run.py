@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -13,12 +12,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ospc.cli.calibration_report import as_json, say_errors, say_notes, say_result, say_skipped
+from ospc.cli.exposure_checking import as_json as examined_as_json
+from ospc.cli.exposure_checking import judged, say_examined
 from ospc.cli.interruption import Interruption
+from ospc.cli.live import NOT_WATCHED, Watcher, Watching
 from ospc.errors import OspcError
 
 if TYPE_CHECKING:
-    from ospc.calibrator import OnlineCalibrator, Status
+    from ospc.calibrator import OnlineCalibrator
     from ospc.cli.checkpoints import Checkpoints
+    from ospc.diagnosis.before_calibrating import Examined
     from ospc.evaluation.comparison import Comparison
     from ospc.formats.opening import Photometry
     from ospc.output import OutputFolder, Written
@@ -41,12 +44,15 @@ class Outcome:
         Whether the user stopped it.
     failure
         What went wrong, as one sentence; empty if nothing did.
+    unreliable
+        Whether the exposures cannot be relied on.
     """
 
     calibration: Calibration
     skipped: tuple[str, ...] = ()
     interrupted: bool = False
     failure: str = ""
+    unreliable: bool = False
 
 
 def print_json(content: dict[str, Any]) -> None:
@@ -72,6 +78,10 @@ class Options:
         Whether to write the report as PDF too.
     tell
         Takes the JSON document.
+    watching
+        How the run is watched, where somebody looks at a terminal.
+    examined
+        What was found of the exposures before; None where they were not looked at.
     """
 
     quiet: bool = False
@@ -80,6 +90,8 @@ class Options:
     checkpoints: Checkpoints | None = None
     pdf: bool = False
     tell: Callable[[dict[str, Any]], None] = print_json
+    watching: Watching = NOT_WATCHED
+    examined: Examined | None = None
 
 
 COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
@@ -103,16 +115,23 @@ def calibrate_into(
     talkative = not options.quiet and not options.as_json
     if talkative:
         say_notes(recording.notes)
-    visible = not options.quiet and sys.stderr.isatty()
+        if options.examined is not None:
+            say_examined(options.examined)
+    watching = replace(options.watching, visible=not options.quiet and sys.stderr.isatty())
     with interruption.deferred():
         outcome = run(
             recording,
             settings,
             interruption,
-            visible=visible,
+            watching=watching,
             announce=not options.quiet,
             checkpoints=options.checkpoints,
         )
+        if options.examined is not None:
+            unreliable = bool(options.examined.warnings)
+            outcome = replace(
+                outcome, calibration=judged(outcome.calibration, options.examined), unreliable=unreliable
+            )
         with interruption.held():
             outcome, written = _write(folder, recording, outcome, interruption, options)
             if options.checkpoints is not None and options.checkpoints.saved:
@@ -129,7 +148,7 @@ def _exit_code(outcome: Outcome) -> int:
         return FAILED
     if outcome.interrupted:
         return INTERRUPTED
-    return COMPLETE if outcome.calibration.complete else UNDETERMINED
+    return COMPLETE if outcome.calibration.complete and not outcome.unreliable else UNDETERMINED
 
 
 def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, written: Written, options: Options) -> None:
@@ -137,7 +156,10 @@ def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, writte
     saving = [] if options.checkpoints is None else options.checkpoints.notes
     if options.as_json:
         content = {"exit_code": _exit_code(outcome), **as_json(outcome, folder, written, comparison)}
-        content["notes"] = [*recording.notes, *saving, *written.notes]
+        looked = () if options.examined is None else options.examined.notes
+        content["notes"] = [*recording.notes, *looked, *saving, *written.notes]
+        if options.examined is not None:
+            content.update(examined_as_json(options.examined))
         options.tell(content)
     elif not options.quiet:
         say_notes(saving)
@@ -187,7 +209,7 @@ def run(
     settings: Settings,
     interruption: Interruption,
     *,
-    visible: bool,
+    watching: Watching,
     announce: bool = True,
     checkpoints: Checkpoints | None = None,
 ) -> Outcome:
@@ -201,8 +223,8 @@ def run(
         Settings of the method.
     interruption
         Tells when to stop.
-    visible
-        Whether to show progress on standard error.
+    watching
+        How it is watched.
     announce
         Whether to say on standard error that an interruption was understood.
     checkpoints
@@ -218,13 +240,13 @@ def run(
     from ospc.calibrator import OnlineCalibrator
     from ospc.unknown_exposures import labelled
 
-    with _progress(len(recording), visible) as show, interruption.deferred():
+    with watching.of(recording) as show, interruption.deferred():
         source = _identity(recording)
         started = OnlineCalibrator if checkpoints is None else partial(checkpoints.calibrator, source=source)
         calibrator = started(settings)
         failure = _push_all(recording, calibrator, interruption, show, checkpoints)
         early = interruption.requested
-        show(calibrator.status, "estimating")
+        show(calibrator, "estimating")
         if early and announce:
             frames = calibrator.status.frames
             click.echo(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
@@ -242,14 +264,11 @@ def sentence(error: BaseException) -> str:
     return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
 
 
-_Show = Callable[["Status", str], None]
-
-
 def _push_all(
     recording: Recording,
     calibrator: OnlineCalibrator,
     interruption: Interruption,
-    show: _Show,
+    show: Watcher,
     checkpoints: Checkpoints | None,
 ) -> str:
     """Push frames until their end or an interruption, and return what went wrong."""
@@ -257,8 +276,8 @@ def _push_all(
 
     try:
         for frame in remaining(calibrator, recording):
-            calibrator.push(frame)
-            show(calibrator.status, "comparing")
+            used = calibrator.push(frame)
+            show(calibrator, "comparing", frame if used else None)
             if checkpoints is not None:
                 checkpoints.after_frame(calibrator)
             if interruption.requested:
@@ -287,38 +306,3 @@ def _identity(recording: Recording) -> dict[str, object]:
         return identity(recording)
     except Exception as error:  # the calibration is worth more than knowing what it was made of
         return {"kind": recording.kind, "name": recording.path.name, "problem": sentence(error)}
-
-
-@contextmanager
-def _progress(total: int, visible: bool) -> Iterator[_Show]:
-    """Give a function that shows where the run stands, or does nothing where nobody looks."""
-    if not visible:
-        yield lambda _status, _stage: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description:10}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[figures]}"),
-        TimeRemainingColumn(compact=True),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("comparing", total=total, figures="")
-
-        def show(status: Status, stage: str) -> None:
-            bar.update(task, completed=status.frames, description=stage, figures=_figures(status))
-
-        yield show
-
-
-def _figures(status: Status) -> str:
-    progress = status.progress
-    parts = [f"{progress.pairs} pairs"]
-    if progress.response_spread is not None:
-        parts.append(f"g ±{progress.response_spread:.3f}")
-    if progress.vignette_spread is not None:
-        parts.append(f"V ±{progress.vignette_spread:.3f}")
-    return "  ".join(parts)

@@ -1,0 +1,209 @@
+"""A run as a stream for the Rerun viewer: images, matches, exposures, curves and coverage along the frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ospc.arrays import Image
+from ospc.cli.live import Pace, Watcher
+from ospc.errors import FormatError, MissingExtraError, SettingError
+
+if TYPE_CHECKING:
+    from ospc.calibrator import OnlineCalibrator
+    from ospc.methods.preview import Matches, Preview
+    from ospc.recording import Frame, Recording
+
+_SHARE = 0.2
+_JPEG = 75
+_MOST_POINTS = 300
+_GREEN, _GREY, _BLUE, _ORANGE = (0, 158, 115), (150, 150, 150), (0, 114, 178), (213, 94, 0)
+
+
+class RerunStream:
+    """Streams to the Rerun viewer; make one with :meth:`opened`.
+
+    Images are those of the frames that were looked at, which is not every frame. Along the timelines ``frame`` and
+    ``time``:
+
+    - ``recorded/image``, ``recorded/matches``: a frame, and from where its scene points came since an earlier one;
+    - ``corrected/image``: the frame without vignette, at the longest exposure so far, by what is known at the moment;
+    - ``exposure/stated``, ``exposure/from_images`` in milliseconds, both logarithmic to base 2;
+    - ``response``, ``vignette``: the curves, with ±2σ; ``spread/response``, ``spread/vignette``: their σ;
+    - ``coverage``: grey level × exposure.
+
+    Parameters
+    ----------
+    rerun
+        The module of that name.
+    stream
+        Its recording stream.
+    pace
+        How often to look at estimates.
+    """
+
+    def __init__(self, rerun: Any, stream: Any, pace: Pace | None = None) -> None:
+        self._rr, self._stream = rerun, stream
+        self._pace = pace or Pace(0.2, _SHARE)
+        self._pairs = -1
+        self._longest_ms = 0.0
+
+    @classmethod
+    @contextmanager
+    def opened(
+        cls, recording: Recording, file: Path | None, *, spawn: bool, pace: Pace | None = None
+    ) -> Iterator[Watcher]:
+        """Open a stream to a file, to a viewer that is started, or both, and close it at the end.
+
+        Raises
+        ------
+        MissingExtraError
+            Without the package.
+        SettingError
+            If the viewer cannot be started.
+        FormatError
+            If the file cannot be written.
+        """
+        try:
+            import rerun as rr
+            import rerun.blueprint as rrb
+        except ImportError:
+            raise MissingExtraError("streaming to the Rerun viewer", "rerun") from None
+        stream = rr.RecordingStream("ospc")
+        sinks: list[Any] = []
+        if file is not None:
+            _check_place(file)
+            sinks.append(rr.FileSink(str(file)))
+        if spawn:
+            try:
+                rr.spawn(connect=False)
+            except RuntimeError as error:
+                raise SettingError(f"the Rerun viewer does not start ({error}); try --rerun-file FILE.rrd") from None
+            sinks.append(rr.GrpcSink())
+        stream.set_sinks(*sinks, default_blueprint=_blueprint(rrb))
+        stream.log(
+            "recording", rr.TextDocument(f"{recording.path}, {recording.kind}, {len(recording)} frames"), static=True
+        )
+        _style(rr, stream)
+        try:
+            yield cls(rr, stream, pace)
+        finally:
+            stream.flush()
+            stream.disconnect()
+
+    def __call__(self, calibrator: OnlineCalibrator, stage: str, frame: Frame | None = None) -> None:
+        """Stream what a frame brought."""
+        if frame is None:
+            return
+        self._stream.set_time("frame", sequence=frame.index)
+        self._stream.set_time("time", timestamp=frame.stamp_s)
+        self._log("exposure/stated", self._rr.Scalars(np.log2(frame.exposure_ms)))
+        pairs = calibrator.status.progress.pairs
+        if pairs == self._pairs:
+            return  # most frames are not even decoded
+        self._pairs = pairs
+        self._longest_ms = max(self._longest_ms, frame.exposure_ms)
+        self._log_image("recorded/image", _eight_bit(frame.image, frame.max_grey))
+        if self._pace.due:
+            with self._pace.look():
+                preview = calibrator.preview()
+                if preview is not None:
+                    self._log_preview(preview, frame)
+
+    def _log_preview(self, preview: Preview, frame: Frame) -> None:
+        rr = self._rr
+        self._log_matches(preview.matches, frame)
+        counts = np.log1p(preview.coverage.grey_exposure)
+        self._log_image("coverage", np.rint(255 * counts / max(float(counts.max()), 1e-12)).astype(np.uint8)[::-1])
+        response, vignette, sigma = preview.response, preview.vignette, preview.vignette_sigma
+        if response is None or vignette is None or sigma is None:
+            return
+        grey = np.linspace(0, 1, 129)
+        spread = np.zeros_like(grey)
+        if response.inverse_sigma is not None:
+            spread = np.interp(grey, response.levels, response.inverse_sigma)
+            self._log("spread/response", rr.Scalars(float(spread.max())))
+        self._log("spread/vignette", rr.Scalars(float(sigma[-1])))
+        self._log_curve("response", response.inverse(grey), spread, _BLUE)
+        half = (np.array(vignette.size) - 1) / 2
+        self._log_curve("vignette", vignette.at(half + np.linspace(0, 1, len(sigma))[:, None] * half), sigma, _ORANGE)
+        self._log_image("corrected/image", self._corrected(preview, frame))
+
+    def _log_matches(self, matches: Matches | None, frame: Frame) -> None:
+        rr = self._rr
+        if matches is None or matches.frames[1] != frame.index:
+            self._log("recorded/matches", rr.Clear(recursive=False))
+            return
+        step = -(-len(matches.points0) // _MOST_POINTS)
+        moves = np.stack([matches.points0, matches.points1], axis=1)[::step]
+        self._log("recorded/matches", rr.LineStrips2D(moves, colors=_GREEN))
+        if matches.log_ratios is not None:
+            shown_ms = matches.exposures_ms[0] / np.exp(np.median(matches.log_ratios))
+            self._log("exposure/from_images", rr.Scalars(np.log2(shown_ms)))
+
+    def _log_curve(self, name: str, value: Any, sigma: Any, colour: tuple[int, int, int]) -> None:
+        across = np.linspace(0, 1, len(value))
+        lines = [np.stack([across, 1 - y], axis=1) for y in (value, value - 2 * sigma, value + 2 * sigma)]
+        self._log(name, self._rr.LineStrips2D(lines, colors=[colour, _GREY, _GREY]))
+
+    def _corrected(self, preview: Preview, frame: Frame) -> Image:
+        from ospc.photometry.correction import Corrector
+
+        corrector = Corrector(preview.response, preview.vignette, frame.max_grey)
+        corrected = corrector.correct(frame.image, frame.exposure_ms, mark_saturated=False)
+        light = np.asarray(corrected, dtype=np.float64)
+        assert preview.response is not None
+        return np.rint(255 * preview.response(np.clip(light * self._longest_ms, 0, 1))).astype(np.uint8)
+
+    def _log_image(self, name: str, image: Image) -> None:
+        picture = self._rr.Image(image, color_model="L")
+        self._log(name, picture if image.size < 4096 else picture.compress(jpeg_quality=_JPEG))
+
+    def _log(self, name: str, content: Any) -> None:
+        self._stream.log(name, content)
+
+
+def _check_place(file: Path) -> None:
+    """Refuse a place that cannot be written to, which the package would only say much later, if at all."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.open("ab").close()
+    except OSError as error:
+        raise FormatError(f"{file}: cannot be written ({error.strerror}); name another file") from None
+
+
+def _eight_bit(image: Image, max_grey: int) -> Image:
+    return image if max_grey == 255 else np.rint(255.0 / max_grey * image.astype(np.float64)).astype(np.uint8)
+
+
+def _style(rr: Any, stream: Any) -> None:
+    stream.log("exposure/stated", rr.SeriesLines(colors=_GREY, names="stated"), static=True)
+    stream.log("exposure/from_images", rr.SeriesPoints(colors=_GREEN, names="shown by the images"), static=True)
+    stream.log("spread/response", rr.SeriesLines(colors=_BLUE, names="g"), static=True)
+    stream.log("spread/vignette", rr.SeriesLines(colors=_ORANGE, names="V at the corner"), static=True)
+
+
+def _blueprint(rrb: Any) -> Any:
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(
+                rrb.Spatial2DView(origin="recorded", name="recorded"),
+                rrb.Spatial2DView(origin="corrected", name="corrected"),
+            ),
+            rrb.Horizontal(
+                rrb.Spatial2DView(origin="response", name="response g over grey levels"),
+                rrb.Spatial2DView(origin="vignette", name="vignette V from centre to corner"),
+                rrb.Spatial2DView(origin="coverage", name="grey level × exposure"),
+            ),
+            rrb.Horizontal(
+                rrb.TimeSeriesView(origin="exposure", name="log₂ of the exposure in ms"),
+                rrb.TimeSeriesView(origin="spread", name="standard deviations"),
+            ),
+            row_shares=[3, 2, 2],
+        ),
+        collapse_panels=True,
+    )

@@ -1,0 +1,110 @@
+"""Streaming a run to the Rerun viewer, read back from the file."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ospc.calibrator import OnlineCalibrator
+from ospc.cli.calibrate import command
+from ospc.cli.live import Pace
+from ospc.cli.live_rerun import RerunStream
+from ospc.errors import FormatError, MissingExtraError
+from ospc.recording import open_recording
+from ospc.simulation import SimulationSettings, simulate
+
+FRAMES = 24
+
+
+def simulated(place, bit_depth):
+    settings = SimulationSettings(
+        size=(160, 120),
+        frames=FRAMES,
+        exposure="sweep",
+        exposure_min_ms=3,
+        exposure_max_ms=12,
+        bit_depth=bit_depth,
+    )
+    simulate(place, settings)
+    return open_recording(place)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return simulated(tmp_path_factory.mktemp("simulated") / "r", 8)
+
+
+def read_back(place):
+    """Return the values of every entity along the frames, static ones left out."""
+    chunks = pytest.importorskip("rerun.chunk").RrdReader(str(place)).stream().to_chunks()
+    found = {}
+    for chunk in chunks:
+        if not chunk.is_static:
+            batch = chunk.to_record_batch()
+            frames = batch.column("frame").to_pylist()
+            for name in (column for column in batch.schema.names if ":" in column):
+                values = zip(frames, batch.column(name).to_pylist(), strict=True)
+                found.setdefault((chunk.entity_path, name), {}).update(values)
+    return found
+
+
+@pytest.mark.parametrize("bit_depth", [8, 12])
+def test_the_file_holds_images_matches_curves_and_exposures(tmp_path, bit_depth):
+    pytest.importorskip("rerun")
+    recording = simulated(tmp_path / "r", bit_depth)
+    place, calibrator = tmp_path / "new" / "run.rrd", OnlineCalibrator()
+    with RerunStream.opened(recording, place, spawn=False, pace=Pace(0.0, 1.0)) as tell:
+        for frame in recording:
+            tell(calibrator, "comparing", frame if calibrator.push(frame) else None)
+        tell(calibrator, "estimating")
+    found = read_back(place)
+    entities = {path for path, _ in found}
+    assert entities >= {
+        "/recorded/image",
+        "/recorded/matches",
+        "/corrected/image",
+        "/response",
+        "/vignette",
+        "/coverage",
+        "/exposure/stated",
+        "/exposure/from_images",
+        "/spread/response",
+        "/spread/vignette",
+    }
+    stated = found["/exposure/stated", "Scalars:scalars"]
+    assert sorted(stated) == list(range(FRAMES))
+    np.testing.assert_allclose([stated[n][0] for n in range(FRAMES)], np.log2(recording.exposures_ms), rtol=1e-6)
+    shown = found["/exposure/from_images", "Scalars:scalars"]
+    errors = [abs(value[0] - stated[frame][0]) for frame, value in shown.items() if value]
+    assert np.median(errors) < 0.1
+    assert len(found["/recorded/image", "EncodedImage:blob"]) >= 12
+
+
+def test_calibrate_streams_to_a_file(recording, tmp_path):
+    pytest.importorskip("rerun")
+    done = CliRunner().invoke(
+        command, [str(recording.path), "-o", str(tmp_path / "out"), "-q", "--rerun-file", str(tmp_path / "run.rrd")]
+    )
+    assert done.exit_code in (0, 3)
+    assert len(read_back(tmp_path / "run.rrd")["/exposure/stated", "Scalars:scalars"]) == FRAMES
+
+
+def test_without_the_package_the_extra_is_named_before_the_work(recording, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    done = CliRunner().invoke(command, [str(recording.path), "-o", str(tmp_path / "out"), "--rerun"])
+    assert isinstance(done.exception, MissingExtraError)
+    assert "rerun" in str(done.exception)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_place_that_cannot_be_written_to_is_named(recording, tmp_path):
+    pytest.importorskip("rerun")
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(FormatError, match="cannot be written"),
+        RerunStream.opened(recording, tmp_path / "file" / "run.rrd", spawn=False),
+    ):
+        pass
