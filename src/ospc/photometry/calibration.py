@@ -133,8 +133,8 @@ class Calibration:
     coverage
         What the measurements cover and how far they are from the calibration; None where the method keeps no tables.
     exponent_sigma
-        Standard deviation of ln γ where response, vignette and exposures are known only up to a common exponent γ, for
-        no exposures were known; contained in the other deviations, not in the covariance. 0 where they were known.
+        Standard deviation of ln γ where response, vignette and exposures are known only up to a common exponent γ,
+        for no exposures were known; contained in the other deviations, not in the covariance. 0 otherwise.
     """
 
     size: ImageSize
