@@ -28,7 +28,6 @@ nitpicky = True
 
 html_theme = "furo"
 html_title = f"ospc {release}"
-html_static_path = ["_static"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
