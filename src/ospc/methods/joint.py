@@ -28,6 +28,7 @@ from ospc.presets import JointSettings
 from ospc.recording.frame import Frame
 
 _FIRST_REFINEMENT = 16
+_LAST_FORGOTTEN = 32
 _REFINEMENT_POINTS = 5000
 _REFINEMENT_ROUNDS = 3
 
@@ -235,6 +236,10 @@ class JointMethod:
         self._reservoir.add(samples.sightings)
         if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
             self._refine()
+            # Early pairs were registered with a vignette not yet known, which draws registration a little to where
+            # brightness agrees: once there are enough others they do more harm than good.
+            if self._pairs >= 4 * _FIRST_REFINEMENT:
+                self._reservoir.forget_before(min(self._pairs // 4, _LAST_FORGOTTEN))
 
     def _refine(self) -> None:
         """Improve the equalisation that registration relies on, with a quick fit to some of the sightings."""
