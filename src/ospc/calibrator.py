@@ -16,6 +16,7 @@ from ospc.errors import ExposureError, FormatError, FrameError, OspcError, Setti
 from ospc.methods.joint import JointMethod
 from ospc.methods.joint_state import JointState
 from ospc.methods.method import Method, Progress
+from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.continuation import Earlier
 from ospc.pooling.summary import Summary, summary_of
@@ -109,6 +110,13 @@ class OnlineCalibrator:
         """Where the run stands; cheap enough to ask for after every frame."""
         progress = self._method.progress if self._method else Progress()
         return Status(self._frames, tuple(self._reasons), progress)
+
+    def preview(self) -> Preview | None:
+        """Return quick estimates and what they rest on, to be watched during a run; None before there are any.
+
+        Preset "paper" has none before its end.
+        """
+        return self._method.preview() if isinstance(self._method, JointMethod) else None
 
     def calibration(self) -> Calibration:
         """Return what is known now; pushing may go on afterwards.

@@ -102,6 +102,12 @@ def read_model(path: str | Path, count: int = 4) -> ResponseModel:
     return ResponseModel(table[0], table[1:])
 
 
+def family_of_inverses(levels: int) -> FloatArray:
+    """Return g of every curve that the model is learned from, at equidistant grey levels, shape (n, levels)."""
+    grey, x = np.linspace(0, 1, levels), np.linspace(0, 1, SAMPLES)
+    return np.array([np.interp(grey, _increasing(curve), x) for curve in _family()])
+
+
 def _family() -> list[FloatArray]:
     """Return curves from 0 to 1 over equidistant irradiances, shape (1024,) each."""
     x = np.linspace(0, 1, SAMPLES)

@@ -137,9 +137,9 @@ class GainRobustTracker:
         ).since(0)
 
     def _follow(self, before: Image, after: Image) -> None:
-        self.log_gain = _brightness(after) - _brightness(before)
+        self.log_gain = log_brightness(after) - log_brightness(before)
         for _ in range(_ROUNDS):
-            first, second = _equalised(before, after, self.log_gain)
+            first, second = equalised(before, after, self.log_gain)
             moved, found, _ = cv2.calcOpticalFlowPyrLK(
                 first, second, self._points, None, winSize=self._window, maxLevel=4
             )
@@ -193,12 +193,12 @@ def _sampled(image: Float32Array, places: Float32Array) -> FloatArray:
     return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR).ravel(), dtype=np.float64)
 
 
-def _brightness(image: Image) -> float:
+def log_brightness(image: Image) -> float:
     """Return ln of the median grey level."""
     return float(np.log(max(float(np.median(image[::4, ::4])), 1.0)))
 
 
-def _equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Image]:
+def equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Image]:
     """Return both frames at the brightness of the darker one."""
     if log_gain > 0:
         return before, cv2.convertScaleAbs(after, alpha=float(np.exp(-log_gain)))

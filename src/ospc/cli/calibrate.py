@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
     from ospc.presets import Settings
+    from ospc.recording import Recording
 
 INTERRUPTED = 130
 
@@ -37,6 +39,18 @@ class _Request:
     force: bool
     quiet: bool
     as_json: bool
+    all_cameras: bool
+
+    def of_camera(self, name: str) -> _Request:
+        """Return what is asked for of one camera of a rig."""
+
+        def own(place: str | Path) -> Path:
+            inner = Path(place) / name
+            return inner if inner.exists() else Path(place)
+
+        truth = None if self.truth is None else str(own(self.truth))
+        earlier = None if self.start_from is None else own(self.start_from)
+        return replace(self, out=self.out / name, truth=truth, start_from=earlier)
 
 
 def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -96,6 +110,12 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
 @reading_options
+@click.option(
+    "--all-cameras",
+    is_flag=True,
+    help="Calibrate every camera of a rig (a EuRoC folder, a bag, folders side by side), each into OUT/CAMERA; "
+    "--truth and --start-from may be folders of the same names.",
+)
 @click.option("--list-topics", is_flag=True, help="Say what topics the bag at PATH has, and do nothing else.")
 def command(list_topics: bool, **options: Any) -> None:
     """Calibrate the camera of the recording at PATH.
@@ -144,6 +164,19 @@ def one_line(work: Callable[[], int]) -> int:
 
 
 def _calibrate(request: _Request, interruption: Interruption) -> int:
+    from ospc.cli.calibration_run import print_json
+
+    if request.all_cameras:
+        return _calibrate_rig(request, interruption)
+    return _calibrate_one(request, partial(request.reading.open, request.path), interruption, print_json)
+
+
+def _calibrate_one(
+    request: _Request,
+    opened: Callable[[], Recording],
+    interruption: Interruption,
+    tell: Callable[[dict[str, Any]], None],
+) -> int:
     from ospc.cli.calibration_run import Options, calibrate_into
     from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
@@ -153,13 +186,38 @@ def _calibrate(request: _Request, interruption: Interruption) -> int:
     settings = _settings(request)
     earlier = None if request.start_from is None else Earlier.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
-    recording = request.reading.open(request.path)
+    recording = opened()
     if earlier is not None:
         earlier.check_size(recording.size)
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
     checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier)
-    options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf)
+    options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf, tell)
     return calibrate_into(folder, recording, settings, interruption, options)
+
+
+def _calibrate_rig(request: _Request, interruption: Interruption) -> int:
+    """Calibrate one camera after the other; what goes wrong with one does not keep the others from it."""
+    from ospc.cli.calibration_run import print_json
+
+    told: dict[str, Any] = {}
+    codes = []
+    for name, opened in request.reading.cameras(request.path).items():
+        if not request.quiet and not request.as_json:
+            click.echo(f"{name}:")
+        try:
+            codes.append(
+                _calibrate_one(request.of_camera(name), opened, interruption, partial(told.__setitem__, name))
+            )
+        except OspcError as error:
+            click.echo(f"ospc: error: {name}: {error}", err=True)
+            told.setdefault(name, {"exit_code": 1, "error": str(error)})
+            codes.append(1)
+        if interruption.requested:
+            break
+    code = next((c for c in (INTERRUPTED, 1, 3) if c in codes), 0)
+    if request.as_json:
+        print_json({"exit_code": code, "cameras": told})
+    return code
 
 
 def _settings(request: _Request) -> Settings:

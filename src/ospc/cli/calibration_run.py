@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -49,6 +49,11 @@ class Outcome:
     failure: str = ""
 
 
+def print_json(content: dict[str, Any]) -> None:
+    """Print one JSON document on standard output."""
+    click.echo(json.dumps(content, indent=1))
+
+
 @dataclass(frozen=True)
 class Options:
     """How a run is reported.
@@ -65,6 +70,8 @@ class Options:
         Where states are saved, and whether to go on from one; None for nowhere.
     pdf
         Whether to write the report as PDF too.
+    tell
+        Takes the JSON document.
     """
 
     quiet: bool = False
@@ -72,6 +79,7 @@ class Options:
     truth: Photometry | None = None
     checkpoints: Checkpoints | None = None
     pdf: bool = False
+    tell: Callable[[dict[str, Any]], None] = print_json
 
 
 COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
@@ -130,7 +138,7 @@ def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, writte
     if options.as_json:
         content = {"exit_code": _exit_code(outcome), **as_json(outcome, folder, written, comparison)}
         content["notes"] = [*recording.notes, *saving, *written.notes]
-        click.echo(json.dumps(content, indent=1))
+        options.tell(content)
     elif not options.quiet:
         say_notes(saving)
         say_skipped(outcome)

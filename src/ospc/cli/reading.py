@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -68,6 +69,22 @@ class Reading:
         from ospc.recording import open_recording
 
         return self.masked(open_recording(path, self.kind, self.options()))
+
+    def cameras(self, path: Path) -> dict[str, Callable[[], Recording]]:
+        """Return what opens each camera of a rig, by its name.
+
+        Raises
+        ------
+        RecordingError
+            If the path cannot be read.
+        """
+        from ospc.recording import cameras_of
+
+        found = cameras_of(path, self.kind, self.options())
+        return {name: partial(self._opened, opened) for name, opened in found.items()}
+
+    def _opened(self, opened: Callable[[], Recording]) -> Recording:
+        return self.masked(opened())
 
     def masked(self, recording: Recording) -> Recording:
         """Return the recording with what is masked out of it."""

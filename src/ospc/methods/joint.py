@@ -22,6 +22,7 @@ from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.methods.joint_state import JointState
 from ospc.methods.joint_summary import Evidence, response_of, summarise
 from ospc.methods.method import Progress, check_size
+from ospc.methods.preview import Preview, preview_of
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.noise import NoiseModel
 from ospc.presets import JointSettings
@@ -95,6 +96,7 @@ class JointMethod:
         self._noise = NoiseGauge(max_grey)
         self._basis = ResponseBasis(settings.response_intervals)
         self._fit: JointFit | None = None
+        self._latest: Sightings | None = None
         self._motions: list[float] = []
         self._pairs = 0
         self._log_exposures = (np.inf, -np.inf)
@@ -130,6 +132,15 @@ class JointMethod:
             self._reservoir.points,
             None if spread is None else float(spread.max()),
             self._fit.vignette_sigma_at_corner,
+        )
+
+    def preview(self) -> Preview | None:
+        """Return what is known without a new fit; None before anything was seen."""
+        sightings = self._sightings()
+        if sightings is None:
+            return None
+        return preview_of(
+            sightings, self._latest, self._fit, size=self._size, max_grey=self._max_grey, pairs=self._pairs
         )
 
     def calibration(self) -> Calibration:
@@ -234,6 +245,7 @@ class JointMethod:
         if np.isfinite(samples.motion_px):
             self._motions = [*self._motions, samples.motion_px][-200:]
         self._reservoir.add(samples.sightings)
+        self._latest = samples.sightings
         if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
             self._refine()
             # Early pairs were registered with a vignette not yet known, which draws registration a little to where

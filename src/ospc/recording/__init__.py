@@ -9,5 +9,6 @@ from ospc.recording.frame import Frame
 from ospc.recording.identity import identity
 from ospc.recording.kinds import open_recording
 from ospc.recording.recording import Recording
+from ospc.recording.rig import cameras_of
 
-__all__ = ["ArrayRecording", "Frame", "Recording", "identity", "open_recording"]
+__all__ = ["ArrayRecording", "Frame", "Recording", "cameras_of", "identity", "open_recording"]

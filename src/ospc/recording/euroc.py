@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError
 from ospc.recording.image_folder import exposure_lists, read_exposures
+from ospc.recording.image_names import by_name
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -52,6 +53,14 @@ class Euroc:
             notes.append(f"{camera.name} is read; open {camera.parent}/{others[0]} for that camera")
         table = read_exposures(_list_of(camera), options)
         return open_sequence(path, self.name, source, table, notes, options=options)
+
+    def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
+        """Return all cameras of ``mav0``; of a path to one camera, that one."""
+        camera = _camera(path)
+        if camera is None or camera == path:
+            return {path.resolve().name: (path, options)}
+        found = sorted((p.parent for p in camera.parent.glob(f"cam*/{_INDEX}")), key=lambda p: by_name(p.name))
+        return {p.name: (p, options) for p in found}
 
 
 def _camera(path: Path) -> Path | None:

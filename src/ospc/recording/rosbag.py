@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import read_image, read_stamp_ns
 from ospc.recording.bags.image_stream import ImageStream
 from ospc.recording.bags.matching import Times, match
-from ospc.recording.bags.topics import exposure_topic, image_topic
+from ospc.recording.bags.topics import exposure_topic, image_topic, image_topics
 from ospc.recording.bags.wire import DamagedMessageError
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import GainUnit, infer_unit
@@ -78,6 +78,20 @@ class Rosbag:
         return BagRecording(
             path, bag, images, options, exposures_ms, stamps_s, layout, kept, contents.images, tuple(said)
         )
+
+    def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
+        """Return the cameras of the bag by the names of their topics; the one topic that is named, if any.
+
+        Raises
+        ------
+        RecordingError
+            If it is no bag, damaged, ends early, or has no such images.
+        MissingExtraError
+            If the optional dependency for its format is not installed.
+        """
+        bag = Bag.at(path)
+        topics = image_topics(bag) if options.image_topic is None else []
+        return camera_names(topics or [image_topic(bag, options)[0]], path, options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +186,22 @@ class _Contents:
     exposures: Times
     values: FloatArray
     gains: FloatArray
+
+
+def camera_names(
+    topics: Sequence[Topic], path: Path, options: ReadingOptions
+) -> dict[str, tuple[Path, ReadingOptions]]:
+    """Name cameras by their topics: ``/cam0/image_raw`` is ``cam0`` unless another topic is, too."""
+    short = [_short_name(topic.name) for topic in topics]
+    full = [topic.name.strip("/").replace("/", "_") for topic in topics]
+    names = [name if short.count(name) == 1 else long for name, long in zip(short, full, strict=True)]
+    return {name: (path, replace(options, image_topic=topic.name)) for name, topic in zip(names, topics, strict=True)}
+
+
+def _short_name(topic: str) -> str:
+    parts = topic.strip("/").split("/")
+    named = [part for part in parts if not part.startswith("image") and part != "compressed"]
+    return "_".join(named or parts)
 
 
 def _go_through(bag: Bag, images: Topic, carrying: Topic, carrier: Carrier) -> _Contents:

@@ -1,0 +1,120 @@
+"""What a method knows in the middle of a run, cheap enough to look at again and again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.correspondence.sightings import Sightings
+from ospc.estimation.joint_fit import JointFit
+from ospc.methods.joint_coverage import coverage_of
+from ospc.methods.joint_summary import response_of, vignette_of, vignette_sigma
+from ospc.photometry.coverage import Coverage
+from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Scene points seen in two frames.
+
+    Attributes
+    ----------
+    frames
+        Indices of the earlier frame and of the later one.
+    exposures_ms
+        Their exposures.
+    points0, points1
+        Pixel coordinates in either, shapes (n, 2).
+    log_ratios
+        ln of the exposure ratio e₀/e₁ that each point shows, shape (n,); None before there is an estimate.
+    """
+
+    frames: tuple[int, int]
+    exposures_ms: tuple[float, float]
+    points0: FloatArray
+    points1: FloatArray
+    log_ratios: FloatArray | None
+
+
+@dataclass(frozen=True)
+class Preview:
+    """Quick estimates, and what they rest on.
+
+    Attributes
+    ----------
+    pairs
+        Pairs of frames compared so far.
+    coverage
+        What the measurements cover, without residuals.
+    response, vignette
+        Estimates from some of the measurements; None before there are any. Nobody has judged yet whether they are
+        identifiable: their standard deviations tell.
+    vignette_sigma
+        Standard deviation of the vignette's profile at the 51 radii 0, 0.02, … 1, shape (51,).
+    matches
+        Points of the latest pair of frames; None where nothing was found again in it.
+    """
+
+    pairs: int
+    coverage: Coverage
+    response: Response | None = None
+    vignette: Vignette | None = None
+    vignette_sigma: FloatArray | None = None
+    matches: Matches | None = None
+
+
+def preview_of(
+    sightings: Sightings,
+    latest: Sightings | None,
+    fit: JointFit | None,
+    *,
+    size: ImageSize,
+    max_grey: int,
+    pairs: int,
+) -> Preview:
+    """Return what is known.
+
+    Parameters
+    ----------
+    sightings
+        All that was seen.
+    latest
+        What the latest pair of frames gave.
+    fit
+        The latest quick fit; None before there is one.
+    size
+        Width and height of the frames in pixels.
+    max_grey
+        Largest grey value of the frames.
+    pairs
+        Pairs of frames compared so far.
+    """
+    coverage, matches = coverage_of(sightings, None, size), matches_of(latest, fit, size)
+    if fit is None:
+        return Preview(pairs, coverage, matches=matches)
+    response, vignette = response_of(fit, max_grey, sightings), vignette_of(fit, size)
+    return Preview(pairs, coverage, response, vignette, vignette_sigma(fit), matches)
+
+
+def matches_of(latest: Sightings | None, fit: JointFit | None, size: ImageSize) -> Matches | None:
+    """Return the points of a pair of frames; None without any."""
+    if latest is None or not len(latest):
+        return None
+    pixel = latest.position * half_diagonal(size) + (np.array(size) - 1) / 2
+    exposures_ms = np.exp(latest.log_exposure[:2])
+    ratios = None
+    if fit is not None:
+        log_g = np.interp(latest.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters))
+        log_light = log_g - fit.vignette_basis.log_value(fit.vignette_parameters, latest.position)
+        ratios = log_light[::2] - log_light[1::2]
+    return Matches(
+        (int(latest.frame[0]), int(latest.frame[1])),
+        (float(exposures_ms[0]), float(exposures_ms[1])),
+        pixel[::2],
+        pixel[1::2],
+        ratios,
+    )

@@ -1,0 +1,73 @@
+"""What is known in the middle of a run is near the truth, and looking at it changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ospc import OnlineCalibrator, open_recording
+from ospc.simulation import SimulationSettings, simulate
+
+SIZE = (320, 240)
+FRAMES = 40
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Return a calibrator that was looked at after every frame, one that was not, the truth and all previews."""
+    place = tmp_path_factory.mktemp("simulated") / "r"
+    settings = SimulationSettings(size=SIZE, frames=FRAMES, exposure="sweep", exposure_min_ms=2, exposure_max_ms=16)
+    truth = simulate(place, settings)
+    watched, alone = OnlineCalibrator(), OnlineCalibrator()
+    previews = []
+    for frame in open_recording(place):
+        watched.push(frame)
+        previews.append(watched.preview())
+        alone.push(frame)
+    return watched, alone, truth, previews
+
+
+def test_before_the_first_pair_there_is_none(run):
+    assert run[3][0] is None
+    assert OnlineCalibrator().preview() is None
+    assert OnlineCalibrator("paper").preview() is None
+
+
+def test_looking_changes_nothing(run):
+    watched, alone, *_ = run
+    one, other = watched.calibration().as_dict(), alone.calibration().as_dict()
+    assert one == other
+
+
+def test_it_converges_to_the_truth_and_says_how_far_it_is(run):
+    _, _, truth, previews = run
+    last = previews[-1]
+    levels = np.linspace(0.1, 0.6, 20)
+    error = np.abs(last.response.inverse(levels) - truth.response.inverse(levels))
+    assert error.max() < 0.05
+    spreads = [p.response.inverse_sigma.max() for p in previews if p is not None and p.response is not None]
+    assert spreads[-1] <= spreads[0]
+    assert last.vignette_sigma.shape == (51,)
+
+
+def test_coverage_grows_with_the_pairs(run):
+    previews = [p for p in run[3] if p is not None]
+    counts = [p.coverage.by_grey.sum() for p in previews]
+    assert counts == sorted(counts)
+    assert previews[-1].pairs >= 20
+
+
+def test_matches_are_in_the_image_and_show_the_exposure_ratio(run):
+    matches = [
+        p.matches for p in run[3] if p is not None and p.matches is not None and p.matches.log_ratios is not None
+    ]
+    for found in matches:
+        for points in (found.points0, found.points1):
+            assert np.all((points >= 0) & (points <= np.array(SIZE) - 1))
+        assert found.frames[0] < found.frames[1]
+    errors = [
+        np.median(found.log_ratios) - np.log(found.exposures_ms[0] / found.exposures_ms[1])
+        for found in matches
+        if len(found.log_ratios) > 100
+    ]
+    assert np.median(np.abs(errors)) < 0.02

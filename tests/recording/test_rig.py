@@ -1,0 +1,122 @@
+"""Several cameras of one rig, each a recording of its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bag_samples import floats, images, write_bag1
+from click.testing import CliRunner
+from image_samples import encoded, grey
+
+from ospc.cli.main import cli
+from ospc.errors import ExposureError, RecordingError
+from ospc.recording import cameras_of, open_recording
+from ospc.recording.rig import safe_name
+
+SIZE = (64, 48)
+MS = {"cam0": [1.0, 2.0, 4.0], "cam1": [3.0, 6.0, 12.0], "cam10": [5.0, 10.0, 20.0]}
+
+
+def frame(camera: str, index: int) -> np.ndarray:
+    return grey(100 * list(MS).index(camera) + index, SIZE)
+
+
+def euroc(place: Path) -> Path:
+    for camera, ms in MS.items():
+        folder = place / "mav0" / camera
+        (folder / "data").mkdir(parents=True)
+        for i in range(3):
+            (folder / "data" / f"{10**18 + i * 10**8}.png").write_bytes(encoded(frame(camera, i)))
+        rows = "".join(f"{10**18 + i * 10**8},{10**18 + i * 10**8}.png\n" for i in range(3))
+        (folder / "data.csv").write_text("#timestamp [ns],filename\n" + rows)
+        rows = "".join(f"{10**18 + i * 10**8},{value}\n" for i, value in enumerate(ms))
+        (folder / "exposures.csv").write_text("timestamp_ns,exposure_ms\n" + rows)
+    return place
+
+
+def bag(place: Path) -> Path:
+    sent = []
+    for camera, ms in MS.items():
+        sent += images([frame(camera, i) for i in range(3)], f"/{camera}/image_raw")
+        sent += floats(ms, f"/{camera}/exposure_ms")
+    return write_bag1(place, sent)
+
+
+def folders(place: Path) -> Path:
+    for camera, ms in MS.items():
+        (place / camera / "images").mkdir(parents=True)
+        for i in range(3):
+            (place / camera / "images" / f"{i}.png").write_bytes(encoded(frame(camera, i)))
+        (place / camera / "times.txt").write_text("".join(f"{i} {i} {value}\n" for i, value in enumerate(ms)))
+    return place
+
+
+RIGS = {"EuRoC": euroc, "bag": bag, "folders side by side": folders}
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_every_camera_is_a_recording(name: str, tmp_path: Path) -> None:
+    found = cameras_of(RIGS[name](tmp_path / "made"))
+    assert set(found) == set(MS)
+    for camera, opened in found.items():
+        recording = opened()
+        assert recording.exposures_ms == pytest.approx(MS[camera])
+        np.testing.assert_array_equal([f.image for f in recording], [frame(camera, i) for i in range(3)])
+
+
+def test_a_single_camera_is_a_rig_of_one(tmp_path: Path) -> None:
+    place = euroc(tmp_path / "made")
+    assert list(cameras_of(place / "mav0" / "cam1")) == ["cam1"]
+    assert list(cameras_of(folders(tmp_path / "walk") / "cam0")) == ["cam0"]
+    assert list(cameras_of(place)) == ["cam0", "cam1", "cam10"]
+    with pytest.raises(RecordingError, match="no such file"):
+        cameras_of(tmp_path / "none")
+
+
+def test_one_camera_without_exposures_does_not_hide_the_others(tmp_path: Path) -> None:
+    place = euroc(tmp_path / "made")
+    (place / "mav0" / "cam1" / "exposures.csv").unlink()
+    found = cameras_of(place)
+    assert found["cam10"]().exposures_ms == pytest.approx(MS["cam10"])
+    with pytest.raises(ExposureError, match="has no list of exposures"):
+        found["cam1"]()
+
+
+@pytest.mark.parametrize(
+    ("topics", "names"),
+    [
+        (["/left/image_raw", "/right/image_raw"], ["left", "right"]),
+        (["/a/image_color", "/a/image_mono"], ["a_image_color", "a_image_mono"]),
+        (["/image", "/stereo/left/image_raw"], ["image", "stereo_left"]),
+        (["/a b/image", "/a-b/image"], ["a_b", "a-b"]),
+    ],
+)
+def test_cameras_of_a_bag_are_named_by_their_topics(topics: list[str], names: list[str], tmp_path: Path) -> None:
+    sent = [message for topic in topics for message in images([grey(0, SIZE)], topic)]
+    assert list(cameras_of(write_bag1(tmp_path / "made", sent + floats([1.0])))) == names
+
+
+@pytest.mark.parametrize("name", ["", "..", "/", "../../etc/passwd", "a\0b", "é" * 200, "CON.", "a/b\\c"])
+def test_names_of_cameras_stay_in_their_folder(name: str, tmp_path: Path) -> None:
+    safe = safe_name(name)
+    assert (tmp_path / safe).parent == tmp_path
+    assert safe not in ("", ".", "..")
+    assert safe.isascii()
+
+
+def test_calibrate_writes_a_folder_for_each(tmp_path: Path) -> None:
+    place, out = euroc(tmp_path / "made"), tmp_path / "out"
+    (place / "mav0" / "cam1" / "exposures.csv").write_text("")
+    result = CliRunner().invoke(cli, ["calibrate", str(place), "-o", str(out), "--all-cameras", "--json"])
+    told = json.loads(result.stdout)
+    assert result.exit_code == told["exit_code"] == 1
+    assert list(told["cameras"]) == list(MS)
+    assert "exposures.csv" in told["cameras"]["cam1"]["error"]
+    assert "ospc: error: cam1: " in result.stderr
+    for camera in ("cam0", "cam10"):
+        assert told["cameras"][camera]["exit_code"] == 3
+        assert json.loads((out / camera / "calibration.json").read_text())["source"]["frames"] == 3
+    assert open_recording(place / "mav0" / "cam0").exposures_ms[0] == 1.0
