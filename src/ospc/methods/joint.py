@@ -14,7 +14,8 @@ from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.sightings import Sightings
 from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.view import View, ViewMaker
-from ospc.estimation.joint_fit import JointEstimator, JointFit
+from ospc.estimation.joint_estimator import JointEstimator
+from ospc.estimation.joint_fit import JointFit
 from ospc.estimation.noise_gauge import NoiseGauge
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
