@@ -164,7 +164,7 @@ class JointSettings:
     max_points: int = 60_000
     response_intervals: int = 32
     series_intervals: int = 64
-    radial_terms: int = 4
+    radial_terms: int = 5
     rounds: int = 8
     still_px: float = 0.7
     series_pixels: int = 1_500

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic_sightings import NONE, POLYNOMIAL, SIZE, Camera, reordered
 
 from ospc.correspondence.sightings import Sightings
-from ospc.estimation.joint_fit import JointEstimator
+from ospc.estimation.joint_estimator import JointEstimator
 from ospc.estimation.quadratic_response import solve_kkt
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -22,6 +21,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.simulation.responses import RESPONSES
+from synthetic_sightings import NONE, POLYNOMIAL, SIZE, Camera, reordered
 
 NOISE = NoiseModel(1e-5, 0.0)
 GAMMA = Response.gamma(2.0, 2041)
@@ -170,7 +170,7 @@ def test_deviations_stated_are_those_that_happen(camera):
         error = [log_step(fit, *s) - log_step(camera.response, *s) for s in steps]
         error += [log_fall(fit, r) - truly_fallen(camera.vignette, r) for r in radii]
         sigma = [fit.log_response_step_sigma(*s) for s in steps]
-        z.append(np.array(error) / [*sigma, *fit.log_vignette_sigma(radii)])
+        z.append(np.array(error) / [*sigma, *fit.chance_log_vignette_sigma(radii)])
     spread, mean = np.std(z, axis=0), np.mean(z, axis=0)
     assert np.all((spread > 0.5) & (spread < 2))
     assert np.all(np.abs(mean) < 1)

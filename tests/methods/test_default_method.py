@@ -60,7 +60,8 @@ def test_the_deviations_stated_are_not_far_from_the_errors(result, walk):
 
 def test_exposures_are_predicted(result):
     ratios = result.exposure_ratios
-    assert 0.8 * result.counts["pairs"] < len(ratios.metadata) <= result.counts["pairs"]
+    # Those of the first pairs are forgotten, others had nothing to compare.
+    assert 0.7 * result.counts["pairs"] < len(ratios.metadata) <= result.counts["pairs"]
     assert abs(ratios.bias) < 0.01
     assert np.median(np.abs(ratios.log_residual)) < 0.02
     assert np.all(ratios.samples > 0)

@@ -35,6 +35,11 @@ class Reservoir:
                 self._append(_halved(part, self._halvings))
             self._halvings += 1
 
+    def forget_before(self, group: int) -> None:
+        """Give up the sightings of groups with lower numbers."""
+        self._parts = [part for part in self._parts if part.group[0] >= group]
+        self.points = sum(len(part.starts) for part in self._parts)
+
     def all(self) -> Sightings:
         """Return all that is kept.
 

@@ -1,40 +1,19 @@
-"""Response and vignette of all sightings at once: robust maximum likelihood with latent irradiance.
-
-The first round is one convex problem, a non-negative least squares; each further round repeats it with the model
-linearised at the grey levels that the last one predicts, robust weights, an error model fitted to the residuals, and
-the strength of the prior chosen anew.
-"""
+"""What a fit of response and vignette found, and how sure it is."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse import csr_matrix
-from threadpoolctl import threadpool_limits
 
-from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.correspondence.sightings import Sightings
+from ospc.arrays import FloatArray
 from ospc.estimation.error_model import ErrorModel
-from ospc.estimation.latent import Latent, LatentModel, weighted_means
-from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import Prior, Roughness
-from ospc.estimation.response_basis import ResponseBasis, typical_gamma
-from ospc.estimation.robust import robust_scale
+from ospc.estimation.prior import Roughness
+from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.photometry.noise import NoiseModel
 
-_CHUNK = 20_000
-_FLOOR = 0.05
-_CORE = 3.0
-_CUT = 4.5
-_CLEAR = 2.0
-_SETTLED = 0.1
-_GROUPS_PER_BLOCK = 12
-_MIN_BLOCKS = 16
-_SYSTEMATIC_SHARE = 0.005
+_DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
+_SYSTEMATIC_SHARE = 0.01
 """Share of ln V by which registration, drawn to where brightness agrees, is wrong however many samples there are;
 measured on simulated recordings."""
 
@@ -96,13 +75,21 @@ class JointFit:
         return float(np.sqrt(step @ self.covariance[:n, :n] @ step))
 
     def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
-        """Return the standard deviation of ln V at radii in half diagonals along a diagonal, shape (n,) -> (n,)."""
+        """Return the standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,).
+
+        It is the root mean square of those towards the four corners, which differ where the centre is elsewhere.
+        """
+        along = _along_diagonals(radius)
+        value = self.vignette_basis.log_value(self.vignette_parameters, along).reshape(len(_DIAGONALS), -1)
+        systematic = np.mean((_SYSTEMATIC_SHARE * value) ** 2, axis=0)
+        return np.asarray(np.sqrt(self.chance_log_vignette_sigma(radius) ** 2 + systematic))
+
+    def chance_log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
+        """Return the part of :meth:`log_vignette_sigma` that more samples would reduce, shape (n,) -> (n,)."""
         n = len(self.response_basis)
-        along = np.stack([radius, radius], axis=1) / np.sqrt(2)
-        rows = self.vignette_basis.jacobian(self.vignette_parameters, along)
+        rows = self.vignette_basis.jacobian(self.vignette_parameters, _along_diagonals(radius))
         variance = np.einsum("ij,jk,ik->i", rows, self.covariance[n:, n:], rows)
-        value = self.vignette_basis.log_value(self.vignette_parameters, along)
-        return np.asarray(np.sqrt(variance + (_SYSTEMATIC_SHARE * value) ** 2))
+        return np.asarray(np.sqrt(variance.reshape(len(_DIAGONALS), -1).mean(axis=0)))
 
     @property
     def vignette_sigma_at_corner(self) -> float:
@@ -112,221 +99,6 @@ class JointFit:
         return float(value * self.log_vignette_sigma(np.array([1.0]))[0])
 
 
-@dataclass(frozen=True)
-class JointEstimator:
-    """Fits response and vignette to sightings.
-
-    Attributes
-    ----------
-    response_basis, vignette_basis
-        The models.
-    noise
-        Noise of single pixels, from which follows where clipping begins to bias; None where the sightings are single
-        pixels themselves.
-    rounds
-        Most rounds after the convex first one; fewer where the parameters settle, to a tenth of a standard deviation
-        in all.
-    """
-
-    response_basis: ResponseBasis
-    vignette_basis: VignetteBasis
-    noise: NoiseModel | None = None
-    rounds: int = 8
-
-    def fit(self, sightings: Sightings, start: JointFit | None = None) -> JointFit:
-        """Fit the models, on one core: many small matrix products, which threads only slow down.
-
-        Parameters
-        ----------
-        sightings
-            What was seen.
-        start
-            An earlier fit with the same response basis to start from.
-        """
-        with threadpool_limits(1, user_api="blas"):
-            return self._fit(sightings, start)
-
-    def _fit(self, sightings: Sightings, start: JointFit | None) -> JointFit:
-        parameters = self._first_parameters(start)
-        errors = start.errors if start else ErrorModel()
-        weight = np.ones(len(sightings))
-        roughness = start.roughness if start else Roughness(1.0, 1.0)
-        for round_number in range(self.rounds + 1):
-            trusted = round_number > 0 or start is not None
-            model = self._latent_model(parameters, errors, trusted)
-            log_vignette = self.vignette_basis.log_value(parameters[len(self.response_basis) :], sightings.position)
-            latent = model(sightings, log_vignette, weight)
-            if trusted:
-                weight, bread = self._weights(latent, model.pixel_noise)
-                errors = self._refitted(errors, latent, parameters, sightings)
-            else:
-                bread = 1.0
-            equations = self._equations(sightings, latent, weight, parameters)
-            prior = self._prior(parameters)
-            equations = equations.tempered(prior.precision(roughness), bread)
-            roughness = equations.best_roughness(prior)
-            previous, parameters = (
-                parameters,
-                self._limited(equations.solve(prior, roughness, self._floor()), parameters),
-            )
-            precision = equations.posterior_precision(prior, roughness)
-            change = parameters - previous
-            if round_number > 1 and float(change @ precision @ change) < _SETTLED**2:
-                break
-        return JointFit(
-            self.response_basis,
-            self.vignette_basis,
-            parameters,
-            cho_solve(cho_factor(precision), np.eye(len(parameters))),
-            errors,
-            roughness,
-            equations.misfit(parameters),
-            int(np.count_nonzero(np.add.reduceat(weight, sightings.starts))),
-            len(np.unique(sightings.group)),
-        )
-
-    def information(self, sightings: Sightings, fit: JointFit, about: FloatArray) -> NormalEquations:
-        """Return what the sightings say about the parameters of these models, without any prior.
-
-        Parameters
-        ----------
-        sightings
-            What was seen.
-        fit
-            Fit to them, possibly in other models: its response and its errors are relied on.
-        about
-            The same fit in parameters of these models, at which they are linearised, shape (p,).
-        """
-        with threadpool_limits(1, user_api="blas"):
-            own = replace(self, response_basis=fit.response_basis, vignette_basis=fit.vignette_basis)
-            model = own._latent_model(fit.parameters, fit.errors, trusted=True)
-            log_vignette = fit.vignette_basis.log_value(fit.vignette_parameters, sightings.position)
-            latent = model(sightings, log_vignette, np.ones(len(sightings)))
-            latent = model(sightings, log_vignette, self._weights(latent, model.pixel_noise)[0])
-            weight, bread = self._weights(latent, model.pixel_noise)
-            # The other model's response may not be one of these exactly; what was seen stays what it was.
-            here = self.response_basis.log_of(about[: len(self.response_basis)])
-            latent = replace(latent, linear_log=latent.linear_log + (here - model.log_response)[latent.index])
-            equations = self._equations(sightings, latent, weight, about)
-            return equations.tempered(self._prior(about).precision(fit.roughness), bread)
-
-    def _prior(self, parameters: FloatArray) -> Prior:
-        return Prior(self.response_basis.knots, parameters[: len(self.response_basis)], len(self.vignette_basis))
-
-    def _limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
-        """Return the parameters with no gamma further from the previous one than its linearised logarithm holds."""
-        n = len(self.response_basis)
-        return np.concatenate([np.clip(parameters[:n], previous[:n] / 3, previous[:n] * 3), parameters[n:]])
-
-    def _first_parameters(self, start: JointFit | None) -> FloatArray:
-        if start is None:
-            return np.concatenate([typical_gamma(self.response_basis.knots), np.zeros(len(self.vignette_basis))])
-        vignette = np.zeros(len(self.vignette_basis))
-        shared = min(self.vignette_basis.radial, start.vignette_basis.radial)
-        vignette[:shared] = start.vignette_parameters[:shared]
-        if self.vignette_basis.free_centre and start.vignette_basis.free_centre:
-            vignette[self.vignette_basis.radial :][:2] = start.vignette_basis.centre(start.vignette_parameters)
-        return np.concatenate([start.response_parameters, vignette])
-
-    def _floor(self) -> FloatArray:
-        floor = np.full(len(self.response_basis) + len(self.vignette_basis), -np.inf)
-        floor[: len(self.response_basis)] = _FLOOR
-        return floor
-
-    def _latent_model(self, parameters: FloatArray, errors: ErrorModel, trusted: bool) -> LatentModel:
-        coefficients = parameters[: len(self.response_basis)]
-        basis = self.response_basis
-        return LatentModel(
-            basis, basis.log_of(coefficients), basis.gamma_of(coefficients), errors, self.noise, trusted
-        )
-
-    def _weights(self, latent: Latent, noise: NoiseModel) -> tuple[FloatArray, float]:
-        """Return redescending weights (Geman and McClure 1987, cut off), and E[ψ'] / E[w] of those that count."""
-        scaled = latent.studentised / (_CORE * max(robust_scale(latent.studentised), 1e-6))
-        squared = scaled**2
-        weight = np.where(np.abs(scaled) < _CUT / _CORE, 1 / (1 + squared) ** 2, 0.0)
-        weight = np.where(_unclipped(latent, noise), weight, 0.0)
-        derivative = np.where(weight > 0, (1 - 3 * squared) / (1 + squared) ** 3, 0.0)
-        bread = float(derivative.sum() / max(weight.sum(), 1e-300))
-        return weight, max(bread, 0.2)
-
-    def _refitted(
-        self, errors: ErrorModel, latent: Latent, parameters: FloatArray, sightings: Sightings
-    ) -> ErrorModel:
-        log_response = self.response_basis.log_of(parameters[: len(self.response_basis)])
-        return errors.refitted(
-            latent.residual**2 / latent.freedom / latent.stiffness**2,
-            latent.grey,
-            1 / latent.stiffness,
-            np.maximum(np.exp(log_response[latent.index]), 1e-12),
-            sightings.gradient,
-        )
-
-    def _equations(
-        self, sightings: Sightings, latent: Latent, weight: FloatArray, parameters: FloatArray
-    ) -> NormalEquations:
-        p = len(parameters)
-        block = _blocks_of(sightings.group)
-        matrix, scores = np.zeros((p, p)), np.zeros((int(block.max()) + 1, p))
-        vector, square = np.zeros(p), 0.0
-        for part in _chunks(sightings):
-            seen = sightings.where(part)
-            rows, target = self._rows(seen, latent, part, parameters)
-            factor = weight[part] * latent.precision[part]
-            _, mean = weighted_means(np.column_stack([rows, target]), factor, seen)
-            rows, target = rows - mean[:, :-1], target - mean[:, -1]
-            weighted = rows * factor[:, None]
-            matrix += rows.T @ weighted
-            vector += weighted.T @ target
-            square += float(target @ (factor * target))
-            misfit = target - rows @ parameters
-            members = csr_matrix((misfit, (block[part], np.arange(len(seen)))), shape=(len(scores), len(seen)))
-            scores += members @ weighted
-        return NormalEquations(matrix, vector, square, scores.T @ scores)
-
-    def _rows(
-        self, seen: Sightings, latent: Latent, part: slice, parameters: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return rows and right-hand sides of h(M) − ln V − u = ln e, linear in all parameters."""
-        vignette = parameters[len(self.response_basis) :]
-        jacobian = self.vignette_basis.jacobian(vignette, seen.position)
-        # Where ln V is not linear in its parameters (the centre), what the linearisation leaves goes to the right.
-        constant = self.vignette_basis.log_value(vignette, seen.position) - jacobian @ vignette
-        rows = np.concatenate([self.response_basis.log_table[latent.index[part]], -jacobian], axis=1)
-        # h at the measured grey level is h at the predicted one, which the rows hold, plus this much.
-        excess = (
-            latent.linear_log[part] - rows[:, : len(self.response_basis)] @ parameters[: len(self.response_basis)]
-        )
-        target = seen.log_exposure + constant - excess
-        return rows, target
-
-
-def _blocks_of(group: IntArray) -> IntArray:
-    """Return the block each sighting counts to when the spread of scores is measured, shape (n,).
-
-    What goes wrong in one pair of frames goes wrong in those after it, which show the same scene: groups that follow
-    one another are taken together, as far as enough blocks remain to measure a spread between.
-    """
-    _, number = np.unique(group, return_inverse=True)
-    size = int(np.clip((number.max() + 1) // _MIN_BLOCKS, 1, _GROUPS_PER_BLOCK))
-    return np.asarray(number // size)
-
-
-def _chunks(sightings: Sightings) -> Iterator[slice]:
-    """Give slices of bounded length that do not cut a point's sightings apart."""
-    starts = np.append(sightings.starts, len(sightings))
-    begin = 0
-    while begin < len(sightings):
-        end = int(starts[np.searchsorted(starts, begin + _CHUNK, side="right") - 1])
-        end = end if end > begin else int(starts[np.searchsorted(starts, begin, side="right")])
-        yield slice(begin, end)
-        begin = end
-
-
-def _unclipped(latent: Latent, noise: NoiseModel) -> BoolArray:
-    """Return where the noise of single pixels hardly reaches black or white, by the predicted grey level.
-
-    Judging by the measured one would keep just those samples whose noise happens to lead away from the end.
-    """
-    reach = _CLEAR * np.sqrt(noise.variance(latent.grey))
-    return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, 0.1)))
+def _along_diagonals(radius: FloatArray) -> FloatArray:
+    """Return the places at radii towards the four corners, shape (n,) -> (4 n, 2)."""
+    return np.asarray((radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2))

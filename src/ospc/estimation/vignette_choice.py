@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.correspondence.sightings import Sightings
-from ospc.estimation.joint_fit import JointEstimator, JointFit
+from ospc.estimation.joint_estimator import JointEstimator
+from ospc.estimation.joint_fit import JointFit
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.noise import NoiseModel

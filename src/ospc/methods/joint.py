@@ -14,7 +14,8 @@ from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.sightings import Sightings
 from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.view import View, ViewMaker
-from ospc.estimation.joint_fit import JointEstimator, JointFit
+from ospc.estimation.joint_estimator import JointEstimator
+from ospc.estimation.joint_fit import JointFit
 from ospc.estimation.noise_gauge import NoiseGauge
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -29,6 +30,7 @@ from ospc.presets import JointSettings
 from ospc.recording.frame import Frame
 
 _FIRST_REFINEMENT = 16
+_LAST_FORGOTTEN = 32
 _REFINEMENT_POINTS = 5000
 _REFINEMENT_ROUNDS = 3
 
@@ -247,6 +249,10 @@ class JointMethod:
         self._latest = samples.sightings
         if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
             self._refine()
+            # Early pairs were registered with a vignette not yet known, which draws registration a little to where
+            # brightness agrees: once there are enough others they do more harm than good.
+            if self._pairs >= 4 * _FIRST_REFINEMENT:
+                self._reservoir.forget_before(min(self._pairs // 4, _LAST_FORGOTTEN))
 
     def _refine(self) -> None:
         """Improve the equalisation that registration relies on, with a quick fit to some of the sightings."""

@@ -15,7 +15,8 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.sightings import Sightings
-from ospc.estimation.joint_fit import JointEstimator, JointFit
+from ospc.estimation.joint_estimator import JointEstimator
+from ospc.estimation.joint_fit import JointFit
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.joint_summary import Evidence, exposure_ratios, radial_reach
