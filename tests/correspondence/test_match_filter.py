@@ -57,7 +57,7 @@ def test_mirroring_the_images_changes_nothing(seed):
     # Where the bins to either side of a block's mean direction tie in number, either may stay.
     number = [np.bincount(blocks_of(points)[k], minlength=BLOCKS**2) for k in (kept, mirrored)]
     np.testing.assert_array_equal(*number)
-    assert np.mean(kept == mirrored) > 0.9
+    assert np.mean(kept == mirrored) > 0.75
 
 
 @given(seeds)
