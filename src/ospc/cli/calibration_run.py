@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ospc.cli.calibration_report import as_json, say_errors, say_notes, say_result, say_skipped
-from ospc.cli.exposure_checking import as_json as examined_as_json
-from ospc.cli.exposure_checking import judged, say_examined
 from ospc.cli.interruption import Interruption
 from ospc.cli.live import NOT_WATCHED, Watcher, Watching
 from ospc.errors import OspcError
@@ -21,7 +19,6 @@ from ospc.errors import OspcError
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
     from ospc.cli.checkpoints import Checkpoints
-    from ospc.diagnosis.before_calibrating import Examined
     from ospc.evaluation.comparison import Comparison
     from ospc.formats.opening import Photometry
     from ospc.output import OutputFolder, Written
@@ -44,15 +41,12 @@ class Outcome:
         Whether the user stopped it.
     failure
         What went wrong, as one sentence; empty if nothing did.
-    unreliable
-        Whether the exposures cannot be relied on.
     """
 
     calibration: Calibration
     skipped: tuple[str, ...] = ()
     interrupted: bool = False
     failure: str = ""
-    unreliable: bool = False
 
 
 def print_json(content: dict[str, Any]) -> None:
@@ -80,8 +74,6 @@ class Options:
         Takes the JSON document.
     watching
         How the run is watched, where somebody looks at a terminal.
-    examined
-        What was found of the exposures before; None where they were not looked at.
     """
 
     quiet: bool = False
@@ -91,7 +83,6 @@ class Options:
     pdf: bool = False
     tell: Callable[[dict[str, Any]], None] = print_json
     watching: Watching = NOT_WATCHED
-    examined: Examined | None = None
 
 
 COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
@@ -115,8 +106,6 @@ def calibrate_into(
     talkative = not options.quiet and not options.as_json
     if talkative:
         say_notes(recording.notes)
-        if options.examined is not None:
-            say_examined(options.examined)
     watching = replace(options.watching, visible=not options.quiet and sys.stderr.isatty())
     with interruption.deferred():
         outcome = run(
@@ -127,11 +116,6 @@ def calibrate_into(
             announce=not options.quiet,
             checkpoints=options.checkpoints,
         )
-        if options.examined is not None:
-            unreliable = bool(options.examined.warnings)
-            outcome = replace(
-                outcome, calibration=judged(outcome.calibration, options.examined), unreliable=unreliable
-            )
         with interruption.held():
             outcome, written = _write(folder, recording, outcome, interruption, options)
             if options.checkpoints is not None and options.checkpoints.saved:
@@ -148,7 +132,7 @@ def _exit_code(outcome: Outcome) -> int:
         return FAILED
     if outcome.interrupted:
         return INTERRUPTED
-    return COMPLETE if outcome.calibration.complete and not outcome.unreliable else UNDETERMINED
+    return COMPLETE if outcome.calibration.complete else UNDETERMINED
 
 
 def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, written: Written, options: Options) -> None:
@@ -156,10 +140,7 @@ def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, writte
     saving = [] if options.checkpoints is None else options.checkpoints.notes
     if options.as_json:
         content = {"exit_code": _exit_code(outcome), **as_json(outcome, folder, written, comparison)}
-        looked = () if options.examined is None else options.examined.notes
-        content["notes"] = [*recording.notes, *looked, *saving, *written.notes]
-        if options.examined is not None:
-            content.update(examined_as_json(options.examined))
+        content["notes"] = [*recording.notes, *saving, *written.notes]
         options.tell(content)
     elif not options.quiet:
         say_notes(saving)
