@@ -10,11 +10,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ospc.errors import FormatError, NotObservableError
+from ospc.errors import ExposureError, FormatError, NotObservableError
 from ospc.experiments.ambiguity import show_ambiguity
 from ospc.experiments.design import EXPERIMENTS, OFFSETS, joint, offsets
-from ospc.experiments.measuring import FIGURES, Measurement, as_csv, as_markdown, measure, medians
-from ospc.experiments.methods import Paper, Timed
+from ospc.experiments.measuring import (
+    FIGURES,
+    Measurement,
+    Others,
+    as_csv,
+    as_markdown,
+    exposure_error,
+    measure,
+    medians,
+    read_exposures,
+)
+from ospc.experiments.methods import Exposures, Paper, Timed
 from ospc.experiments.reports import make_ambiguity, make_experiment
 from ospc.experiments.sources import stand_ins
 from ospc.experiments.static import METHODS, static_methods, sweeps
@@ -46,10 +56,10 @@ def source():
 def test_the_truth_itself_has_no_error_and_others_are_compared_too(source):
     fixed = Fixed("perfect", replace(source.truth, name="perfect"))
     other = Photometry("theirs", Response.gamma(1.0), None)
-    measured = measure(source, [Timed("perfect", fixed)], others=[other])
+    measured = measure(source, [Timed("perfect", fixed)], others=Others((other,)))
     assert fixed.frames == 5
     perfect, theirs = measured.rows
-    assert all(perfect.value(f) == pytest.approx(0, abs=1e-6) for f in FIGURES)
+    assert all(perfect.value(f) == pytest.approx(0, abs=1e-6) for f in FIGURES[:-1])
     assert theirs.method == "theirs"
     assert theirs.value("response_rmse") > 0.1
     assert theirs.value("vignette_rmse") == math.inf
@@ -98,7 +108,7 @@ def test_every_experiment_names_its_methods_and_what_it_varies(source):
 def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):
     source = stand_ins(1, 102, (80, 60))[0]
     report = make_experiment(
-        joint(), [source], tmp_path / "out", lambda *_: None, [replace(source.truth, name="mine")]
+        joint(), [source], tmp_path / "out", lambda *_: None, Others((replace(source.truth, name="mine"),))
     )
     assert not report.problems
     methods = [row.method for row in report.rows]
@@ -147,3 +157,23 @@ def test_methods_for_a_still_camera_are_run_on_sweeps():
     rows = measure(source, methods[1:]).rows
     assert {row.method for row in rows} == set(METHODS)
     assert all(row.value("response_rmse") < 0.1 for row in rows)
+
+
+def test_exposures_are_compared_up_to_a_factor(source, tmp_path):
+    true = {frame.index: frame.exposure_ms for frame in source.open()}
+    frames = np.array(list(true))
+    values = np.array(list(true.values()))
+    assert exposure_error(Exposures(frames, 7 * values), true) == pytest.approx(0, abs=1e-12)
+    assert exposure_error(Exposures(frames, values**1.5), true) == pytest.approx(0.5 * np.std(np.log(values)))
+    file = tmp_path / "theirs.txt"
+    file.write_text("# id stamp exposure\n" + "".join(f"{i} {i / 20} {3 * e:.9g}\n" for i, e in true.items()))
+    rows = measure(source, [], others=Others(exposures={"theirs": read_exposures(file)})).rows
+    assert [row.method for row in rows] == ["theirs"]
+    assert rows[0].value("exposure_error") == pytest.approx(0, abs=1e-7)
+    with pytest.raises(ExposureError, match="lacks"):
+        exposure_error(Exposures(frames + 1, values), true)
+    with pytest.raises(ExposureError, match="above 0"):
+        exposure_error(Exposures(frames, -values), true)
+    file.write_text("1 x\n")
+    with pytest.raises(FormatError, match="exposure"):
+        read_exposures(file)

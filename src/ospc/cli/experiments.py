@@ -12,9 +12,9 @@ import click
 from ospc.cli.progress import progress_bar
 
 if TYPE_CHECKING:
+    from ospc.experiments.measuring import Others
     from ospc.experiments.reports import Report
     from ospc.experiments.sources import Source
-    from ospc.formats.opening import Photometry
 
 _WIDTH = 400
 """Wide enough for every table: cells that were cut short would be lost."""
@@ -46,6 +46,13 @@ def _options(function: Callable[..., None]) -> Callable[..., None]:
                 multiple=True,
                 metavar="NAME=FILES",
                 help="Calibration by another program, to be compared too; pcalib.txt,vignette.png or alike.",
+            ),
+            click.option(
+                "--exposures",
+                "estimated",
+                multiple=True,
+                metavar="NAME=FILE",
+                help="Exposures by another program: the last number of each line, one line a frame.",
             ),
         ]
     ):
@@ -113,7 +120,7 @@ def static(**options: Any) -> None:
     experiment = Experiment(
         "static", "Responses from a camera that stands still", "response_rmse", lambda _s: static_methods(), {}
     )
-    others = _given(options["given"])
+    others = _others(options)
     _report(
         _with_progress(sources, lambda report: make_experiment(experiment, sources, options["out"], report, others))
     )
@@ -133,11 +140,10 @@ def _experiment(name: str, count: int, frames: int, options: dict[str, Any]) -> 
     from ospc.experiments.design import EXPERIMENTS
     from ospc.experiments.reports import make_experiment
 
-    sources, others = _sources(options, count, frames), _given(options["given"])
+    sources, experiment = _sources(options, count, frames), EXPERIMENTS[name]()
+    others = _others(options)
     _report(
-        _with_progress(
-            sources, lambda report: make_experiment(EXPERIMENTS[name](), sources, options["out"], report, others)
-        )
+        _with_progress(sources, lambda report: make_experiment(experiment, sources, options["out"], report, others))
     )
 
 
@@ -162,19 +168,25 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _given(entries: tuple[str, ...]) -> list[Photometry]:
+def _others(options: dict[str, Any]) -> Others:
     from dataclasses import replace
 
-    from ospc.errors import SettingError
+    from ospc.experiments.measuring import Others, read_exposures
     from ospc.formats.opening import open_photometry
 
-    found = []
-    for entry in entries:
-        name, equals, files = entry.partition("=")
-        if not (name and equals and files):
-            raise SettingError(f"--calibration takes NAME=FILES, such as mine=pcalib.txt,vignette.png; not '{entry}'")
-        found.append(replace(open_photometry(files), name=name))
-    return found
+    return Others(
+        tuple(replace(open_photometry(files), name=name) for name, files in map(_named, options["given"])),
+        {name: read_exposures(file) for name, file in map(_named, options["estimated"])},
+    )
+
+
+def _named(entry: str) -> tuple[str, str]:
+    from ospc.errors import SettingError
+
+    name, equals, files = entry.partition("=")
+    if not (name and equals and files):
+        raise SettingError(f"'{entry}' is not NAME=FILES, such as mine=pcalib.txt,vignette.png")
+    return name, files
 
 
 def _with_progress(sources: list[Source], make: Callable[[Callable[[str, int, int], None]], Report]) -> Report:

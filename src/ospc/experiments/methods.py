@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import process_time
 from typing import Protocol
 
+from ospc.arrays import FloatArray, IntArray
 from ospc.baselines.joint import OnlineJoint
 from ospc.baselines.kim_pollefeys import calibrate_decoupled
 from ospc.benchmark.running import SharedMatcher
@@ -28,6 +29,22 @@ _MATCHING = (
     "filter_length_sigmas",
 )
 """Settings that finding and matching of features depend on."""
+
+
+@dataclass(frozen=True)
+class Exposures:
+    """Exposures that a method estimated, up to a factor.
+
+    Attributes
+    ----------
+    frames
+        Indices of the frames, shape (n,).
+    values
+        Positive, shape (n,).
+    """
+
+    frames: IntArray
+    values: FloatArray
 
 
 class Rival(Protocol):
@@ -108,6 +125,7 @@ class Joint:
     def __init__(self, truth: Response | None, *, online: bool) -> None:
         self._truth = truth
         self._name = "joint-online" if online else "joint-batch"
+        self.exposures: dict[str, Exposures] = {}
         self._method = OnlineJoint(200 if online else None)
 
     def push(self, frame: Frame) -> None:
@@ -117,12 +135,11 @@ class Joint:
     def found(self) -> dict[str, Photometry | str]:
         """Return the calibration with the known point and without."""
         free = self._method.estimate()
-        results: dict[str, Photometry | str] = {}
+        variants = {f"{self._name}-wogt": free}
         if self._truth is not None:
-            fixed = free.aligned_to(self._truth)
-            results[f"{self._name}-wgt"] = Photometry(f"{self._name}-wgt", fixed.response, fixed.vignette)
-        results[f"{self._name}-wogt"] = Photometry(f"{self._name}-wogt", free.response, free.vignette)
-        return results
+            variants = {f"{self._name}-wgt": free.aligned_to(self._truth), **variants}
+        self.exposures = {name: Exposures(one.frames, one.exposures) for name, one in variants.items()}
+        return {name: Photometry(name, one.response, one.vignette) for name, one in variants.items()}
 
 
 class Decoupled:
@@ -172,6 +189,11 @@ class Timed:
         except OspcError as error:
             self._failure = str(error)
         self.seconds += process_time() - began
+
+    @property
+    def exposures(self) -> dict[str, Exposures]:
+        """Exposures by variant, of methods that estimate them; to be asked for after :meth:`found`."""
+        return self.rival.exposures if isinstance(self.rival, Joint) else {}
 
     def found(self) -> dict[str, Photometry | str]:
         """Return what it found, or under its label why it found nothing."""

@@ -15,11 +15,10 @@ from ospc.errors import MissingExtraError, SettingError
 from ospc.experiments.ambiguity import as_csv as ambiguity_csv
 from ospc.experiments.ambiguity import show_ambiguity, starts_as_csv
 from ospc.experiments.design import Experiment
-from ospc.experiments.measuring import Measured, Measurement, OnProgress, as_csv, as_markdown, measure
+from ospc.experiments.measuring import Measured, Measurement, OnProgress, Others, as_csv, as_markdown, measure
 from ospc.experiments.methods import Ours, Paper, Timed
 from ospc.experiments.pictures import draw_ambiguity, draw_curves, draw_errors
 from ospc.experiments.sources import Source
-from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.vignette import radial_profile
 
@@ -48,7 +47,7 @@ def make_experiment(
     sources: Sequence[Source],
     folder: Path,
     progress: OnProgress,
-    others: Sequence[Photometry] = (),
+    others: Others | None = None,
 ) -> Report:
     """Run an experiment over recordings.
 
@@ -64,7 +63,7 @@ def make_experiment(
     progress
         Told how far it is.
     others
-        Calibrations by other programs, to be compared with the truth too.
+        What other programs found, to be compared with the truth too.
 
     Raises
     ------
