@@ -23,6 +23,7 @@ from ospc.pooling.summary import Summary, summary_of
 from ospc.presets import JointSettings, Settings, as_dict, preset, with_overrides
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.identity import identity
+from ospc.recording.stream import Item, frames_of
 from ospc.state.run import RunState, load_run, save_run
 from ospc.versions import versions
 
@@ -321,7 +322,7 @@ def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Itera
 
 
 def calibrate(
-    recording: Recording | str | Path,
+    recording: Recording | str | Path | Iterable[Item],
     settings: Settings | str = "default",
     *,
     progress: Callable[[Status], None] | None = None,
@@ -331,7 +332,7 @@ def calibrate(
     Parameters
     ----------
     recording
-        A recording, or the path of one.
+        A recording, the path of one, or any iterable of frames or of (image, exposure in ms).
     settings
         Settings of the method, or the name of a preset.
     progress
@@ -354,10 +355,11 @@ def calibrate(
     calibrator = OnlineCalibrator(settings)
     interrupted = False
     try:
-        for frame in source:
+        for frame in source if isinstance(source, Recording) else frames_of(source):
             calibrator.push(frame)
             if progress is not None:
                 progress(calibrator.status)
     except KeyboardInterrupt:
         interrupted = True
-    return replace(calibrator.calibration(), partial=interrupted, source=identity(source))
+    origin = identity(source) if isinstance(source, Recording) else {"kind": "stream"}
+    return replace(calibrator.calibration(), partial=interrupted, source=origin)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.recording.frame import Frame
 
 
+@runtime_checkable
 class Recording(Protocol):
     """Frames in temporal order, none of them held in memory.
 

@@ -1,0 +1,64 @@
+"""Cameras by a short text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ospc.errors import SettingError
+from ospc.recording.live.source import Camera
+from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.wording import quoted
+
+_EXPECTED = "expected opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE.bag, or depthai:SENSOR"
+
+
+def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
+    """Open a camera.
+
+    Parameters
+    ----------
+    text
+        ``opencv:0`` for the first webcam; ``realsense``, ``realsense:SERIAL`` or ``realsense:FILE.bag``;
+        ``depthai:left``, ``depthai:right`` or ``depthai:colour``.
+    options
+        Units of exposure and gain for ``opencv``, and the channel taken of colour.
+
+    Raises
+    ------
+    SettingError
+        If the text names no kind of camera, or a unit has to be stated.
+    MissingExtraError
+        If the optional dependency for it is not installed.
+    RecordingError
+        If there is no such camera.
+
+    Examples
+    --------
+    >>> from ospc import OnlineCalibrator
+    >>> calibrator = OnlineCalibrator()
+    >>> with open_camera("realsense") as camera:  # doctest: +SKIP
+    ...     for frame in camera:
+    ...         calibrator.push(frame)
+    """
+    kind, _, which = text.partition(":")
+    colour = options.channel is not None
+    if kind == "opencv" and (which or "0").isascii() and (which or "0").isdigit() and len(which) < 5:
+        from ospc.recording.live.opencv_capture import OpenCvCamera
+
+        return OpenCvCamera(
+            int(which or 0),
+            exposure_unit=options.exposure_unit,
+            gain_unit=options.gain_unit,
+            channel=options.channel,
+        )
+    if kind == "realsense":
+        from ospc.recording.live.realsense import RealSenseCamera
+
+        if which.endswith(".bag"):
+            return RealSenseCamera.open(recording=Path(which), colour=colour, channel=options.channel)
+        return RealSenseCamera.open(which, colour=colour, channel=options.channel)
+    if kind == "depthai":
+        from ospc.recording.live.depthai import DepthAiCamera
+
+        return DepthAiCamera.open(which or ("colour" if colour else "left"), channel=options.channel)
+    raise SettingError(f"{quoted(text)} is no camera; {_EXPECTED}")

@@ -1,0 +1,314 @@
+"""Frames from any iterable, and from cameras that film."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from collections.abc import Iterator
+from datetime import timedelta
+from importlib.util import find_spec
+from itertools import islice
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from image_samples import grey
+
+from ospc.calibrator import calibrate
+from ospc.errors import ExposureError, FrameError, MissingExtraError, RecordingError, SettingError
+from ospc.recording import ArrayRecording
+from ospc.recording.channel import Channel
+from ospc.recording.exposure_units import ExposureUnit, GainUnit
+from ospc.recording.live import open_camera
+from ospc.recording.live.depthai import DepthAiCamera
+from ospc.recording.live.opencv_capture import OpenCvCamera
+from ospc.recording.live.realsense import RealSenseCamera
+from ospc.recording.options import ReadingOptions
+from ospc.recording.stream import frames_of
+from ospc.simulation import SimulationSettings, frames
+
+SIZE = (64, 48)
+
+
+def test_frames_and_tuples_are_taken_as_they_come() -> None:
+    images = [grey(i, SIZE) for i in range(3)]
+    made = [*ArrayRecording(images[:1], [1.0]), (images[1], 2), (images[2], 4.0, 7.5)]
+    found = list(frames_of(made))
+    assert [frame.index for frame in found] == [0, 1, 2]
+    assert [frame.exposure_ms for frame in found] == [1, 2, 4]
+    assert [frame.stamp_s for frame in found] == [0, 1, 7.5]
+    np.testing.assert_array_equal([frame.image for frame in found], images)
+    deep = next(frames_of([(images[0].astype(np.uint16), 1.0)], max_grey=4095))
+    assert deep.max_grey == 4095
+
+
+@pytest.mark.parametrize(
+    ("item", "error"),
+    [
+        (5, FrameError),
+        ((grey(),), FrameError),
+        ((grey(), "long"), ExposureError),
+        ((grey(), 0.0), ExposureError),
+        ((grey(), float("nan")), ExposureError),
+        ((np.zeros((2, 2, 3), np.uint8), 1.0), FrameError),
+        ((grey().astype(np.uint16), 1.0), FrameError),
+        ((grey().astype(float), 1.0), FrameError),
+    ],
+)
+def test_what_is_no_frame_is_said_by_its_number(item: Any, error: type[Exception]) -> None:
+    found = frames_of([(grey(), 1.0), item])
+    next(found)
+    with pytest.raises(error, match=r"(item|frame) 1"):
+        next(found)
+
+
+def test_nothing_is_kept() -> None:
+    def endless() -> Iterator[tuple[Any, float]]:
+        while True:
+            yield np.zeros((48, 64), np.uint8), 1.0
+
+    for frame in frames_of(endless()):
+        if frame.index == 1000:
+            break
+
+
+def test_a_generator_gives_the_calibration_of_the_recording() -> None:
+    settings = SimulationSettings(size=(160, 120), frames=12, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0))
+    made = list(frames(settings))
+    recording = ArrayRecording([f.image for f in made], [f.exposure_ms for f in made])
+    found, expected = calibrate((f.image, f.exposure_ms) for f in made), calibrate(recording)
+    assert found.response is not None
+    assert expected.response is not None
+    np.testing.assert_array_equal(found.response.inverse_table, expected.response.inverse_table)
+    assert found.source == {"kind": "stream"}
+
+
+class Capture:
+    """Behaves like cv2.VideoCapture of a camera."""
+
+    def __init__(self, driver: str, states: list[tuple[float, float]], channels: int = 3) -> None:
+        self.driver, self.states, self.channels = driver, states, channels
+        self.at = -1
+        self.released = False
+
+    def isOpened(self) -> bool:  # noqa: N802
+        return True
+
+    def read(self) -> tuple[bool, Any]:
+        self.at += 1
+        if self.at == len(self.states):
+            return False, None
+        image = grey(self.at, SIZE)
+        return True, np.stack([image, image // 2, image // 4], axis=2) if self.channels == 3 else image
+
+    def get(self, prop: int, /) -> float:
+        return self.states[self.at][{cv2.CAP_PROP_EXPOSURE: 0, cv2.CAP_PROP_GAIN: 1}[prop]]
+
+    def getBackendName(self) -> str:  # noqa: N802
+        return self.driver
+
+    def release(self) -> None:
+        self.released = True
+
+
+class TestOpenCv:
+    def test_units_are_those_of_the_driver(self) -> None:
+        states = [(10.0, 3.0), (20.0, 3.0)]
+        with OpenCvCamera(0, capture=(capture := Capture("V4L2", states)), channel=Channel.GREEN) as camera:
+            found = list(camera)
+        assert [frame.exposure_ms for frame in found] == pytest.approx([1, 2])
+        np.testing.assert_array_equal(found[1].image, grey(1, SIZE) // 2)
+        assert found[1].stamp_s > found[0].stamp_s
+        assert capture.released
+        assert "100us" in camera.notes[0]
+        camera = OpenCvCamera(0, capture=Capture("DSHOW", [(-6.0, 0), (-7.0, 0)], channels=1))
+        assert [frame.exposure_ms for frame in camera] == pytest.approx([1000 / 64, 1000 / 128])
+
+    def test_what_the_driver_does_not_say_has_to_be_stated(self) -> None:
+        capture = Capture("GSTREAMER", [(2.0, 6.0205999)])
+        with pytest.raises(SettingError, match="GSTREAMER does not say in which unit"):
+            OpenCvCamera(0, capture=capture)
+        assert capture.released
+        camera = OpenCvCamera(0, exposure_unit=ExposureUnit.MS, gain_unit=GainUnit.DB, capture=capture)
+        assert next(iter(camera)).exposure_ms == pytest.approx(4)
+
+    def test_a_gain_of_unknown_unit_must_not_change(self) -> None:
+        found = iter(OpenCvCamera(0, capture=Capture("V4L2", [(10.0, 3.0), (10.0, 4.0)])))
+        next(found)
+        with pytest.raises(ExposureError, match="gain changed from 3 to 4"):
+            next(found)
+
+    @pytest.mark.parametrize("exposure", [0.0, float("nan"), -1.0])
+    def test_a_driver_without_exposures_is_said(self, exposure: float) -> None:
+        with pytest.raises(ExposureError, match="gives no exposure"):
+            next(iter(OpenCvCamera(0, capture=Capture("V4L2", [(exposure, 0.0)]))))
+
+    def test_opencvs_own_capture_fits(self, tmp_path: Path) -> None:
+        path = str(tmp_path / "a.avi")
+        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"MJPG"), 10.0, SIZE)
+        writer.write(np.full((*SIZE[::-1], 3), 90, np.uint8))
+        writer.release()
+        camera = OpenCvCamera(0, exposure_unit=ExposureUnit.MS, capture=cv2.VideoCapture(path))
+        with pytest.raises(ExposureError, match="gives no exposure"):
+            next(iter(camera))
+        camera.close()
+
+    def test_no_such_camera(self) -> None:
+        with pytest.raises(RecordingError, match="camera 97: cannot be opened"):
+            open_camera("opencv:97")
+
+
+def _realsense() -> Any:
+    """The vendor's library; it needs libusb, which the package libusb-package brings where the system does not."""
+    found = find_spec("libusb_package")
+    for place in (found.submodule_search_locations or []) if found is not None else []:
+        for library in Path(place).glob("libusb-1.0.so*"):
+            ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
+    try:
+        import pyrealsense2
+    except ModuleNotFoundError:
+        pytest.skip("needs the extra 'realsense'")
+    except ImportError as error:
+        pytest.skip(f"pyrealsense2 cannot be loaded: {error}")
+    return pyrealsense2
+
+
+class TestRealSense:
+    def test_frames_of_the_vendors_software_device(self) -> None:
+        rs = _realsense()
+        device = rs.software_device()
+        sensor = device.add_sensor("Stereo")
+        stream = rs.video_stream()
+        stream.type, stream.index, stream.uid, stream.fmt = rs.stream.infrared, 1, 0, rs.format.y8
+        stream.width, stream.height, stream.fps, stream.bpp = (*SIZE, 30, 1)
+        stream.intrinsics = rs.intrinsics()
+        profile = sensor.add_video_stream(stream)
+        queue = rs.frame_queue(10, keep_frames=True)
+        sensor.open(profile)
+        sensor.start(queue)
+        for i in range(3):
+            sensor.set_metadata(rs.frame_metadata_value.actual_exposure, 1500 * 2**i)
+            sensor.set_metadata(rs.frame_metadata_value.gain_level, 32)
+            made = rs.software_video_frame()
+            made.stride, made.bpp, made.pixels = SIZE[0], 1, grey(i, SIZE)
+            made.timestamp, made.domain = 1000.0 + 50 * i, rs.timestamp_domain.hardware_clock
+            made.frame_number, made.profile = i, profile.as_video_stream_profile()
+            sensor.on_video_frame(made)
+        with RealSenseCamera(lambda: queue.wait_for_frame(200), stop=sensor.stop) as camera:
+            coming = iter(camera)
+            found = list(islice(coming, 3))
+            with pytest.raises(RecordingError, match="stopped giving frames"):
+                next(coming)
+        assert [frame.exposure_ms for frame in found] == pytest.approx([3, 6, 12])
+        assert [frame.stamp_s for frame in found] == pytest.approx([1, 1.05, 1.1])
+        np.testing.assert_array_equal([frame.image for frame in found], [grey(i, SIZE) for i in range(3)])
+
+    def test_frames_as_documented(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        keys = SimpleNamespace(actual_exposure="e", gain_level="g")
+        monkeypatch.setitem(sys.modules, "pyrealsense2", SimpleNamespace(frame_metadata_value=keys))
+
+        def frame(**said: float) -> Any:
+            return SimpleNamespace(
+                supports_frame_metadata=lambda key: key in said,
+                get_frame_metadata=said.__getitem__,
+                get_timestamp=lambda: 2500.0,
+                get_data=lambda: np.stack([grey(0, SIZE)] * 3, axis=2),
+            )
+
+        waiting = iter([frame(e=8000), frame(e=8000, g=248), frame(g=16)])
+        camera = RealSenseCamera(lambda: next(waiting))
+        found = iter(camera)
+        first = next(found)
+        assert (first.exposure_ms, first.stamp_s) == (8.0, 2.5)
+        np.testing.assert_array_equal(first.image, grey(0, SIZE))
+        assert next(found).exposure_ms == pytest.approx(8 * 248 / 16)
+        with pytest.raises(ExposureError, match="gives no exposures with its frames"):
+            next(found)
+        assert list(RealSenseCamera(lambda: None)) == []
+
+    def test_a_recording_that_is_not_there(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setitem(sys.modules, "pyrealsense2", SimpleNamespace(config=lambda: None))
+        with pytest.raises(RecordingError, match="no such file"):
+            open_camera(f"realsense:{tmp_path / 'none.bag'}")
+
+
+class Oak:
+    """Behaves like the documented part of DepthAI 3."""
+
+    def __init__(self, exposures_us: list[int], iso: int) -> None:
+        self.waiting = [self.frame(i, us, iso) for i, us in enumerate(exposures_us)]
+        self.asked: list[Any] = []
+        self.stopped = False
+
+    @staticmethod
+    def frame(index: int, us: int, iso: int) -> Any:
+        return SimpleNamespace(
+            getExposureTime=lambda: timedelta(microseconds=us),
+            getSensitivity=lambda: iso,
+            getTimestampDevice=lambda: timedelta(seconds=3 + index),
+            getCvFrame=lambda: grey(index, SIZE),
+        )
+
+    def module(self) -> Any:
+        node = SimpleNamespace(
+            build=lambda socket: self.asked.append(socket) or node,
+            requestOutput=lambda size, kind: self.asked.append((size, kind)) or node,
+            createOutputQueue=lambda: SimpleNamespace(get=lambda: self.waiting.pop(0)),
+        )
+        pipeline = SimpleNamespace(
+            create=lambda _kind: node,
+            start=lambda: None,
+            isRunning=lambda: bool(self.waiting),
+            stop=lambda: setattr(self, "stopped", True),
+        )
+        return SimpleNamespace(
+            Pipeline=lambda: pipeline,
+            node=SimpleNamespace(Camera="camera"),
+            CameraBoardSocket=SimpleNamespace(CAM_A="a", CAM_B="b", CAM_C="c"),
+            ImgFrame=SimpleNamespace(Type=SimpleNamespace(GRAY8="grey", BGR888i="colour")),
+        )
+
+
+class TestDepthAi:
+    def test_frames_as_documented(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        oak = Oak([1500, 3000], iso=200)
+        monkeypatch.setitem(sys.modules, "depthai", oak.module())
+        with open_camera("depthai:right") as camera:
+            found = list(camera)
+        assert oak.asked == ["c", ((640, 480), "grey")]
+        assert oak.stopped
+        assert [frame.exposure_ms for frame in found] == pytest.approx([3, 6])
+        assert [frame.stamp_s for frame in found] == [3, 4]
+        np.testing.assert_array_equal([frame.image for frame in found], [grey(i, SIZE) for i in range(2)])
+
+    def test_failures_are_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def fail() -> Any:
+            raise RuntimeError("X_LINK_ERROR\nlost")
+
+        with pytest.raises(RecordingError, match=r"stopped giving frames \(X_LINK_ERROR lost\)"):
+            next(iter(DepthAiCamera(fail)))
+        monkeypatch.setitem(
+            sys.modules, "depthai", SimpleNamespace(**vars(Oak([], 100).module()) | {"Pipeline": fail})
+        )
+        with pytest.raises(RecordingError, match="cannot be opened"):
+            open_camera("depthai")
+        with pytest.raises(RecordingError, match="no sensor is called 'up'"):
+            open_camera("depthai:up")
+
+
+@pytest.mark.parametrize(
+    ("camera", "module", "extra"), [("realsense", "pyrealsense2", "realsense"), ("depthai", "depthai", "depthai")]
+)
+def test_without_the_extra_it_is_named(camera: str, module: str, extra: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingExtraError, match=rf"ospc\[{extra}\]"):
+        open_camera(camera)
+
+
+@pytest.mark.parametrize("text", ["", "webcam", "opencv:x", "opencv:-1", "opencv:99999", "/dev/video0"])
+def test_what_is_no_camera(text: str) -> None:
+    with pytest.raises(SettingError, match="expected opencv:NUMBER"):
+        open_camera(text, ReadingOptions())
