@@ -22,6 +22,7 @@ from ospc.pooling.continuation import Earlier
 from ospc.pooling.summary import Summary, summary_of
 from ospc.presets import JointSettings, Settings, as_dict, preset, with_overrides
 from ospc.recording import Frame, Recording, open_recording
+from ospc.recording.ahead import decoded_ahead
 from ospc.recording.identity import identity
 from ospc.recording.stream import Item, frames_of
 from ospc.state.run import RunState, load_run, save_run
@@ -105,6 +106,11 @@ class OnlineCalibrator:
             self._skip(str(error))
             return False
         return True
+
+    def foresees(self, places: int) -> bool:
+        """Whether the image of the frame so many places on (1 for the next) will most likely be looked at."""
+        method = self._method
+        return method.foresees(places) if isinstance(method, JointMethod) else True
 
     @property
     def status(self) -> Status:
@@ -355,7 +361,8 @@ def calibrate(
     calibrator = OnlineCalibrator(settings)
     interrupted = False
     try:
-        for frame in source if isinstance(source, Recording) else frames_of(source):
+        frames = source if isinstance(source, Recording) else frames_of(source)
+        for frame in decoded_ahead(frames, calibrator.foresees):
             calibrator.push(frame)
             if progress is not None:
                 progress(calibrator.status)

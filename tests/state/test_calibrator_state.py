@@ -123,7 +123,8 @@ def seen_twice(random, points, pair):
 def test_everything_a_method_learns_is_in_its_state():
     """An attribute that is neither saved nor made anew would be forgotten silently."""
     made_anew = {"settings", "size", "max_grey", "make_view", "register", "equaliser", "sample", "basis"}
-    not_needed = {"evidence", "to_recall"}
+    made_anew |= {"response_spread", "second"}
+    not_needed = {"evidence", "to_recall", "latest"}
     saved = {"schedule", "partners", "reservoir", "series", "noise", "fit", "motions", "pairs", "log_exposures"}
     method = JointMethod(JointSettings(), (64, 48), 255)
     assert {name.lstrip("_") for name in vars(method)} == made_anew | not_needed | saved

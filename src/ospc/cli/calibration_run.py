@@ -254,9 +254,10 @@ def _push_all(
 ) -> str:
     """Push frames until their end or an interruption, and return what went wrong."""
     from ospc.calibrator import remaining
+    from ospc.recording.ahead import decoded_ahead
 
     try:
-        for frame in remaining(calibrator, recording):
+        for frame in decoded_ahead(remaining(calibrator, recording), calibrator.foresees):
             used = calibrator.push(frame)
             show(calibrator, "comparing", frame if used else None)
             if checkpoints is not None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -75,21 +77,44 @@ class DenseRegistration:
     The variational refinement weighs the constancy of the gradient only. Constancy of brightness, weighed too by
     default, pulls flat places to where the brightness agrees: with the vignette not yet known that is a wrong place,
     and grey values sampled there have lost the very difference they were meant to show.
+
+    The way back only tells where the way there is wrong, by pixels: it is computed more coarsely.
+
+    Parameters
+    ----------
+    second
+        Where the way back is computed while this thread computes the way there; None for one after the other. The
+        result is the same.
     """
 
-    def __init__(self) -> None:
-        self._flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-        self._flow.setVariationalRefinementDelta(0.0)
-        self._flow.setVariationalRefinementGamma(20.0)
+    def __init__(self, second: Executor | None = None) -> None:
+        self._second = second
+        self._there, self._back = _flow(finest=1), _flow(finest=2)
 
     def __call__(self, view0: View, view1: View, equaliser: Equaliser) -> Registration:
         """Register two views in both directions."""
         # At the longer exposure both images clip at the same radiance, and no edge of a clipped area misleads.
         target = max(view0.log_exposure, view1.log_exposure)
         image0, image1 = equaliser(view0, target), equaliser(view1, target)
-        forward = self._flow.calc(image0, image1, None)
-        backward = self._flow.calc(image1, image0, None)
+        if self._second is None:
+            forward, backward = self._there.calc(image0, image1, None), self._back.calc(image1, image0, None)
+        else:
+            returning = self._second.submit(self._back.calc, image1, image0, None)
+            forward = self._there.calc(image0, image1, None)
+            backward = returning.result()
         return Registration(forward, _mismatch(forward, backward))
+
+
+def _flow(finest: int) -> Any:
+    """Return a registration down to the image halved so many times; places between are interpolated."""
+    flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    # Half the steps on a coarser lattice of patches: flat places, where grey values are sampled, forgive the rest.
+    flow.setGradientDescentIterations(12)
+    flow.setPatchStride(4)
+    flow.setFinestScale(finest)
+    flow.setVariationalRefinementDelta(0.0)
+    flow.setVariationalRefinementGamma(20.0)
+    return flow
 
 
 def _mismatch(forward: Float32Array, backward: Float32Array) -> Float32Array:

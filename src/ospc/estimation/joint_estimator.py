@@ -50,7 +50,7 @@ class JointEstimator:
         pixels themselves.
     rounds
         Most rounds after the convex first one; fewer where the parameters settle, to a tenth of a standard deviation
-        in all.
+        each.
     """
 
     response_basis: ResponseBasis
@@ -96,7 +96,7 @@ class JointEstimator:
             )
             precision = equations.posterior_precision(prior, roughness)
             change = parameters - previous
-            if round_number > 1 and float(change @ precision @ change) < _SETTLED**2:
+            if round_number > 1 and float(change @ precision @ change) < _SETTLED**2 * len(change):
                 break
         return JointFit(
             self.response_basis,
@@ -195,19 +195,30 @@ class JointEstimator:
         matrix, scores = np.zeros((p, p)), np.zeros((int(block.max()) + 1, p))
         vector, square = np.zeros(p), 0.0
         for part in _chunks(sightings):
-            seen = sightings.where(part)
-            rows, target = self._rows(seen, latent, part, parameters)
-            factor = weight[part] * latent.precision[part]
-            _, mean = weighted_means(np.column_stack([rows, target]), factor, seen)
-            rows, target = rows - mean[:, :-1], target - mean[:, -1]
+            rows, target, factor, member = self._free_of_radiance(sightings, latent, weight, part, parameters)
             weighted = rows * factor[:, None]
             matrix += rows.T @ weighted
             vector += weighted.T @ target
             square += float(target @ (factor * target))
             misfit = target - rows @ parameters
-            members = csr_matrix((misfit, (block[part], np.arange(len(seen)))), shape=(len(scores), len(seen)))
-            scores += members @ weighted
+            shape = (len(scores), len(rows))
+            scores += csr_matrix((misfit, (block[part][member], np.arange(len(rows)))), shape=shape) @ weighted
         return NormalEquations(matrix, vector, square, scores.T @ scores)
+
+    def _free_of_radiance(
+        self, sightings: Sightings, latent: Latent, weight: FloatArray, part: slice, parameters: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
+        """Return rows, right-hand sides, weights, and whose they are, with each point's radiance eliminated."""
+        seen = sightings.where(part)
+        rows, target = self._rows(seen, latent, part, parameters)
+        factor = weight[part] * latent.precision[part]
+        if np.all(seen.counts == 2):
+            # Two sightings less their weighted mean say the same twice: their difference says it once.
+            both = factor[0::2] + factor[1::2]
+            factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
+            return rows[0::2] - rows[1::2], target[0::2] - target[1::2], factor, slice(0, None, 2)
+        _, mean = weighted_means(np.column_stack([rows, target]), factor, seen)
+        return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
     def _rows(
         self, seen: Sightings, latent: Latent, part: slice, parameters: FloatArray

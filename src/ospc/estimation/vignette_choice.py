@@ -16,6 +16,8 @@ from ospc.photometry.noise import NoiseModel
 _SYSTEMATIC = 0.004
 """Errors of registration common to all samples imitate asymmetries of this size, in ln V over a half diagonal."""
 
+_FIRST_POINTS = 10_000
+
 
 def fit_with_chosen_vignette(
     sightings: Sightings, response: ResponseBasis, widest: VignetteBasis, noise: NoiseModel | None, rounds: int
@@ -40,7 +42,11 @@ def fit_with_chosen_vignette(
         Rounds of each fit.
     """
     simplest = replace(widest, free_centre=False, non_radial=False)
-    fit = JointEstimator(response, simplest, noise, rounds).fit(sightings)
+    estimator = JointEstimator(response, simplest, noise, rounds)
+    # Most of the way to the solution is gone with a part of the points; the last rounds are for all of them.
+    step = len(sightings.starts) // _FIRST_POINTS
+    start = estimator.fit(sightings.of_points(slice(None, None, step))) if step > 1 else None
+    fit = estimator.fit(sightings, start)
     for richer in (replace(simplest, free_centre=True), widest):
         if richer == fit.vignette_basis or len(richer) <= len(fit.vignette_basis):
             continue

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,6 +55,13 @@ class Schedule:
         """Whether the next frame is worth looking at."""
         return self._wait == 0
 
+    def wants(self, places: int) -> bool:
+        """Whether the frame so many places on (1 for the next) is worth looking at."""
+        ahead = replace(self)
+        for _ in range(places - 1):
+            ahead.advance()
+        return ahead.wants_next
+
     def advance(self) -> None:
         """Go on to the frame after the next one, which was looked at if it was wanted."""
         if self._wait > 0:
@@ -84,7 +92,8 @@ class JointMethod:
         self._schedule = Schedule(settings.frames_per_slowdown)
         self._make_view = ViewMaker(settings.longest_side_px, settings.smoothing_px)
         self._partners = Partners(settings.views, settings.max_log_ratio)
-        self._register = DenseRegistration()
+        self._second = ThreadPoolExecutor(1, "ospc-second")
+        self._register = DenseRegistration(self._second)
         self._equaliser = Equaliser()
         self._sample = FlatSampler(
             spacing_px=settings.grid_spacing_px,
@@ -99,6 +108,7 @@ class JointMethod:
         self._fit: JointFit | None = None
         self._latest: Sightings | None = None
         self._motions: list[float] = []
+        self._response_spread: float | None = None
         self._pairs = 0
         self._log_exposures = (np.inf, -np.inf)
         self._evidence: Evidence | None = None
@@ -107,15 +117,17 @@ class JointMethod:
     def push(self, frame: Frame) -> None:
         """Take the next frame; most often it is not even decoded."""
         # Nothing is noted before the image has been read: a frame that cannot be leaves no trace.
-        view = self._make_view(frame) if self._schedule.wants_next else None
+        view = self._look_at(frame) if self._schedule.wants_next else None
         self._evidence = self._to_recall = None
         self._watch_standing_still(frame)
         self._note_exposure(frame)
         self._schedule.advance()
         if view is not None:
-            # Black pixels tell nothing about noise, and masked ones must not.
-            self._noise.watch(frame.image if frame.mask is None else np.where(frame.mask, frame.image, 0))
             self._compare(view)
+
+    def foresees(self, places: int) -> bool:
+        """Whether the frame so many places on (1 for the next) will most likely be looked at."""
+        return self._schedule.wants(places)
 
     @property
     def max_grey(self) -> int:
@@ -127,12 +139,8 @@ class JointMethod:
         """How far it has come."""
         if self._fit is None:
             return Progress(self._pairs, self._reservoir.points)
-        spread = response_of(self._fit, self._max_grey).inverse_sigma
         return Progress(
-            self._pairs,
-            self._reservoir.points,
-            None if spread is None else float(spread.max()),
-            self._fit.vignette_sigma_at_corner,
+            self._pairs, self._reservoir.points, self._response_spread, self._fit.vignette_sigma_at_corner
         )
 
     def preview(self) -> Preview | None:
@@ -220,6 +228,15 @@ class JointMethod:
 
     # What push does besides comparing.
 
+    def _look_at(self, frame: Frame) -> View:
+        # Black pixels tell nothing about noise, and masked ones must not.
+        image = frame.image if frame.mask is None else np.where(frame.mask, frame.image, 0)
+        # Two looks at one image that do not need each other, and both leave the interpreter to others.
+        noted = self._second.submit(self._noise.watch, image)
+        view = self._make_view(frame)
+        noted.result()
+        return view
+
     def _compare(self, view: View) -> None:
         partner = self._partners.choose(view)
         if partner is not None:
@@ -268,6 +285,8 @@ class JointMethod:
     def _rely_on(self, fit: JointFit) -> None:
         """Equalise frames by a fit from now on."""
         self._fit = fit
+        spread = response_of(fit, self._max_grey).inverse_sigma
+        self._response_spread = None if spread is None else float(spread.max())
         reliable = fit.vignette_sigma_at_corner < 0.05
         vignette = fit.vignette_basis.vignette(fit.vignette_parameters, self._size)
         self._equaliser = Equaliser(response_of(fit, 255), vignette if reliable else None)

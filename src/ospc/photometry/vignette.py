@@ -11,7 +11,6 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import map_coordinates
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.atomic import write_atomically
@@ -105,11 +104,13 @@ class LogVignette:
 
     def at_normalised(self, position: FloatArray) -> FloatArray:
         """Return the attenuation at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
-        offsets = position - np.array(self.centre)
-        squared = np.sum(offsets**2, axis=-1)
+        return self._at_offsets(position[..., 0] - self.centre[0], position[..., 1] - self.centre[1])
+
+    def _at_offsets(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the attenuation at places relative to the vignette's own centre, of any shapes that go together."""
+        squared = x**2 + y**2
         log_v = np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])
         if self.non_radial:
-            x, y = offsets[..., 0], offsets[..., 1]
             terms = (x * y, x**2 - y**2, x * squared, y * squared)
             log_v = log_v + sum(c * t for c, t in zip(self.non_radial, terms, strict=True))
         return np.asarray(np.exp(log_v))
@@ -121,7 +122,11 @@ class LogVignette:
 
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""
-        return self.at(pixel_grid(self.size)).astype(np.float32)
+        width, height = self.size
+        # A row of x and a column of y make up the grid of pixels.
+        diagonal = normalised(np.stack([np.arange(max(self.size))] * 2, axis=1).astype(np.float64), self.size)
+        x, y = diagonal[:width, 0] - self.centre[0], diagonal[:height, 1, None] - self.centre[1]
+        return self._at_offsets(x, y).astype(np.float32)
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
@@ -167,6 +172,8 @@ class RasterVignette:
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
         """Return the attenuation at pixel coordinates, bilinear, shape (..., 2) -> (...)."""
+        from scipy.ndimage import map_coordinates  # slow to import, and rarely needed
+
         xy = np.asarray(points, dtype=np.float64)
         x, y = xy.reshape(-1, 2).T
         sampled = map_coordinates(self.values, (y, x), np.float64, order=1, mode="nearest")

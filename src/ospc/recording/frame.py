@@ -38,6 +38,8 @@ class Frame:
         where it is not. None where only :attr:`image` can tell.
     mask
         True where pixels may be used, shape (height, width); None for everywhere.
+    threads
+        Whether :attr:`load` and :attr:`verify` may be called by any thread.
     """
 
     index: int
@@ -48,6 +50,7 @@ class Frame:
     max_grey: int = 255
     verify: Callable[[], None] | None = field(default=None, repr=False, compare=False)
     mask: BoolArray | None = field(default=None, repr=False, compare=False)
+    threads: bool = field(default=False, repr=False, compare=False)
 
     @classmethod
     def of_array(

@@ -83,6 +83,7 @@ class ImageSequence:
                 partial(self._load, name),
                 self.max_grey,
                 partial(self._verify, name),
+                threads=True,
             )
 
     def __enter__(self) -> ImageSequence:

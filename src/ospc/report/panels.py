@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import Vignette, radial_profile
+from ospc.photometry.vignette import LogVignette, PolynomialVignette, Vignette, radial_profile
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE
 from ospc.report.words import least_samples, misfit_of
 
 _BANDS = ((2, 0.2), (1, 0.35))
 _MOST_POINTS = 4000
+_PROFILE_SIDE = 400
 
 
 def draw_response(axes: Any, calibration: Calibration, truth: Response | None = None) -> None:
@@ -208,6 +210,10 @@ def logarithmic(axes: Any, low: float, high: float, names: str) -> None:
 
 def _profile(vignette: Vignette) -> tuple[FloatArray, FloatArray]:
     """Return radii and profile, beginning at the centre where it is 1 by convention."""
+    if isinstance(vignette, PolynomialVignette | LogVignette):
+        # A smooth model has the same profile in a smaller image.
+        shrink = max(1, max(vignette.size) // _PROFILE_SIDE)
+        vignette = replace(vignette, size=(vignette.size[0] // shrink, vignette.size[1] // shrink))
     profile = radial_profile(vignette)
     radius = (np.arange(profile.size) + 0.5) / profile.size
     known = np.isfinite(profile)
