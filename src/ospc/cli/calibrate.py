@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ospc.cli.exposure_checking import correct_lag_option, examined
 from ospc.cli.interruption import Interruption
 from ospc.cli.live import Watching
 from ospc.cli.reading import Reading, reading_options, say_topics
 from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
+    from ospc.diagnosis.before_calibrating import LagChoice
     from ospc.presets import Settings
     from ospc.recording import Recording
 
@@ -36,6 +38,7 @@ class _Request:
     resume: bool
     checkpoint_s: float
     start_from: Path | None
+    correct_lag: LagChoice
     pdf: bool
     live: bool
     rerun: bool
@@ -117,6 +120,7 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     type=click.Path(path_type=Path, dir_okay=False),
     help="Stream the same to a file, to be looked at later.",
 )
+@correct_lag_option
 @click.option("--pdf", is_flag=True, help="Write the report as report.pdf too; needs the extra plots.")
 @click.option(
     "--start-from",
@@ -158,7 +162,7 @@ def command(list_topics: bool, **options: Any) -> None:
       0    complete: response and vignette are known
       1    error; what was known by then is written as partial if possible
       2    wrong usage
-      3    written, but response or vignette could not be determined
+      3    written, but response or vignette could not be determined, or the exposures cannot be relied on
       130  interrupted; the partial result is written
     """  # noqa: D301 (click reads the escaped character as "do not rewrap")
     if list_topics:
@@ -222,7 +226,8 @@ def _calibrate_one(
     keeps_state = not request.reading.unknown_exposures
     checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier) if keeps_state else None
     options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf, tell, request.watching)
-    return calibrate_into(folder, recording, settings, interruption, options)
+    checked = examined(recording, request.correct_lag)
+    return calibrate_into(folder, checked.recording, settings, interruption, replace(options, examined=checked))
 
 
 def _with_recovered_exposures(recording: Recording, request: _Request, interruption: Interruption) -> Recording:

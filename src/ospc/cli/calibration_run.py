@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ospc.cli.calibration_report import as_json, say_errors, say_notes, say_result, say_skipped
+from ospc.cli.exposure_checking import as_json as examined_as_json
+from ospc.cli.exposure_checking import judged, say_examined
 from ospc.cli.interruption import Interruption
 from ospc.cli.live import NOT_WATCHED, Watcher, Watching
 from ospc.errors import OspcError
@@ -19,6 +21,7 @@ from ospc.errors import OspcError
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
     from ospc.cli.checkpoints import Checkpoints
+    from ospc.diagnosis.before_calibrating import Examined
     from ospc.evaluation.comparison import Comparison
     from ospc.formats.opening import Photometry
     from ospc.output import OutputFolder, Written
@@ -41,12 +44,15 @@ class Outcome:
         Whether the user stopped it.
     failure
         What went wrong, as one sentence; empty if nothing did.
+    unreliable
+        Whether the exposures cannot be relied on.
     """
 
     calibration: Calibration
     skipped: tuple[str, ...] = ()
     interrupted: bool = False
     failure: str = ""
+    unreliable: bool = False
 
 
 def print_json(content: dict[str, Any]) -> None:
@@ -72,6 +78,8 @@ class Options:
         Whether to write the report as PDF too.
     tell
         Takes the JSON document.
+    examined
+        What was found of the exposures before; None where they were not looked at.
     watching
         How the run is watched, where somebody looks at a terminal.
     """
@@ -82,6 +90,7 @@ class Options:
     checkpoints: Checkpoints | None = None
     pdf: bool = False
     tell: Callable[[dict[str, Any]], None] = print_json
+    examined: Examined | None = None
     watching: Watching = NOT_WATCHED
 
 
@@ -106,6 +115,8 @@ def calibrate_into(
     talkative = not options.quiet and not options.as_json
     if talkative:
         say_notes(recording.notes)
+    if options.examined is not None and not options.quiet:
+        say_examined(options.examined, notes=talkative)
     watching = replace(options.watching, visible=not options.quiet and sys.stderr.isatty())
     with interruption.deferred():
         outcome = run(
@@ -116,6 +127,11 @@ def calibrate_into(
             announce=not options.quiet,
             checkpoints=options.checkpoints,
         )
+        if options.examined is not None:
+            unreliable = bool(options.examined.warnings)
+            outcome = replace(
+                outcome, calibration=judged(outcome.calibration, options.examined), unreliable=unreliable
+            )
         with interruption.held():
             outcome, written = _write(folder, recording, outcome, interruption, options)
             if options.checkpoints is not None and options.checkpoints.saved:
@@ -132,7 +148,7 @@ def _exit_code(outcome: Outcome) -> int:
         return FAILED
     if outcome.interrupted:
         return INTERRUPTED
-    return COMPLETE if outcome.calibration.complete else UNDETERMINED
+    return COMPLETE if outcome.calibration.complete and not outcome.unreliable else UNDETERMINED
 
 
 def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, written: Written, options: Options) -> None:
@@ -140,7 +156,10 @@ def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, writte
     saving = [] if options.checkpoints is None else options.checkpoints.notes
     if options.as_json:
         content = {"exit_code": _exit_code(outcome), **as_json(outcome, folder, written, comparison)}
-        content["notes"] = [*recording.notes, *saving, *written.notes]
+        looked = () if options.examined is None else options.examined.notes
+        content["notes"] = [*recording.notes, *looked, *saving, *written.notes]
+        if options.examined is not None:
+            content.update(examined_as_json(options.examined))
         options.tell(content)
     elif not options.quiet:
         say_notes(saving)

@@ -107,17 +107,19 @@ def _exposures(figures: Figures) -> Iterator[Verdict]:
     if lag.frames is None:
         yield _unknown_lag(figures)
         return
-    figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow the exposures"
+    figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
     if lag.frames != 0:
         yield Verdict(
             "marginal",
-            f"{figure} if these are taken to come {_lag_in_words(lag.frames)}",
+            f"exposures are written {_lag_in_words(lag.frames)}; moved back, {figure}",
             f"correct them by the lag of {lag.frames}: ospc convert --lag {lag.frames}",
         )
     if brightness.unexplained_share > _UNEXPLAINED_SHARE and brightness.unexplained_rms_log > _NOTABLE_RMS_LOG:
         rest = _percent(brightness.unexplained_rms_log)
-        yield Verdict("marginal", f"only {figure}; the rest changes by {rest} a frame", _FIX_METADATA)
-    yield Verdict("identifiable", f"{figure}, each in its own frame")
+        yield Verdict(
+            "marginal", f"exposures fit badly: only {figure}; the rest changes by {rest} a frame", _FIX_METADATA
+        )
+    yield Verdict("identifiable", f"exposures belong to their frames: {figure}")
 
 
 def _unknown_lag(figures: Figures) -> Verdict:

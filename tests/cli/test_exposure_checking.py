@@ -1,0 +1,69 @@
+"""``ospc calibrate`` of recordings whose exposures are written beside other frames than theirs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
+from filmed import Film, wandering  # (made for the tests of checks)
+
+from ospc.cli.calibrate import command
+from ospc.formats.conversion import convert_recording
+from ospc.photometry.calibration import Calibration
+
+FRAMES = 80
+GREY = np.arange(30, 230) / 255
+
+
+def calibrated(recording: Path, out: Path, *options: str) -> tuple[Result, dict, Calibration]:
+    result = CliRunner().invoke(command, [str(recording), "-o", str(out), "--json", *options])
+    return result, json.loads(result.stdout), Calibration.load(out / "calibration.json")
+
+
+def shape_error(calibration: Calibration) -> float:
+    """Return the RMSE of g after the best scale against the film's."""
+    assert calibration.response is not None
+    estimate, truth = calibration.response.inverse(GREY), GREY**2.2
+    scale = estimate @ truth / (estimate @ estimate)
+    return float(np.sqrt(np.mean((scale * estimate - truth) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("late") / "recording"
+    convert_recording(Film(wandering(FRAMES, step=0.12), lag=2).recording(), place)
+    return place
+
+
+def test_a_lag_gives_a_corrected_calibration_and_a_note(late: Path, tmp_path: Path) -> None:
+    result, said, calibration = calibrated(late, tmp_path)
+    assert result.exit_code in (0, 3), result.output
+    assert (said["exposure_lag_frames"], said["exposure_lag_corrected_frames"], said["warnings"]) == (2, 2, [])
+    assert any("2 frames late" in note for note in said["notes"])
+    assert calibration.source["exposure_lag_corrected_frames"] == 2
+    assert shape_error(calibration) < 0.01
+    again = CliRunner().invoke(command, [str(late), "-o", str(tmp_path), "--json", "--resume"])
+    assert f"going on after frame {FRAMES - 2}" in again.stdout
+
+
+def test_uncorrected_it_is_loud(late: Path, tmp_path: Path) -> None:
+    result, said, calibration = calibrated(late, tmp_path, "--correct-lag", "never")
+    assert result.exit_code == 3
+    assert (said["exposure_lag_frames"], said["exposure_lag_corrected_frames"]) == (2, 0)
+    assert "2 frames late" in said["warnings"][0]
+    assert all(verdict.state != "identifiable" for verdict in calibration.verdicts.values())
+    assert "WARNING: exposures are written 2 frames late" in result.stderr
+    assert "--correct-lag" in result.stderr
+
+
+@pytest.mark.parametrize(("choice", "code"), [("sometimes", 2), ("1.5", 2), ("100000", 2), ("500", 1)])
+def test_choices_that_mean_nothing(choice: str, code: int, late: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(command, [str(late), "-o", str(tmp_path / "out"), "--correct-lag", choice])
+    assert result.exit_code == code
+    assert not (tmp_path / "out").exists()
