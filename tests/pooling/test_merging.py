@@ -105,7 +105,15 @@ def test_a_recording_of_another_response_is_left_out_altogether(recordings, merg
 def test_wrong_exposures_are_said_to_be_wrong(recordings, other_response):
     wrong = replace(other_response, unexplained=0.4)
     (difference,) = merge(Pool.of([*recordings, wrong])).agreement.differing.values()
-    assert "its exposures are wrong (40% of their changes do not show in the images)" in difference.text
+    assert "its exposures are wrong (40.0% of their changes do not show in the images, usually" in difference.text
+
+
+def test_wrong_exposures_that_show_in_the_vignette_alone_spoil_the_response_too(recordings, merged, other_lens):
+    wrong = replace(other_lens, unexplained=0.05)
+    found = merge(Pool.of([*recordings, wrong]))
+    (difference,) = found.agreement.differing.values()
+    assert difference.parts == ("response", "vignette")
+    np.testing.assert_array_equal(found.calibration.response.inverse_table, merged.calibration.response.inverse_table)
 
 
 def test_where_no_majority_agrees_nothing_is_invented(recordings, other_lens):

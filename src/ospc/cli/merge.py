@@ -72,6 +72,7 @@ def _merge(request: _Request) -> int:
     calibration = merged.calibration
     written = folder.write(calibration)
     written += Written((pool.save(folder.path / STATE_NAME),))
+    written += folder.report(calibration, None, known)
     written += folder.draw(calibration, known)
     differing = list(merged.agreement.differing.values())
     if request.as_json:

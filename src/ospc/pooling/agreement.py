@@ -30,6 +30,17 @@ _ALLOWED = {"response": 0.02, "vignette": 0.01}
 """Standard deviation, in ln, by which recordings of one camera differ beyond what they state."""
 
 _LIMIT = 5.0
+_SUSPICIOUS = 4.0
+_LEAST_UNEXPLAINED = 0.005
+"""So many times more than usual of the changes of exposure may stay unexplained before exposures are suspected, and
+what is usual at least."""
+
+_MEANING: dict[tuple[Part, ...], str] = {
+    ("vignette",): "another lens, or its focus, aperture or zoom changed",
+    ("response",): "another tone curve or gain, wrong exposures, or another camera",
+    ("response", "vignette"): "another camera, or wrong exposures",
+}
+
 _MOST_ROUNDS = 10
 _FEWEST_FOR_SCATTER = 4
 
@@ -112,7 +123,12 @@ def agreement(summaries: Sequence[Summary]) -> Agreement:
         part: 2 * sum(part in found for found in apart) < len(ordered) for part in ("response", "vignette")
     }
     compared = list(zip(ordered, own, rest, apart, strict=True))
-    differing = {s.key: _described(s, found, others, curves) for s, curves, others, found in compared if found}
+    typical = float(np.median([s.unexplained for s in ordered]))
+    differing = {
+        s.key: _described(s, found, others, curves, typical_unexplained=typical)
+        for s, curves, others, found in compared
+        if found
+    }
     return Agreement(differing, majority, _scatter([(c, r) for _, c, r, found in compared if not found]))
 
 
@@ -120,7 +136,9 @@ def difference_of(one: Summary, other: Summary) -> Difference | None:
     """Return in what one recording differs from what is known otherwise; None where it does not."""
     curves, known = (_curves(solve(Information.of([s]))) for s in (one, other))
     found = _apart(curves, known)
-    return _described(one, found, known, curves, "before") if found else None
+    if not found:
+        return None
+    return _described(one, found, known, curves, typical_unexplained=other.unexplained, whose="before")
 
 
 def _from_the_middle(own: list[_Curves]) -> list[dict[Part, float]]:
@@ -197,7 +215,13 @@ def _curves(fit: JointFit) -> _Curves:
 
 
 def _described(
-    summary: Summary, found: dict[Part, float], rest: _Curves, own: _Curves, whose: str = "the others'"
+    summary: Summary,
+    found: dict[Part, float],
+    rest: _Curves,
+    own: _Curves,
+    *,
+    typical_unexplained: float,
+    whose: str = "the others'",
 ) -> Difference:
     score = np.abs(_scores(own, rest))
     difference = np.exp(own.value - rest.value) - 1
@@ -214,20 +238,13 @@ def _described(
         said.append(
             f"V at radius {radius:.1f} is {difference[at]:+.0%} off {whose} ({score[at]:.0f} standard deviations)"
         )
-    parts = tuple(found)
-    return Difference(
-        summary.key, summary.name, parts, max(found.values()), f"{'; '.join(said)}: {_meaning(parts, summary)}"
-    )
-
-
-def _meaning(parts: tuple[Part, ...], summary: Summary) -> str:
-    if parts == ("vignette",):
-        return "another lens, or its focus, aperture or zoom changed"
-    if summary.unexplained > 0.15:
-        return (
-            f"its exposures are wrong ({summary.unexplained:.0%} of their changes do not show in the images), "
-            "or it is of another camera"
+    # Exposures that are wrong spoil both parts, whichever shows it more.
+    suspicious = summary.unexplained > _SUSPICIOUS * max(typical_unexplained, _LEAST_UNEXPLAINED)
+    parts: tuple[Part, ...] = ("response", "vignette") if suspicious else tuple(found)
+    meaning = _MEANING[parts]
+    if suspicious:
+        meaning = (
+            f"its exposures are wrong ({summary.unexplained:.1%} of their changes do not show in the images, "
+            f"usually {typical_unexplained:.1%}), or it is of another camera"
         )
-    if parts == ("response",):
-        return "another tone curve or gain, wrong exposures, or another camera"
-    return "another camera, or wrong exposures"
+    return Difference(summary.key, summary.name, parts, max(found.values()), f"{'; '.join(said)}: {meaning}")

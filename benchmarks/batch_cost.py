@@ -1,0 +1,159 @@
+"""Measure what a batch costs: processor time and bytes per recording, and throughput by the number of workers.
+
+    python benchmarks/batch_cost.py cost --recordings 10 100 1000
+    python benchmarks/batch_cost.py workers --recordings 40 --workers 1 2
+
+Recordings are simulated: a few are rendered, the others have the images of these and exposures of their own.
+Processor time is that of this process and its children, so that other work on the machine hardly matters; throughput
+is by the clock and only means something on a machine that does nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+
+from ospc.batch.cameras import merged_cameras
+from ospc.batch.entries import Entry
+from ospc.batch.local import Processes, ThisProcess
+from ospc.batch.run import run_batch
+from ospc.batch.store import Store
+from ospc.calibrator import OnlineCalibrator
+from ospc.recording import open_recording
+from ospc.recording.identity import identity
+from ospc.simulation import SimulationSettings, simulate
+
+RENDERED = 4
+PER_CAMERA = 10
+
+
+def made(folder: Path, count: int, size: tuple[int, int], frames: int) -> list[Entry]:
+    exposures = (3.0, 6.0, 12.0, 24.0)
+    originals = [folder / f"original{seed}" for seed in range(min(RENDERED, count))]
+    for seed, place in enumerate(originals):
+        if not place.exists():
+            settings = SimulationSettings(
+                size=size, frames=frames, seed=seed, exposure="cycle", exposures_ms=exposures, speed=2.0
+            )
+            simulate(place, settings)
+    return [
+        Entry(str(variant(originals[n % len(originals)], folder / f"r{n:06}", 1 + n / 1000)), f"c{n // PER_CAMERA}")
+        for n in range(count)
+    ]
+
+
+def variant(original: Path, place: Path, factor: float) -> Path:
+    if not place.exists():
+        shutil.copytree(original, place, copy_function=os.link)
+        lines = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
+        (place / "times.txt").unlink()
+        (place / "times.txt").write_text("".join(f"{i} {s} {float(e) * factor:.6f}\n" for i, s, e in lines))
+    return place
+
+
+def processor_s() -> float:
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(u.ru_utime + u.ru_stime for u in usage)
+
+
+@contextmanager
+def timed(times: Counter[str], name: str) -> Iterator[None]:
+    before = time.process_time()
+    yield
+    times[name] += time.process_time() - before
+
+
+def parts(entries: list[Entry]) -> Counter[str]:
+    """Return where the time of a recording goes, in seconds."""
+    times: Counter[str] = Counter()
+    for entry in entries:
+        with timed(times, "open and identify"):
+            recording = open_recording(entry.recording)
+            identity(recording)
+        calibrator = OnlineCalibrator()
+        with timed(times, "read and compare frames"):
+            for frame in recording:
+                calibrator.push(frame)
+        with timed(times, "estimate"):
+            calibrator.calibration()
+        with timed(times, "summary"):
+            calibrator.summary()
+    return Counter({name: value / len(entries) for name, value in times.items()})
+
+
+def cost(folder: Path, count: int, size: tuple[int, int], frames: int) -> dict[str, object]:
+    entries = made(folder, count, size, frames)
+    out = folder / f"out{count}"
+    begun_s, begun = processor_s(), time.monotonic()
+    outcome = run_batch(entries, out, ThisProcess())
+    whole_s, clock_s = processor_s() - begun_s, time.monotonic() - begun
+    begun_s = processor_s()
+    merged_cameras(list(outcome.rows), Store(out / "recordings"), out, lambda _done, _all: None)
+    merging_s = processor_s() - begun_s
+    begun_s = processor_s()
+    run_batch(entries, out, ThisProcess())
+    again_s = processor_s() - begun_s
+    results = [place.stat().st_size for place in (out / "recordings").rglob("*.ospc")]
+    read = [sum(f.stat().st_size for f in Path(e.recording).rglob("*") if f.is_file()) for e in entries[:RENDERED]]
+    return {
+        "recordings": count,
+        "size": size,
+        "frames": frames,
+        "failed": len(outcome.failed),
+        "processor seconds per recording": whole_s / count,
+        "of these for merging": merging_s / count,
+        "again, nothing to do": again_s / count,
+        "clock seconds": clock_s,
+        "bytes of a recording": sum(read) / len(read),
+        "bytes of a result": sum(results) / len(results),
+        "table and page, bytes": sum((out / n).stat().st_size for n in ("batch.csv", "index.html")),
+        "peak memory, MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "parts": dict(parts(entries[:RENDERED])),
+    }
+
+
+def workers(folder: Path, count: int, numbers: list[int], size: tuple[int, int], frames: int) -> dict[str, object]:
+    entries = made(folder, count, size, frames)
+    seconds = {}
+    for number in numbers:
+        begun = time.monotonic()
+        run_batch(entries, folder / f"workers{number}", Processes(number))
+        seconds[number] = time.monotonic() - begun
+    ratio = {number: seconds[numbers[0]] / value for number, value in seconds.items()}
+    return {"recordings": count, "seconds": seconds, "throughput": ratio, "load": os.getloadavg()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["cost", "workers"])
+    parser.add_argument("--recordings", type=int, nargs="+", default=[10, 100])
+    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--size", type=int, nargs=2, default=[160, 120])
+    parser.add_argument("--frames", type=int, default=40)
+    parser.add_argument("--folder", type=Path, help="Where to, instead of a folder that is removed.")
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = arguments.folder or Path(temporary)
+        size = (arguments.size[0], arguments.size[1])
+        for count in arguments.recordings:
+            if arguments.what == "cost":
+                found = cost(folder, count, size, arguments.frames)
+            else:
+                found = workers(folder, count, arguments.workers, size, arguments.frames)
+            print(json.dumps(found, indent=1), flush=True)
+
+
+if __name__ == "__main__":
+    main()
