@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from threading import Event
 
 import numpy as np
@@ -15,6 +16,7 @@ from ospc.evaluation.trajectory import alignment_error, read_trajectory
 from ospc.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
 from ospc.odometry.depth import SceneDepth
 from ospc.odometry.direct import DirectOdometry
+from ospc.recording import open_recording
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -114,3 +116,15 @@ def test_it_says_what_it_needs(tmp_path):
     (tmp_path / "truth.json").write_text('{"settings": {"seed": 1}}')
     with pytest.raises(RecordingError, match="--program"):
         SceneDepth.of(tmp_path)
+
+
+def test_a_truth_with_gaps_is_a_failed_run(source, simulated, tmp_path):
+    place = tmp_path / "copy"
+    place.mkdir()
+    for name in ("camera.txt", "times.txt", "truth.json", "images"):
+        (place / name).symlink_to(simulated / name)
+    rows = (simulated / "groundtruthSync.txt").read_text().splitlines()
+    (place / "groundtruthSync.txt").write_text("\n".join(rows[:20]) + "\n")
+    tracked = DirectOdometry().track(replace(source("none"), recording=open_recording(place)), 0, Event())
+    assert tracked.trajectory is None
+    assert "40 frames" in tracked.failure

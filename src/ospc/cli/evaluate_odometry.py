@@ -71,6 +71,8 @@ def odometry(
     """
     experiment = _experiment(recordings, out, runs, conditions, given, batch=batch, ends=ends)
     tracker = _odometry(program, arguments, timeout, builtin=builtin)
+    if builtin:
+        _check_depth(experiment)
     visible = sys.stderr.isatty() and not as_json
     outcome = _run(experiment, tracker, jobs, visible=visible)
     _report(experiment, outcome, as_json=as_json)
@@ -137,6 +139,14 @@ def _odometry(program: Path | None, arguments: tuple[str, ...], timeout: float, 
     from ospc.odometry.direct import DirectOdometry
 
     return DirectOdometry()
+
+
+def _check_depth(experiment: Experiment) -> None:
+    """Look whether the depth of every scene is known, before hours are spent."""
+    from ospc.odometry.depth import SceneDepth
+
+    for recording in experiment.recordings.values():
+        SceneDepth.of(recording.path)
 
 
 def _run(experiment: Experiment, tracker: Odometry, jobs: int, *, visible: bool) -> Outcome:

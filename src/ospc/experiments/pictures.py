@@ -149,7 +149,7 @@ def draw_ambiguity(found: Ambiguity, path: Path, name: str) -> Path:
             yscale="log",
             xlabel="exponent where it begins",
             ylabel="exponent of its result",
-            title="Joint estimation ends near where it begins",
+            title="Where joint estimation ends depends on its beginning",
         )
         ticks = [0.35, 0.5, 0.7, 1, 1.4, 2, 2.8]
         for axis in (left, right):

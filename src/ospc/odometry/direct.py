@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray
-from ospc.errors import OspcError
+from ospc.errors import OspcError, RecordingError
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
 from ospc.odometry.depth import SceneDepth
@@ -97,6 +97,15 @@ class _Seen:
         return np.asarray(np.sqrt(light)), saturated
 
 
+def _whole_truth(source: OdometryInput) -> Trajectory:
+    """Return the true trajectory, which says where the depth is measured from."""
+    place = source.recording.path / "groundtruthSync.txt"
+    truth = read_trajectory(place)
+    if len(truth) != len(source.recording) or not truth.known.all():
+        raise RecordingError(f"{place}: does not hold a pose for each of the {len(source.recording)} frames")
+    return truth
+
+
 class _Tracker:
     """The present key frame and all poses so far."""
 
@@ -105,7 +114,7 @@ class _Tracker:
         self._affine = source.condition.mode == 1
         self._depth = SceneDepth.of(source.recording.path)
         self._camera = Camera(self._depth.focal_px, self._depth.centre_px)
-        self._truth = read_trajectory(source.recording.path / "groundtruthSync.txt")
+        self._truth = _whole_truth(source)
         self._random = np.random.default_rng(run)
         self._key = Pose.identity()
         self._points = np.empty((0, 3))
