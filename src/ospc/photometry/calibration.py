@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,82 +16,21 @@ from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import FormatError
 from ospc.photometry.coverage import Coverage
+from ospc.photometry.exposure_ratios import ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+from ospc.photometry.verdict import State, Verdict
+from ospc.photometry.vignette import RasterVignette, Vignette
 
 if TYPE_CHECKING:
     from ospc.photometry.correction import Corrector
+
+__all__ = ["PROFILE_RADII", "SCHEMA", "Calibration", "ExposureRatios", "State", "Verdict"]
 
 SCHEMA = "ospc-calibration/1"
 PROFILE_RADII = np.linspace(0.0, 1.0, 51)
 PROFILE_RADII.setflags(write=False)
 _MAX_BYTES = 100_000_000
-
-State = Literal["identifiable", "marginal", "not identifiable"]
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """How well one quantity is known.
-
-    Attributes
-    ----------
-    state
-        Whether the recording determines the quantity.
-    reason
-        Why, in one sentence with the figures behind it.
-    remedy
-        What to record instead or in addition; empty where nothing is missing.
-    """
-
-    state: State
-    reason: str
-    remedy: str = ""
-
-    @property
-    def known(self) -> bool:
-        """Whether the quantity is estimated at all."""
-        return self.state != "not identifiable"
-
-
-@dataclass(frozen=True)
-class ExposureRatios:
-    """Exposure ratios of pairs of frames, estimated and according to the metadata (paper, eq. mean).
-
-    Attributes
-    ----------
-    frames
-        Indices of the two frames of each pair, shape (pairs, 2).
-    metadata
-        k = e₀/e₁ from the recording's exposures, shape (pairs,).
-    estimated
-        The same from grey values, response and vignette, shape (pairs,).
-    samples
-        Number of correspondences behind each estimate, shape (pairs,).
-    """
-
-    frames: npt.NDArray[np.int64]
-    metadata: FloatArray
-    estimated: FloatArray
-    samples: npt.NDArray[np.int64]
-
-    @classmethod
-    def none(cls) -> ExposureRatios:
-        """Return the ratios of no pairs at all."""
-        empty = np.empty(0)
-        return cls(np.empty((0, 2), np.int64), empty, empty, np.empty(0, np.int64))
-
-    @property
-    def log_residual(self) -> FloatArray:
-        """ln(estimated / metadata), shape (pairs,)."""
-        return np.log(self.estimated / self.metadata)
-
-    @property
-    def bias(self) -> float:
-        """Median of the log residual signed by ln k: how much too large exposure changes look; NaN without pairs."""
-        residual = self.log_residual * np.sign(np.log(self.metadata))
-        return float(np.median(residual)) if residual.size else float("nan")
 
 
 @dataclass(frozen=True)
@@ -266,6 +205,8 @@ class Calibration:
         FormatError
             If the file is not a calibration, or one of an unknown version.
         """
+        from ospc.photometry.calibration_content import from_dict
+
         place = Path(path)
         if place.is_dir():
             place = place / "calibration.json"
@@ -281,7 +222,7 @@ class Calibration:
                 f"{place}: not a calibration this version reads (schema {found!r}, expected {SCHEMA!r})"
             )
         try:
-            return _from_dict(content, place)
+            return from_dict(content, place)
         except FormatError as error:
             raise FormatError(f"{place}: damaged calibration ({error})") from None
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
@@ -289,58 +230,9 @@ class Calibration:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as JSON-compatible values; the documented content of ``calibration.json``."""
-        ratios = self.exposure_ratios
-        return {
-            "schema": SCHEMA,
-            "size": list(self.size),
-            "max_grey": self.max_grey,
-            "partial": self.partial,
-            "converged": self.converged,
-            "exponent_sigma": self.exponent_sigma,
-            "verdicts": {name: vars(verdict) for name, verdict in self.verdicts.items()},
-            "response": _response_as_dict(self.response),
-            "vignette": _vignette_as_dict(self.vignette, self.vignette_sigma),
-            "noise": None if self.noise is None else vars(self.noise),
-            "exposure_ratios": {
-                "frames": ratios.frames.tolist(),
-                "metadata": ratios.metadata.tolist(),
-                "estimated": ratios.estimated.tolist(),
-                "samples": ratios.samples.tolist(),
-                "bias": None if not ratios.metadata.size else ratios.bias,
-            },
-            "covariance": self.covariance,
-            "coverage": None if self.coverage is None else self.coverage.as_dict(),
-            "counts": self.counts,
-            "advice": list(self.advice),
-            "settings": self.settings,
-            "source": self.source,
-            "versions": self.versions,
-        }
+        from ospc.photometry.calibration_content import to_dict
 
-
-def _response_as_dict(response: Response | None) -> dict[str, Any] | None:
-    if response is None:
-        return None
-    return {
-        "inverse_table": response.inverse_table.tolist(),
-        "inverse_sigma": None if response.inverse_sigma is None else response.inverse_sigma.tolist(),
-        "log_sigma": None if response.log_sigma is None else response.log_sigma.tolist(),
-        "support": list(response.support),
-        "model": response.model,
-    }
-
-
-def _vignette_as_dict(vignette: Vignette | None, sigma: FloatArray | None) -> dict[str, Any] | None:
-    if vignette is None:
-        return None
-    size = np.array(vignette.size, dtype=np.float64) - 1
-    ray = size / 2 + PROFILE_RADII[:, None] * size / 2
-    return {
-        "model": vignette.as_dict(),
-        "profile_radius": PROFILE_RADII.tolist(),
-        "profile": vignette.at(ray).tolist(),
-        "profile_sigma": None if sigma is None else sigma.tolist(),
-    }
+        return to_dict(self)
 
 
 def _text_of(place: Path) -> str:
@@ -354,64 +246,3 @@ def _finite(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{text} is no finite number")
     return value
-
-
-def _vignette_from_dict(content: dict[str, Any], place: Path) -> Vignette:
-    model = content["model"]
-    size = (int(model["size"][0]), int(model["size"][1]))
-    if model["name"] == "polynomial":
-        return PolynomialVignette(size, tuple(map(float, model["coefficients"])))
-    if model["name"] == "log_polynomial":
-        centre = model["centre"]
-        return LogVignette(
-            size,
-            tuple(map(float, model["coefficients"])),
-            (float(centre[0]), float(centre[1])),
-            tuple(map(float, model["non_radial"])),
-        )
-    if model["name"] == "raster":
-        return RasterVignette.read_map(place.with_suffix(".vignette.npz"), size, model["source"])
-    raise ValueError(f"unknown vignette model {model['name']!r}")
-
-
-def _from_dict(content: dict[str, Any], place: Path) -> Calibration:
-    response, vignette, noise = content["response"], content["vignette"], content["noise"]
-    ratios = content["exposure_ratios"]
-    sigma = None if vignette is None else vignette["profile_sigma"]
-    if vignette is not None and vignette["model"]["size"] != content["size"]:
-        raise ValueError("the vignette is not of the images' size")
-    if len({len(ratios[name]) for name in ("frames", "metadata", "estimated", "samples")}) > 1:
-        raise ValueError("the columns of the exposure ratios are not of one length")
-    return Calibration(
-        size=(int(content["size"][0]), int(content["size"][1])),
-        response=None
-        if response is None
-        else Response(
-            np.array(response["inverse_table"], dtype=np.float64),
-            response["inverse_sigma"],
-            response["log_sigma"],
-            (float(response["support"][0]), float(response["support"][1])),
-            response["model"],
-        ),
-        vignette=None if vignette is None else _vignette_from_dict(vignette, place),
-        verdicts={name: Verdict(**verdict) for name, verdict in content["verdicts"].items()},
-        vignette_sigma=None if sigma is None else np.array(sigma, dtype=np.float64),
-        noise=None if noise is None else NoiseModel(**noise),
-        exposure_ratios=ExposureRatios(
-            np.array(ratios["frames"], dtype=np.int64).reshape(-1, 2),
-            np.array(ratios["metadata"], dtype=np.float64),
-            np.array(ratios["estimated"], dtype=np.float64),
-            np.array(ratios["samples"], dtype=np.int64),
-        ),
-        covariance=content["covariance"],
-        max_grey=int(content["max_grey"]),
-        converged=bool(content["converged"]),
-        partial=bool(content["partial"]),
-        exponent_sigma=float(content.get("exponent_sigma", 0.0)),
-        counts=content["counts"],
-        settings=content["settings"],
-        source=content["source"],
-        versions=content["versions"],
-        advice=tuple(content["advice"]),
-        coverage=None if content.get("coverage") is None else Coverage.from_dict(content["coverage"]),
-    )
