@@ -47,6 +47,8 @@ def response_verdict(
         Re-estimated exposure ratios.
     """
     low, high = exposure_range_ms
+    if high < low:
+        return Verdict("not identifiable", "no frame has been looked at", "")
     if np.log(high / low) < settings.min_log_exposure_change:
         return Verdict(
             "not identifiable",
@@ -66,7 +68,7 @@ def response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float
     """Return whether a fit knows the response, given the share of changes of exposure that images do not show."""
     sigma = fit.log_response_step_sigma(0.25, 0.75)
     low, high = exposure_range_ms
-    figure = f"ln g(0.75)/g(0.25) is known to ±{sigma:.3f} from exposures of {low:.4g} to {high:.4g} ms"
+    figure = f"ln g(0.75)/g(0.25) is known to ±{sigma:.2g} from exposures of {low:.4g} to {high:.4g} ms"
     contradiction = f"{unexplained:.0%} of a typical change of exposure does not show in the images"
     check_exposures = "check that each exposure belongs to its frame, and switch off gain control and tone mapping"
     if unexplained > _CONTRADICTED:
@@ -105,7 +107,7 @@ def vignette_verdict(settings: JointSettings, fit: JointFit | None, reach: float
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
     # A small error common to all samples adds up on the way from the centre to the corner, in steps of the reach.
     sigma = float(np.hypot(fit.log_vignette_sigma(np.array([1.0]))[0], _SYSTEMATIC / reach))
-    figure = f"ln V at the corner is known to ±{sigma:.3f} from radial motion of {reach:.2f} half diagonals"
+    figure = f"ln V at the corner is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
     if sigma > _VAGUE:
         return Verdict("not identifiable", figure, _MOVE_RADIALLY)
     if sigma > _SURE:
