@@ -154,7 +154,7 @@ def photographs(place: Path, filmed: Filmed) -> Path:
     pytest.importorskip("exifread", reason="needs the extra 'exif'")
     place.mkdir()
     for i, (jpeg, ms) in enumerate(zip(filmed.jpegs, filmed.ms, strict=True)):
-        taken = f"2020:01:02 03:04:{i:02d}"
+        taken = f"2020:01:02 03:{i // 60:02d}:{i % 60:02d}"
         segment = exif(time=(round(ms * 250), 10**6), f_number=(1, 1), iso=400, taken=taken)
         (place / f"IMG_{i:04d}.JPG").write_bytes(jpeg[:2] + segment + jpeg[2:])
     return place

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -69,7 +70,7 @@ def read_mask(path: Path, size: ImageSize) -> BoolArray:
     """
     try:
         with path.open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
+            data = file.read(min(os.fstat(file.fileno()).st_size, MAX_FILE_BYTES) + 1)
     except OSError as error:
         raise SettingError(f"{path}: the mask cannot be read ({error.strerror}); check the path") from None
     if len(data) > MAX_FILE_BYTES:

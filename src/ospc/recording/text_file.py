@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -32,7 +33,8 @@ def read_text(path: Path) -> str:
     """
     try:
         with path.open("rb") as file:
-            data = file.read(MAX_TEXT_BYTES + 1)
+            # Asking for the limit itself would reserve that much memory.
+            data = file.read(min(os.fstat(file.fileno()).st_size, MAX_TEXT_BYTES) + 1)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
     if len(data) > MAX_TEXT_BYTES:

@@ -1,0 +1,79 @@
+"""Whatever a recording's format, its length does not show in the memory that reading it takes."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from image_samples import encoded
+from test_same_from_every_format import FORMATS, Filmed
+
+from ospc.recording import ArrayRecording, open_recording
+from ospc.recording.stream import frames_of
+
+SIZE = (160, 120)
+IMAGE_BYTES = SIZE[0] * SIZE[1]
+# Bags are read by chunks of a megabyte; both are longer than one.
+SHORT, LONG = 120, 240
+
+
+def filmed(frames: int) -> Filmed:
+    noise = np.random.default_rng(0).integers(0, 255, (8, 6, 8), np.uint8)
+    images = [cv2.resize(noise[i % 8], SIZE) for i in range(frames)]
+    jpegs = [encoded(image, ".jpg") for image in images]
+    # Rare exposures first, so that folders named by them are as many in both.
+    return Filmed(jpegs, images, [3.0 * 2 ** (i % 4) for i in range(frames)])
+
+
+def peak_of_reading(path: Path) -> int:
+    tracemalloc.start()
+    try:
+        pixels = sum(frame.image.size for frame in open_recording(path))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert pixels % IMAGE_BYTES == 0
+    return peak
+
+
+# Writing these takes long, and others of the same readers are there.
+SLOW = {"ROS 2 bag, mcap by mcap", "ROS 2 bag, JPEG and s"}
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name not in SLOW])
+def test_a_recording_twice_as_long_takes_no_more_memory(name: str, tmp_path: Path) -> None:
+    # The first reading of a kind loads modules.
+    paths = [FORMATS[name](tmp_path / f"{n}", filmed(n)) for n in (8, SHORT, LONG)]
+    _, short, long = (peak_of_reading(path) for path in paths)
+    # Names and numbers of frames are kept: far less than their images.
+    assert long - short < 0.2 * (LONG - SHORT) * IMAGE_BYTES
+    assert short < 5 * 2**20
+
+
+def test_frames_from_an_iterable_are_not_kept() -> None:
+    def images(count: int) -> int:
+        tracemalloc.start()
+        try:
+            made = ((np.full(SIZE[::-1], i % 256, np.uint8), 1.0) for i in range(count))
+            assert sum(frame.image.size for frame in frames_of(made)) == count * IMAGE_BYTES
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    images(8)
+    assert images(200) < images(100) + 5 * IMAGE_BYTES
+
+
+def test_frames_in_memory_are_not_copied() -> None:
+    images = np.zeros((100, *SIZE[::-1]), np.uint8)
+    recording = ArrayRecording(images, np.ones(100))
+    tracemalloc.start()
+    try:
+        for frame in recording:
+            assert np.shares_memory(frame.image, images)
+        assert tracemalloc.get_traced_memory()[1] < 5 * IMAGE_BYTES
+    finally:
+        tracemalloc.stop()
