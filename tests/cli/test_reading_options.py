@@ -72,6 +72,17 @@ def test_mask_and_region_are_stated_with_the_result(bag: Path, tmp_path: Path) -
     assert any("75% of every image is masked" in note for note in json.loads(result.stdout)["notes"]), result.output
 
 
+def test_each_channel_is_calibrated_on_its_own(bag: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    options = ("--topic", "/other/image", "--exposure-topic", "/cam/meta", "--channel", "each", "--json")
+    told = json.loads(run("calibrate", bag, "-o", out, *options).stdout)
+    assert set(told["cameras"]) == {"red", "green", "blue"}
+    for name, cameras in told["cameras"].items():
+        assert any(f"the {name} channel is taken" in note for note in cameras["notes"])
+        assert (out / name / "calibration.json").is_file()
+    assert run("check", bag, "--channel", "each").exit_code == 2
+
+
 @pytest.mark.parametrize(
     "options",
     [

@@ -14,7 +14,7 @@ import click
 from ospc.cli.exposure_checking import correct_lag_option, examined
 from ospc.cli.interruption import Interruption
 from ospc.cli.live import Watching
-from ospc.cli.reading import Reading, reading_options, say_topics
+from ospc.cli.reading import EACH, Reading, reading_options, say_topics
 from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def one_line(work: Callable[[], int]) -> int:
 def _calibrate(request: _Request, interruption: Interruption) -> int:
     from ospc.cli.calibration_run import print_json
 
-    if request.all_cameras:
+    if request.all_cameras or request.reading.channel == EACH:
         return _calibrate_rig(request, interruption)
     return _calibrate_one(request, partial(request.reading.open, request.path), interruption, print_json)
 

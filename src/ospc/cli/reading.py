@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,6 +13,9 @@ import click
 if TYPE_CHECKING:
     from ospc.recording import Recording
     from ospc.recording.options import ReadingOptions
+
+EACH = "each"
+"""Value of ``--channel`` for one calibration of each channel."""
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -46,6 +49,8 @@ class Reading:
         from ospc.recording.exposure_units import ExposureUnit, GainUnit
         from ospc.recording.options import ReadingOptions
 
+        if self.channel == EACH:
+            raise click.UsageError("only 'ospc calibrate' takes --channel each; choose one of them")
         return ReadingOptions(
             channel=Channel(self.channel) if self.channel else None,
             bayer=Mosaic(self.bayer) if self.bayer else None,
@@ -73,7 +78,7 @@ class Reading:
         return self.masked(open_recording(path, self.kind, self.options()))
 
     def cameras(self, path: Path) -> dict[str, Callable[[], Recording]]:
-        """Return what opens each camera of a rig, by its name.
+        """Return what opens each camera of a rig, by its name; each channel counts as one where each is asked for.
 
         Raises
         ------
@@ -82,8 +87,16 @@ class Reading:
         """
         from ospc.recording import cameras_of
 
-        found = cameras_of(path, self.kind, self.options())
-        return {name: partial(self._opened, opened) for name, opened in found.items()}
+        if self.channel != EACH:
+            found = cameras_of(path, self.kind, self.options())
+            return {name: partial(self._opened, opened) for name, opened in found.items()}
+        of_channels = {channel: replace(self, channel=channel).cameras(path) for channel in ("red", "green", "blue")}
+        several = len(of_channels["green"]) > 1
+        return {
+            f"{name}_{channel}" if several else channel: opened
+            for channel, cameras in of_channels.items()
+            for name, opened in cameras.items()
+        }
 
     def _opened(self, opened: Callable[[], Recording]) -> Recording:
         return self.masked(opened())
@@ -124,8 +137,9 @@ _OPTIONS = (
     ),
     click.option(
         "--channel",
-        type=click.Choice(["luminance", "red", "green", "blue"]),
-        help="Channel of colour or Bayer images; by default the luminance of the first, the green of the second.",
+        type=click.Choice(["luminance", "red", "green", "blue", EACH]),
+        help="Channel of colour or Bayer images; by default the luminance of the first, the green of the second. "
+        "With each, 'ospc calibrate' calibrates red, green and blue into OUT/red, OUT/green and OUT/blue.",
     ),
     click.option(
         "--bayer",
