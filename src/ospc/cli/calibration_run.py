@@ -78,10 +78,10 @@ class Options:
         Whether to write the report as PDF too.
     tell
         Takes the JSON document.
-    examined
-        What was found of the exposures before; None where they were not looked at.
     watching
         How the run is watched, where somebody looks at a terminal.
+    examined
+        What was found of the exposures before; None where they were not looked at.
     """
 
     quiet: bool = False
@@ -90,8 +90,8 @@ class Options:
     checkpoints: Checkpoints | None = None
     pdf: bool = False
     tell: Callable[[dict[str, Any]], None] = print_json
-    examined: Examined | None = None
     watching: Watching = NOT_WATCHED
+    examined: Examined | None = None
 
 
 COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
