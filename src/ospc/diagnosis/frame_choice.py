@@ -7,7 +7,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 
 RUN_FRAMES = 40
-"""Length of a run: long enough to see whether brightness follows the exposure, and the scene cross the image."""
+"""Shortest length of one of several runs: enough to see if brightness follows, and the scene cross the image."""
 
 _LARGEST_JUMP = 0.5
 
@@ -33,8 +33,8 @@ def choose_runs(exposures_ms: FloatArray, frames: int) -> tuple[range, ...]:
     count = len(exposures_ms)
     if count <= frames:
         return (range(count),)
-    length = min(RUN_FRAMES, frames)
-    runs = max(1, frames // length)
+    runs = max(1, frames // RUN_FRAMES)
+    length = frames // runs
     change = np.diff(np.log(exposures_ms), prepend=np.log(exposures_ms[0]))
     bend = np.abs(np.diff(np.clip(change, -_LARGEST_JUMP, _LARGEST_JUMP), prepend=0.0))
     total = np.concatenate([[0.0], np.cumsum(bend)])

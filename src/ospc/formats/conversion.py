@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from ospc.formats.conversion_camera import camera_text
 from ospc.formats.conversion_images import ImageFormat, NumberedImages, about_coding, coded, stored
 from ospc.formats.dso import write_times
 from ospc.formats.files import write_text
+from ospc.formats.validation import validate
 from ospc.recording.recording import Recording
 
 PARTS = ("images", "images.zip", "camera.txt", "times.txt")
@@ -148,11 +149,19 @@ def _write(
         stage / "times.txt", range(len(written)), recording.stamps_s[written], recording.exposures_ms[written]
     )
     notes = [*about_coding(recording, len(written) - copied, image_format), *notes]
+    notes += [f"{name}: {rule}" for name, rule in _broken_rules(stage, recording)]
     if problems:
         count = "1 frame was" if len(problems) == 1 else f"{len(problems)} frames were"
         more = "; …" if len(problems) > _REASONS else ""
         notes.insert(0, f"{count} left out: {'; '.join(problems[:_REASONS])}{more}")
     return Converted(place, len(written), copied, len(problems), camera is not None, tuple(notes))
+
+
+def _broken_rules(stage: Path, recording: Recording) -> Iterator[tuple[str, str]]:
+    """Return what DSO would not take of the files written, as ``ospc validate`` finds it."""
+    for finding in validate([stage], "dso", recording.size).findings:
+        if finding.severity == "error":
+            yield Path(finding.file).name, f"{finding.rule}; DSO {finding.effect}; {finding.remedy}".rstrip("; ")
 
 
 def _write_frames(

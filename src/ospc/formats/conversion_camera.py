@@ -13,6 +13,7 @@ from ospc.formats.rules_camera import input_size
 from ospc.recording.recording import Recording
 
 _MOST_BYTES = 65536
+_MULTIPLE = 16
 _CAMERA_FOLDERS = ("mav0/cam0", "cam0", ".")
 _MODELS = {"radial-tangential": "RadTan", "radtan": "RadTan", "equidistant": "EquiDistant", "equi": "EquiDistant"}
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -68,7 +69,9 @@ def _of_sensor(source: Path, size: ImageSize) -> str:
         )
     values = [*focal_and_centre, *(distortion if any(distortion) else [0.0])]
     first = f"{model if any(distortion) else 'Pinhole'} {' '.join(f'{value:.12g}' for value in values)}"
-    return f"{first}\n{size[0]} {size[1]}\ncrop\n{size[0]} {size[1]}\n"
+    # DSO halves rectified images several times.
+    width, height = (side - side % _MULTIPLE if side >= _MULTIPLE else side for side in size)
+    return f"{first}\n{size[0]} {size[1]}\ncrop\n{width} {height}\n"
 
 
 def _numbers(text: str, name: str, source: Path) -> list[float]:

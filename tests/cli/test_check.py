@@ -1,0 +1,93 @@
+"""``ospc check`` as a user calls it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+from click.testing import CliRunner, Result
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
+from filmed import Film, wandering  # (made for the tests of checks)
+
+from ospc.cli.main import cli
+from ospc.errors import OspcError
+from ospc.formats.conversion import convert_recording
+
+FRAMES = 60
+STATES = ("identifiable", "marginal", "not identifiable")
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("checked") / "late"
+    convert_recording(Film(wandering(FRAMES), lag=2).recording(), place)
+    return place
+
+
+def check(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, ["check", *map(str, arguments)])
+
+
+def test_json_is_one_object_and_the_picture_beside_it(late: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    result = check(late, "--json", "--plot", tmp_path / "seen.png")
+    assert (result.exit_code, result.stderr) == (0, "")
+    said = json.loads(result.stdout)
+    assert said["exposure_lag_frames"] == 2
+    assert list(said["verdicts"]) == ["response", "vignette", "exposures"] == list(said["reasons"])
+    assert set(said["verdicts"].values()) <= set(STATES)
+    assert (said["recording"]["frames"], said["recording"]["width_px"]) == (FRAMES, 160)
+    picture = cv2.imread(str(tmp_path / "seen.png"))
+    assert picture.std() > 10
+
+
+def test_text_has_every_verdict_and_what_to_do(late: Path) -> None:
+    result = check(late, "--frames", 50)
+    assert result.exit_code == 0
+    words = " ".join(result.stdout.split())
+    for part in (
+        "response",
+        "vignette",
+        "exposures",
+        "exposure lag",
+        "2 frames",
+        "50 of them looked at",
+        "20 a second",
+    ):
+        assert part in words, part
+    assert "--lag 2" in words
+
+
+@pytest.mark.parametrize("path", ["nowhere", "text.txt", "empty"])
+def test_what_is_no_recording_is_one_line(path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("text.txt").write_text("hello")
+    Path("empty").mkdir()
+    result = check(path, "--json")
+    assert (result.exit_code, result.output) == (1, "")
+    assert isinstance(result.exception, OspcError)
+    assert str(result.exception).startswith(path)
+    assert "\n" not in str(result.exception)
+
+
+def test_a_picture_that_cannot_be_written_is_one_line(late: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    result = check(late, "--frames", 3, "--plot", tmp_path / "no" / "folder.png")
+    assert result.exit_code == 1
+    assert isinstance(result.exception, OspcError)
+    assert "folder.png: the plot cannot be written" in str(result.exception)
+
+
+def test_real_recordings_agree_with_what_is_known_of_them(real_data: Path) -> None:
+    said = json.loads(check(real_data / "borealhdr_left", "--json").stdout)
+    assert said["exposure_lag_frames"] == 0
+    assert said["verdicts"] == {
+        "response": "identifiable",
+        "vignette": "not identifiable",
+        "exposures": "identifiable",
+    }
+    assert said["exposure"]["cycle_frames"] == 6

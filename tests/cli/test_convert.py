@@ -1,0 +1,87 @@
+"""``ospc convert`` as a user calls it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from ospc.cli import convert as module
+from ospc.cli.main import cli
+from ospc.errors import FrameError, OspcError
+from ospc.formats.conversion import convert_recording
+from ospc.recording import ArrayRecording, open_recording
+
+COUNT = 5
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    images = [np.full((16, 24), 40 * i, np.uint8) for i in range(COUNT)]
+    place = tmp_path / "recording"
+    convert_recording(ArrayRecording(images, 1.0 + np.arange(COUNT), np.arange(COUNT) / 10), place)
+    return place
+
+
+def convert(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, ["convert", *map(str, arguments)])
+
+
+def test_it_says_what_it_wrote(recording: Path, tmp_path: Path) -> None:
+    result = convert(recording, "-o", tmp_path / "out", "--zip")
+    assert result.exit_code == 0, result.output
+    assert result.stdout == f"{tmp_path / 'out'}: {COUNT} images ({COUNT} of them copied) and times.txt\n"
+    assert len(open_recording(tmp_path / "out")) == COUNT
+
+
+def test_quietly_it_says_nothing(recording: Path, tmp_path: Path) -> None:
+    assert convert(recording, "-o", tmp_path / "out", "-q").output == ""
+
+
+def test_a_lag_is_corrected(recording: Path, tmp_path: Path) -> None:
+    result = convert(recording, "-o", tmp_path / "out", "--lag", "-1", "--format", "jpg")
+    assert result.exit_code == 0, result.output
+    assert "lag of -1" in result.stderr
+    back = open_recording(tmp_path / "out")
+    # Image i was taken with the exposure written beside image i − 1, and the first with none.
+    assert back.exposures_ms.tolist() == [1, 2, 3, 4]
+    assert [round(float(np.median(frame.image))) for frame in back] == [40, 80, 120, 160]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("nowhere", "-o", "out"), ("recording", "-o", "recording", "--force"), ("recording", "-o", "out", "--lag", "9")],
+)
+def test_what_cannot_be_is_one_line(
+    arguments: tuple[str, ...], recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = convert(*arguments)
+    assert result.exit_code == 1
+    assert isinstance(result.exception, OspcError)
+    assert "\n" not in str(result.exception)
+    assert not (tmp_path / "out").exists()
+
+
+def test_interrupted_it_leaves_nothing(recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Interrupted(module.Interruption):
+        requested = True
+
+    monkeypatch.setattr(module, "Interruption", Interrupted)
+    result = convert(recording, "-o", tmp_path / "out")
+    assert result.exit_code == module.INTERRUPTED
+    assert "nothing was written" in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_frames_left_out_are_told(recording: Path, tmp_path: Path) -> None:
+    image = recording / "images" / "00002.png"
+    image.write_bytes(image.read_bytes()[:40])
+    with pytest.raises(FrameError):
+        _ = list(open_recording(recording))[2].image
+    result = convert(recording, "-o", tmp_path / "out")
+    assert result.exit_code == 0
+    assert "1 frame was left out" in result.stderr
+    assert open_recording(tmp_path / "out").exposures_ms.tolist() == [1, 2, 4, 5]
