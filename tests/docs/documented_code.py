@@ -29,8 +29,8 @@ class Block:
         What the fence says: ``console``, ``python``, …
     text
         Its content.
-    exit_code
-        What its last command ends with; stated by a comment ``% exit 3`` before the block.
+    exit_codes
+        What its last command may end with; stated by a comment ``% exit 3`` or ``% exit 0 or 3`` before the block.
     not_run
         Why it cannot be run by a test; stated by ``% not run: …``, empty where it can.
     """
@@ -39,7 +39,7 @@ class Block:
     line: int
     language: str
     text: str
-    exit_code: int = 0
+    exit_codes: tuple[int, ...] = (0,)
     not_run: str = ""
 
     @property
@@ -86,7 +86,7 @@ def blocks(page: Path) -> list[Block]:
                     first,
                     fence["language"],
                     "\n".join(inner) + "\n",
-                    int(notes.get("exit", "0")),
+                    tuple(map(int, notes.get("exit", "0").split(" or "))),
                     notes.get("not run", ""),
                 )
             )

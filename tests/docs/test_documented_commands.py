@@ -15,12 +15,13 @@ from stage import Stage, run_command
 from ospc.cli.main import cli
 from ospc.output import OutputFolder, Written
 
+README = ROOT / "README.md"
 ELSEWHERE = {DOCS / "state.md", DOCS / "scaling.md"} | set((DOCS / "experiments").glob("*.md"))
 """Pages about commands that take hours, or whose steps are tested one by one elsewhere."""
 
 RUN = [
     page
-    for page in [*pages(), ROOT / "README.md"]
+    for page in [*pages(), README]
     if page not in ELSEWHERE and any(not b.not_run and (b.commands or b.language == "python") for b in blocks(page))
 ]
 
@@ -55,16 +56,17 @@ def _run(block: Block, names: dict[str, object]) -> None:
     if block.language == "python":
         with contextlib.redirect_stdout(io.StringIO()):
             exec(compile(block.text, block.place, "exec"), names)
-    commands = block.commands
+    # The recordings that the README speaks of are its reader's; what it tells to type is there in full on the pages.
+    commands = [] if block.page == README else block.commands
     for number, words in enumerate(commands):
         arguments, output = (words[:-2], words[-1]) if ">" in words else (words, "")
-        printed = run_command(arguments, block.exit_code if number == len(commands) - 1 else 0)
+        printed = run_command(arguments, block.exit_codes if number == len(commands) - 1 else (0,))
         if output:
             Path(output).write_text(printed, encoding="utf-8")
 
 
 def every_block() -> list[Block]:
-    return [block for page in [*pages(), ROOT / "README.md"] for block in blocks(page)]
+    return [block for page in [*pages(), README] for block in blocks(page)]
 
 
 def resolved(words: list[str]) -> tuple[str, click.Command]:
