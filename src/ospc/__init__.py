@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator as OnlineCalibrator
     from ospc.calibrator import calibrate as calibrate
     from ospc.errors import OspcError as OspcError
+    from ospc.live import LiveCalibrator as LiveCalibrator
     from ospc.photometry.calibration import Calibration as Calibration
     from ospc.photometry.response import Response as Response
     from ospc.photometry.vignette import Vignette as Vignette
@@ -25,6 +26,7 @@ __version__ = "0.1.0"
 _HOME = {
     "Calibration": "ospc.photometry.calibration",
     "Frame": "ospc.recording",
+    "LiveCalibrator": "ospc.live",
     "OnlineCalibrator": "ospc.calibrator",
     "OspcError": "ospc.errors",
     "Recording": "ospc.recording",
@@ -38,6 +40,7 @@ _HOME = {
 __all__ = [
     "Calibration",
     "Frame",
+    "LiveCalibrator",
     "OnlineCalibrator",
     "OspcError",
     "Recording",

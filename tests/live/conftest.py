@@ -1,0 +1,29 @@
+"""Two cameras in one scene: the same but for the lens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+
+from ospc.recording import Frame
+from ospc.simulation import SimulationSettings, frames
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """Frames of the same walk by two cameras."""
+
+    before: list[Frame]
+    after: list[Frame]
+
+
+@pytest.fixture(scope="session")
+def cameras() -> Cameras:
+    """A camera, and the same with a lens that loses much more light towards the corners."""
+
+    def walk(*coefficients: float) -> list[Frame]:
+        settings = SimulationSettings(size=(320, 240), frames=110, noise="low", response="srgb", seed=5)
+        return list(frames(replace(settings, vignette="polynomial", vignette_coefficients=coefficients)))
+
+    return Cameras(walk(-0.12, 0.0, -0.03), walk(-0.45, 0.05, -0.15))
