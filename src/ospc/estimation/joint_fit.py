@@ -13,7 +13,7 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
-_SYSTEMATIC_SHARE = 0.01
+_SYSTEMATIC_SHARE = 0.008
 """Share of ln V by which registration, drawn to where brightness agrees, is wrong however many samples there are;
 measured on simulated recordings."""
 
