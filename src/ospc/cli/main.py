@@ -25,6 +25,7 @@ _COMMANDS = {
     "import": "Make a calibration of somebody else's pcalib.txt and vignette.png.",
     "report": "Write the report on a calibration anew, as a page for browsers or PDF.",
     "merge": "Make one calibration of several recordings of one camera.",
+    "record": "Film with a camera into a folder that can be calibrated.",
     "simulate": "Make a recording with known truth.",
     "validate": "Check parameter files against the rules of the programs that read them.",
 }

@@ -1,0 +1,97 @@
+"""What a camera films as a folder in the layout of the TUM monocular data set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ospc.errors import RecordingError, SettingError
+from ospc.formats.conversion_images import NumberedImages, coded
+from ospc.formats.dso import write_times
+from ospc.recording.frame import Frame
+
+_MOST_FRAMES = 1_000_000
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """What was recorded.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    frames
+        Number of images.
+    repeated
+        Number of frames left out because their time stamp was not after that of the one before.
+    exposure_range_ms
+        Shortest and longest exposure.
+    """
+
+    path: Path
+    frames: int
+    repeated: int
+    exposure_range_ms: tuple[float, float]
+
+
+def film(
+    frames: Iterable[Frame],
+    out: str | Path,
+    *,
+    most: int = _MOST_FRAMES,
+    stop: Callable[[], bool] = lambda: False,
+    progress: Callable[[int, int], None] = lambda _done, _most: None,
+) -> Filmed:
+    """Write frames as they come; whatever ends it, what came before is a complete recording.
+
+    Parameters
+    ----------
+    frames
+        From a camera, or anywhere else.
+    out
+        A folder, new or empty.
+    most
+        Number of frames after which to end.
+    stop
+        Asked after every frame whether to end.
+    progress
+        Called with the number of frames written and ``most``.
+
+    Raises
+    ------
+    SettingError
+        If the folder is not empty or cannot be written to.
+    RecordingError
+        If not one frame came.
+    FrameError, ExposureError
+        As the frames' source raises them; the frames before are written.
+    """
+    place = Path(out)
+    if place.exists() and not (place.is_dir() and not any(place.iterdir())):
+        raise SettingError(f"{place}: is not an empty folder; choose another")
+    stamps_s: list[float] = []
+    exposures_ms: list[float] = []
+    repeated = 0
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        with NumberedImages(place, min(most, _MOST_FRAMES), archive=False) as images:
+            for frame in frames:
+                if stamps_s and round(frame.stamp_s, 9) <= round(stamps_s[-1], 9):
+                    repeated += 1
+                else:
+                    images.write(len(stamps_s), coded(frame, "png"))
+                    stamps_s.append(frame.stamp_s)
+                    exposures_ms.append(frame.exposure_ms)
+                    progress(len(stamps_s), most)
+                if stop() or len(stamps_s) >= most:
+                    break
+    except OSError as error:
+        raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None
+    finally:
+        if stamps_s:
+            write_times(place / "times.txt", range(len(stamps_s)), stamps_s, exposures_ms)
+    if not stamps_s:
+        raise RecordingError(f"{place}: not one frame came from the camera; nothing was recorded")
+    return Filmed(place, len(stamps_s), repeated, (min(exposures_ms), max(exposures_ms)))

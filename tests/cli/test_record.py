@@ -1,0 +1,95 @@
+"""``ospc record`` with a camera that is none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.main import cli
+from ospc.errors import ExposureError, OspcError, SettingError
+from ospc.recording import Frame, open_recording
+from ospc.recording.options import ReadingOptions
+
+SIZE = (48, 64)
+
+
+class Camera:
+    """Gives frames of growing exposure; the third comes twice."""
+
+    name = "pretended"
+    notes = ("exposures are pretended",)
+
+    def __init__(self, frames: int = 6, fails: bool = False) -> None:
+        self.frames, self.fails, self.closed = frames, fails, False
+
+    def __iter__(self) -> Iterator[Frame]:
+        for i in range(self.frames):
+            for _ in range(2 if i == 2 else 1):
+                yield Frame.of_array(np.full(SIZE, i, np.uint8), 1.0 + i, index=i, stamp_s=i / 10)
+        if self.fails:
+            raise ExposureError("pretended: no exposure")
+
+    def close(self) -> None:
+        self.closed = True
+
+    def __enter__(self) -> Camera:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    said: dict[str, Any] = {"camera": Camera()}
+
+    def opened(text: str, options: ReadingOptions) -> Camera:
+        said.update(text=text, options=options)
+        return said["camera"]
+
+    monkeypatch.setattr("ospc.recording.live.open_camera", opened)
+    return said
+
+
+def test_what_is_filmed_is_a_recording(asked: dict[str, Any], tmp_path: Path) -> None:
+    result = CliRunner().invoke(cli, ["record", "opencv:3", "-o", str(tmp_path / "out"), "--gain-unit", "db"])
+    assert result.exit_code == 0, (result.output, result.exception)
+    assert "6 frames of 1 to 6 ms, 1 repeated ones left out" in result.stdout
+    assert "exposures are pretended" in result.stderr
+    assert asked["text"] == "opencv:3"
+    assert asked["options"].gain_unit.value == "db"
+    assert asked["camera"].closed
+    recording = open_recording(tmp_path / "out")
+    assert recording.exposures_ms.tolist() == [1, 2, 3, 4, 5, 6]
+    assert recording.stamps_s == pytest.approx(np.arange(6) / 10)
+    assert [int(frame.image[0, 0]) for frame in recording] == [0, 1, 2, 3, 4, 5]
+
+
+def test_it_ends_after_so_many_frames(asked: dict[str, Any], tmp_path: Path) -> None:
+    asked["camera"] = Camera(10**9)
+    assert CliRunner().invoke(cli, ["record", "realsense", "-o", str(tmp_path), "-n", "4", "-q"]).output == ""
+    assert len(open_recording(tmp_path)) == 4
+
+
+def test_what_came_before_a_failure_is_complete(asked: dict[str, Any], tmp_path: Path) -> None:
+    asked["camera"] = Camera(fails=True)
+    result = CliRunner().invoke(cli, ["record", "depthai", "-o", str(tmp_path)])
+    assert str(result.exception) == "pretended: no exposure"
+    assert len(open_recording(tmp_path)) == 6
+
+
+def test_nothing_is_overwritten_and_no_frame_is_said(asked: dict[str, Any], tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "a.txt").write_text("kept")
+    result = CliRunner().invoke(cli, ["record", "opencv:0", "-o", str(tmp_path / "mine")])
+    assert isinstance(result.exception, SettingError)
+    assert [p.name for p in (tmp_path / "mine").iterdir()] == ["a.txt"]
+    asked["camera"] = Camera(0)
+    result = CliRunner().invoke(cli, ["record", "opencv:0", "-o", str(tmp_path / "none")])
+    assert isinstance(result.exception, OspcError)
+    assert "not one frame came" in str(result.exception)
