@@ -38,7 +38,7 @@ _SMALL_LEAD = 3.0
 _WEAK_SLOPE = 0.25
 _SCATTERS = (2.0, 8.0)
 _CHASING_SHARE = 0.5
-_LARGEST_CHASE_LOG = 0.12
+_LARGEST_CHASE_LOG = 0.1
 
 
 def estimate_lag(seen: Observations, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
