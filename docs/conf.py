@@ -44,8 +44,8 @@ nitpick_ignore_regex = [
     ("py:class", r"(?!ospc\.).*"),
     ("py:(class|obj|exc|data|meth|func|attr)", r"(numpy|np|npt|scipy|cv2|click|pathlib|collections|typing)\..*"),
     ("py:class", r"ospc\.arrays\..*"),
-    # Constants that are not part of an interface are named without their module.
-    ("py:(data|func|meth|mod)", r"(?!ospc\.).*"),
+    # What is not part of an interface may be named without its module.
+    ("py:(data|func|meth|mod|attr|obj)", r"(?!ospc\.).*"),
 ]
 
 

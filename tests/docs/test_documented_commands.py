@@ -114,3 +114,10 @@ def test_every_page_is_reached_from_the_first() -> None:
                     target = entry.split("<")[-1].rstrip(">")
                     todo += list(page.parent.glob(f"{target}.md"))
     assert set(pages()) - reached == set()
+
+
+def test_links_of_the_readme_lead_somewhere() -> None:
+    """Those of the documentation are checked when the site is built."""
+    links = [link for link in re.findall(r"\]\(([^)]+)\)", README.read_text(encoding="utf-8")) if ":" not in link]
+    assert links
+    assert [link for link in links if not (ROOT / link).exists()] == []
