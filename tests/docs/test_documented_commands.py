@@ -95,6 +95,12 @@ def test_commands_and_options_exist(block: Block) -> None:
         assert not unknown, f"{block.place}: {name} has no option {unknown}"
 
 
+def test_every_command_is_shown_on_a_page() -> None:
+    """Not only in the list of all commands: with something to do."""
+    shown = {words[0] for block in every_block() for words in block.commands if words}
+    assert set(cli.list_commands(click.Context(cli))) - shown == set()
+
+
 def test_whatever_is_not_run_says_why() -> None:
     assert [b.place for b in every_block() if b.not_run and len(b.not_run) < 5] == []
 
