@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import struct
@@ -12,6 +13,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 from click.testing import CliRunner
+from rosbags.rosbag2 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ospc.arrays import Image
 from ospc.cli.main import cli
@@ -27,6 +30,8 @@ _SMALL = SimulationSettings(
     response="srgb",
     seed=1,
 )
+
+_MESSAGES = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "sensor_msgs/msg/Image")
 
 
 def run_command(arguments: list[str], exit_codes: tuple[int, ...] = (0,)) -> str:
@@ -110,6 +115,25 @@ def _video(stage: Stage, to: Path) -> None:
     to.with_suffix(".csv").write_text(f"timestamp_s,exposure_us,gain\n{rows}")
 
 
+def _bag(stage: Stage, to: Path) -> None:
+    """Write a bag as RealSense's node fills it: images on one topic, a text about each on another."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind = "realsense2_camera_msgs/msg/Metadata"
+    store.register(get_types_from_msg("std_msgs/Header header\nstring json_data\n", kind))
+    header, stamp, image = (store.types[name] for name in _MESSAGES)
+    with Writer(to, version=9) as writer:
+        images = writer.add_connection("/camera/infra1/image_rect_raw", _MESSAGES[2], typestore=store)
+        texts = writer.add_connection("/camera/infra1/metadata", kind, typestore=store)
+        for i, (grey, ms) in enumerate(_frames(stage, 40)):
+            ns = 1_700_000_000_000_000_000 + i * 50_000_000
+            head = header(stamp(ns // 10**9, ns % 10**9), "camera")
+            height, width = grey.shape
+            message = image(head, height, width, "mono8", 0, width, grey.ravel())
+            said = store.types[kind](head, json.dumps({"actual_exposure": ms * 1000, "gain_level": 16}))
+            writer.write(images, ns, store.serialize_cdr(message, _MESSAGES[2]))
+            writer.write(texts, ns, store.serialize_cdr(said, kind))
+
+
 def _listed_images(stage: Stage, to: Path) -> None:
     to.mkdir()
     rows = ["file,timestamp_s,exposure_us,gain_db"]
@@ -181,6 +205,7 @@ MAKERS: dict[str, Callable[[Stage, Path], None]] = {
     "brackets": _brackets,
     "constant_exposure": _simulated(frames=30, exposure="constant", exposures_ms=(8.0,)),
     "webcam.avi": _video,
+    "robot_bag": _bag,
     "listed_images": _listed_images,
     "photographs": _photographs,
     "somebodys_files": _broken_files,
