@@ -20,6 +20,7 @@ from pathlib import Path
 # A thread for each core would only fight the others for such small images.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recording"))
 
 import cv2

@@ -16,6 +16,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import cv2
 import numpy as np
 from bag_samples import (
     FLIR,
@@ -51,6 +52,7 @@ from ospc.recording.image_source import ZipImages
 from ospc.recording.masking import Region
 from ospc.recording.options import DEFAULT
 from ospc.recording.times_file import parse_times
+from ospc.recording.video_stream import VideoStream
 
 
 @dataclass(frozen=True)
@@ -191,6 +193,26 @@ def _described(data: bytes, _folder: Path) -> None:
     MessageType("a_msgs/msg/A", data.decode("utf-8", "replace"), "cdr").decode(bytes(64))
 
 
+def _video(data: bytes, folder: Path) -> None:
+    path = folder / "walk.bin"
+    path.write_bytes(data)
+    with VideoStream(path) as stream:
+        for index in range(3):
+            assert stream.read(index).ndim == 2
+
+
+def _videos(folder: Path) -> list[bytes]:
+    """Short videos of three frames, in each container that is read."""
+    found = []
+    for name, code in (("a.mkv", "FFV1"), ("a.avi", "MJPG"), ("a.mp4", "mp4v")):
+        writer = cv2.VideoWriter(str(folder / name), cv2.VideoWriter.fourcc(*code), 10.0, (64, 48))
+        for i in range(3):
+            writer.write(np.stack([grey(i, (64, 48))] * 3, axis=2))
+        writer.release()
+        found.append((folder / name).read_bytes())
+    return found
+
+
 def _region(data: bytes, _folder: Path) -> None:
     Region.parse(data.decode("utf-8", "replace"))
 
@@ -295,5 +317,6 @@ def targets(folder: Path) -> dict[str, Target]:
         "description of messages": Target(
             _described, [description], [b"[]", b"[<=9]", b"a_msgs/A a", b"wstring w\n"]
         ),
+        "video": Target(_video, _videos(folder)),
         "region": Target(_region, [b"1,2,3,4"], _WORDS),
     }

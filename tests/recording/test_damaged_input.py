@@ -23,6 +23,7 @@ NAMES = (
     "image message of ROS 1",
     "exposure message",
     "description of messages",
+    "video",
     "region",
 )
 

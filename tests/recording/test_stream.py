@@ -284,6 +284,19 @@ class TestDepthAi:
         assert [frame.stamp_s for frame in found] == [3, 4]
         np.testing.assert_array_equal([frame.image for frame in found], [grey(i, SIZE) for i in range(2)])
 
+    def test_the_vendors_library_has_what_is_used_of_it(self) -> None:
+        depthai = pytest.importorskip("depthai", reason="needs the extra 'depthai'")
+        used = {
+            depthai.Pipeline: ("create", "start", "isRunning", "stop"),
+            depthai.node.Camera: ("build", "requestOutput"),
+            depthai.Node.Output: ("createOutputQueue",),
+            depthai.MessageQueue: ("get",),
+            depthai.ImgFrame: ("getExposureTime", "getSensitivity", "getTimestampDevice", "getCvFrame"),
+            depthai.ImgFrame.Type: ("GRAY8", "BGR888i"),
+            depthai.CameraBoardSocket: ("CAM_A", "CAM_B", "CAM_C"),
+        }
+        assert [(kind, name) for kind, names in used.items() for name in names if not hasattr(kind, name)] == []
+
     def test_failures_are_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def fail() -> Any:
             raise RuntimeError("X_LINK_ERROR\nlost")
