@@ -66,10 +66,15 @@ def test_where_exposures_jump_tracks_live_twice_as_long_and_the_residual_falls_t
     assert "helps" in result.sentence
 
 
-def test_where_exposures_creep_tracks_live_as_long_but_the_residual_falls():
+def test_where_exposures_creep_tracks_are_not_lost_on_the_way_but_for_their_brightness():
     result = compared(replace(SMALL, exposure="sweep", exposure_min_ms=4.0, exposure_max_ms=10.0))
     assert result.largest_step < 1.05
-    assert 0.9 < result.life_ratio < 1.2
+    assert result.life_ratio > 2
+    on_the_way = [
+        sum(kind.lost.values()) - kind.lost["too bright or dark"] for kind in (result.raw, result.corrected)
+    ]
+    assert abs(on_the_way[0] / result.raw.steps - on_the_way[1] / result.corrected.steps) < 0.02
+    assert result.corrected.lost["too bright or dark"] < 0.1 * result.raw.lost["too bright or dark"]
     assert result.residual_ratio > 5
     assert "helps" in result.sentence
 
@@ -287,7 +292,7 @@ def test_the_command_as_json(made, tmp_path):
     assert content["raw"]["mean_life"] * content["life_ratio"] == pytest.approx(content["corrected"]["mean_life"])
     assert content["assumed_identity"] == ["vignette"]
     assert content["sentence"].startswith("The calibration helps")
-    assert set(content["raw"]["lost"]) == {"gave up", "came back elsewhere", "looks different"}
+    assert set(content["raw"]["lost"]) == {"gave up", "came back elsewhere", "looks different", "too bright or dark"}
 
 
 def test_the_command_refuses_what_does_not_belong(made, tmp_path):

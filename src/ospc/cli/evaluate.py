@@ -96,7 +96,8 @@ def tracking(recording: Path, calibration: str, assume_missing: bool, kind: str 
     Corners of the frames as they are get followed by the Lucas-Kanade method, with the same settings, through the
     frames as they are and through frames as the camera would have recorded them without vignette and, two
     successive ones each, at one exposure. A track is lost where the method gives up, where following it back ends
-    more than a pixel away, or where the two windows differ by more than half of the contrast within them. One that
+    more than a pixel away, where the two windows differ by more than half of the contrast within them, or where the
+    mean grey level has changed by more than that since the track began, which direct methods do not endure. One that
     leaves the image is not lost but merely no longer watched.
 
     The brightness residual is the change of a track's mean grey level since its beginning, relative to the contrast
@@ -146,6 +147,9 @@ def _print_tracking(result: TrackingComparison) -> None:
             share = sum(figures.lost.values()) / max(figures.steps, 1)
             cells.append(form.format(figures, lost=share).replace("None", f"> {result.horizon}"))
         click.echo(f"{label:20} {cells[0]:>10} {cells[1]:>10}   {unit}")
+        for cause in result.raw.lost if label == "lost" else ():
+            shares = [figures.lost[cause] / max(figures.steps, 1) for figures in (result.raw, result.corrected)]
+            click.echo(f"  {cause:18} {shares[0]:>10.2%} {shares[1]:>10.2%}")
     click.echo(
         f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; exposures change by "
         f"up to {result.largest_step:.3g}:1 from frame to frame"

@@ -8,9 +8,11 @@ with the same settings (:class:`~ospc.evaluation.lucas_kanade.Follower`), from f
   frames (:class:`~ospc.evaluation.frame_kinds.CorrectedFrames`). Encoded by the camera's own response, the two kinds
   of frames have like grey levels, noise and contrast, and no setting suits one better.
 
-A track's life ends when it is lost; when it leaves the image or the recording ends it merely stops being watched.
-From frame to frame, the method itself endures slow changes of exposure: where an exposure control only creeps, tracks
-live as long without a calibration, and the brightness residual tells what it is worth.
+A track's life ends when it is lost; when it leaves the image or the recording ends it merely stops being watched. It
+is lost where the method from frame to frame loses it, or where its window is so much brighter or darker than when the
+track began that direct methods, which compare with the frame a point was first seen in, would reject it (features are
+monitored against their first appearance, as Shi and Tomasi 1994 do, by their brightness alone). The former happens
+where the exposure leaps, the latter also where it creeps. How many were lost by which cause is counted.
 """
 
 from __future__ import annotations

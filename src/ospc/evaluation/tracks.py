@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from ospc.errors import SettingError
 from ospc.evaluation.frame_kinds import CorrectedFrames, FrameKind, RawFrames
 from ospc.evaluation.lucas_kanade import LOSSES, Follower, contrast
@@ -17,6 +17,9 @@ from ospc.photometry.correction import Corrector
 from ospc.recording import Frame
 
 KINDS = ("raw", "corrected")
+CAUSES = (*LOSSES, "too bright or dark")
+"""How a track ends: the point is lost on the way from frame to frame, or its brightness is no longer that it began
+with, which a method that compares brightness with where a point was first seen cannot follow."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,8 @@ class TrackingSettings:
         Frames from one beginning to the next.
     horizon
         Frames after which a track is no longer watched.
+    max_change
+        Largest change of a window's mean grey level since its track began, in units of the contrast within it.
     quality, distance_px, block_px
         Detection: least corner response relative to the best (Shi and Tomasi 1994), least distance between points,
         side of the block a corner is measured in.
@@ -42,6 +47,7 @@ class TrackingSettings:
     points: int = 150
     every: int = 15
     horizon: int = 60
+    max_change: float = 0.5
     quality: float = 0.01
     distance_px: float = 10.0
     block_px: int = 7
@@ -61,7 +67,7 @@ class TrackFigures:
     steps
         Attempts to follow a point to the next frame.
     lost
-        How many of them failed, by :data:`~ospc.evaluation.lucas_kanade.LOSSES`.
+        How many of them failed, by :data:`CAUSES`.
     mean_life
         Mean life in frames, the first included, of tracks watched for ``horizon`` frames at most.
     median_life
@@ -95,7 +101,7 @@ class Tracks:
         self._raw = RawFrames(corrector.max_grey)
         self._corrected = CorrectedFrames(corrector)
         self._lives = [LifeTable(settings.horizon) for _ in KINDS]
-        self._lost = [np.zeros(len(LOSSES), np.int64) for _ in KINDS]
+        self._lost = [np.zeros(len(CAUSES), np.int64) for _ in KINDS]
         self._residuals = [StreamingMedian() for _ in KINDS]
         pixels = settings.follower.window_px**2
         self._places = np.empty((len(KINDS), 0, 2))
@@ -127,16 +133,20 @@ class Tracks:
         """Follow all tracks from a frame to the next one."""
         watched = self._inside(before) & (self._age < self._settings.horizon)
         self._alive &= watched
+        radiance = self._corrected.radiance(after)
         kinds: tuple[FrameKind, FrameKind] = (self._raw, self._corrected)
         for kind, frames in enumerate(kinds):
             index = np.flatnonzero(self._alive[kind])
             step = self._settings.follower.step(*frames.pair(before, after), self._places[kind, index])
-            self._lives[kind].add(self._age[index], self._age[index[~step.followed]])
-            self._lost[kind] += step.losses.sum(axis=1)
+            change = self._changes(after, radiance, index, step.places)[kind]
+            changed = step.followed & (change > self._settings.max_change)
+            followed = step.followed & ~changed
+            self._lives[kind].add(self._age[index], self._age[index[~followed]])
+            self._lost[kind] += np.append(step.losses.sum(axis=1), changed.sum())
             self._places[kind, index] = step.places
-            self._alive[kind, index] = step.followed
+            self._alive[kind, index] = followed
         self._age += 1
-        self._compare_with_first(after)
+        self._compare_with_first(after, radiance)
         self._keep(np.asarray(self._alive.any(axis=0)))
 
     def figures(self) -> tuple[TrackFigures, TrackFigures, int]:
@@ -145,7 +155,7 @@ class Tracks:
         raw, corrected = (
             TrackFigures(
                 life.steps,
-                dict(zip(LOSSES, lost.tolist(), strict=True)),
+                dict(zip(CAUSES, lost.tolist(), strict=True)),
                 life.mean_life(horizon),
                 life.median_life(horizon),
                 residual.value,
@@ -160,21 +170,29 @@ class Tracks:
         far = np.array(frame.image.shape[::-1]) - 1 - margin
         return np.asarray(np.all((self._places >= margin) & (self._places <= far), axis=-1))
 
-    def _compare_with_first(self, frame: Frame) -> None:
+    def _compare_with_first(self, frame: Frame, radiance: Float32Array) -> None:
         """Read the brightness residual of both kinds at the same places."""
         alive = self._alive & self._inside(frame)
         index = np.flatnonzero(alive.any(axis=0))
-        if index.size == 0:
-            return
-        follower = self._settings.follower
         places = np.where(alive[1, index, None], self._places[1, index], self._places[0, index])
-        radiance = follower.windows(self._corrected.radiance(frame), places)
-        exposed = np.isfinite(radiance).all(axis=1) & np.isfinite(self._first_radiance[index]).all(axis=1)
-        places, radiance, index = places[exposed], radiance[exposed], index[exposed]
-        greys = self._first_grey[index], follower.windows(self._raw.image(frame), places)
-        corrected = [self._corrected.greys(r, frame.exposure_ms) for r in (self._first_radiance[index], radiance)]
-        self._residuals[0].add(_residual(*greys))
-        self._residuals[1].add(_residual(*corrected))
+        for residual, change in zip(self._residuals, self._changes(frame, radiance, index, places), strict=True):
+            residual.add(change)
+
+    def _changes(
+        self, frame: Frame, radiance: Float32Array, index: IntArray, places: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the brightness residual of tracks at places, in raw and in corrected frames; NaN if saturated."""
+        if not index.size:
+            return np.empty(0), np.empty(0)
+        windows = self._settings.follower.windows
+        now, first = windows(radiance, places), self._first_radiance[index]
+        exposed = np.isfinite(now).all(axis=1) & np.isfinite(first).all(axis=1)
+        grey = windows(self._raw.image(frame), places)
+        changes = np.full((len(KINDS), index.size), np.nan)
+        changes[0, exposed] = _residual(self._first_grey[index[exposed]], grey[exposed])
+        both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
+        changes[1, exposed] = _residual(*both)
+        return changes[0], changes[1]
 
     def _keep(self, kept: BoolArray) -> None:
         self._places, self._alive, self._age = self._places[:, kept], self._alive[:, kept], self._age[kept]
