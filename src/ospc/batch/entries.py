@@ -6,7 +6,9 @@ import re
 from dataclasses import dataclass, fields
 from enum import Enum
 from pathlib import Path
+from typing import Literal
 
+from ospc.diagnosis.before_calibrating import LagChoice
 from ospc.errors import SettingError
 from ospc.presets import JointSettings, with_overrides
 from ospc.recording.bayer import Mosaic
@@ -16,6 +18,8 @@ from ospc.recording.options import ReadingOptions
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://")
 _ENUMS: dict[str, type[Enum]] = {"channel": Channel, "exposure_unit": ExposureUnit, "gain_unit": GainUnit}
+_NAMED_LAGS: dict[str, Literal["auto", "never"]] = {"auto": "auto", "never": "never"}
+_OWN = ("kind", "correct_lag")
 _READING = tuple(entry.name for entry in fields(ReadingOptions))
 
 
@@ -30,7 +34,7 @@ class Entry:
     camera
         Name of its camera.
     options
-        Names and values: settings of the default method, ``kind``, and what
+        Names and values: settings of the default method, ``kind``, ``correct_lag``, and what
         :class:`~ospc.recording.options.ReadingOptions` has.
     """
 
@@ -49,6 +53,23 @@ class Entry:
         return dict(self.options).get("kind")
 
     @property
+    def correct_lag(self) -> LagChoice:
+        """By how many frames to move exposures before calibrating: ``"auto"``, ``"never"``, or a number.
+
+        Raises
+        ------
+        SettingError
+            If it is none of these.
+        """
+        text = dict(self.options).get("correct_lag", "auto")
+        if text in _NAMED_LAGS:
+            return _NAMED_LAGS[text]
+        try:
+            return int(text)
+        except ValueError:
+            raise SettingError(f"option correct_lag is auto, never or a number of frames, not '{text}'") from None
+
+    @property
     def settings(self) -> JointSettings:
         """Settings of the method.
 
@@ -57,7 +78,7 @@ class Entry:
         SettingError
             If an option is unknown or its value is wrong.
         """
-        given = {name: value for name, value in self.options if name != "kind" and name not in _READING}
+        given = {name: value for name, value in self.options if name not in (*_OWN, *_READING)}
         settings = with_overrides(JointSettings(), given)
         assert isinstance(settings, JointSettings)
         return settings
@@ -94,7 +115,7 @@ class Entry:
             If they cannot.
         """
         try:
-            _ = self.settings, self.reading
+            _ = self.settings, self.reading, self.correct_lag
         except SettingError as error:
             raise SettingError(f"{self.recording}: {error}") from None
         return self

@@ -233,7 +233,8 @@ def _rows(state: _Progress, store: Store) -> Iterator[Row]:
 
 
 def _with_result(row: Row, store: Store) -> Row:
-    found = store.get(row.key).calibration
+    result = store.get(row.key)
+    found = result.calibration
     counts = found["counts"]
     verdicts = {name: found["verdicts"].get(name, {}).get("state", "") for name in ("response", "vignette")}
     response, vignette = found["response"], found["vignette"]
@@ -245,6 +246,7 @@ def _with_result(row: Row, store: Store) -> Row:
         pairs=int(counts.get("pairs", 0)),
         samples=int(counts.get("samples", 0)),
         **verdicts,
+        notes="; ".join(result.notes),
         response_sigma=_largest(response, "inverse_sigma"),
         vignette_sigma=_largest(vignette, "profile_sigma"),
     )

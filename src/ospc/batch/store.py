@@ -32,11 +32,14 @@ class Result:
         The calibration as ``calibration.json`` has it.
     summary
         What it can be merged by; None where nothing was learned.
+    notes
+        What was found of its exposures, and why frames were skipped.
     """
 
     key: str
     calibration: dict[str, Any]
     summary: Summary | None
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, found: Container, name: str) -> Result:
@@ -53,7 +56,7 @@ class Result:
             calibration = json.loads(found.arrays["calibration"].tobytes())
             if not isinstance(calibration, dict):
                 raise ValueError("its calibration is none")
-            return cls(str(found.content["key"]), calibration, summary)
+            return cls(str(found.content["key"]), calibration, summary, tuple(map(str, found.content["notes"])))
         except (LookupError, TypeError, ValueError, FormatError) as error:
             raise FormatError(f"{name}: not readable as a result of a batch ({error})") from None
 

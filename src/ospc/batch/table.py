@@ -49,6 +49,8 @@ class Row:
         Largest standard deviation of g, and that of V at the corner; None where unknown.
     differs
         In what it differs from the other recordings of its camera; empty where it does not.
+    notes
+        What was found of its exposures, and why frames were skipped.
     """
 
     recording: str
@@ -68,6 +70,7 @@ class Row:
     response_sigma: float | None = None
     vignette_sigma: float | None = None
     differs: str = ""
+    notes: str = ""
 
 
 _COLUMNS = tuple(entry.name for entry in fields(Row))

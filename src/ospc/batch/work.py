@@ -22,6 +22,7 @@ import ospc
 from ospc.batch.entries import Entry
 from ospc.batch.object_store import local_copy
 from ospc.calibrator import OnlineCalibrator
+from ospc.diagnosis.before_calibrating import examine
 from ospc.errors import OspcError
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
@@ -101,15 +102,18 @@ def work(task: Task) -> Answer:
 
 
 def _calibrated(recording: Recording, source: dict[str, object], key: str, entry: Entry) -> bytes:
+    checked = examine(recording, entry.correct_lag)
     calibrator = OnlineCalibrator(entry.settings)
     calibrator.source = source
-    for frame in recording:
+    for frame in checked.recording:
         calibrator.push(frame)
-    calibration = replace(calibrator.calibration(), source=source)
+    calibration = calibrator.calibration()
+    calibration = replace(calibration, source=source, verdicts=checked.judged(calibration.verdicts))
     text = json.dumps(calibration.as_dict(), allow_nan=False).encode()
     summary = calibrator.summary()
     packed, arrays = (None, {}) if summary is None else pack(summary, "summary")
-    content = {"key": key, "summary": packed, "skipped": list(calibrator.first_reasons)}
+    notes = [*checked.notes, *checked.warnings, *calibrator.first_reasons]
+    content = {"key": key, "summary": packed, "notes": notes}
     return to_bytes(Container(KIND, VERSION, content, {**arrays, "calibration": np.frombuffer(text, np.uint8)}))
 
 
