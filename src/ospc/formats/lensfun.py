@@ -87,7 +87,7 @@ def write_lensfun(
         If the polynomial is no vignette, or the file cannot be written.
     """
     if optics.crop_factor is None or optics.aperture is None:
-        raise SettingError("lensfun needs the crop factor of the camera and the aperture of the lens; give both")
+        raise SettingError("lensfun needs crop factor and aperture of camera and lens: --crop-factor, --aperture")
     fit = fit_radial(vignette)
     focal_mm = optics.focal_in_mm(fit.size)
     terms = fit.coefficients if model == "pa" else rescaled(fit.coefficients, optics.focal_ratio(fit.size))

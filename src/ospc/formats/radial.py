@@ -103,8 +103,8 @@ class Optics:
         if self.focal_mm is not None and self.crop_factor is not None:
             return self.focal_mm * self.crop_factor / FULL_FRAME_HALF_DIAGONAL_MM
         raise SettingError(
-            "the radius of this format is in focal lengths; give the focal length in pixels, or in millimetres with "
-            "the crop factor"
+            "the radius of this format is in focal lengths; give it in pixels (--focal-px), or in millimetres with "
+            "the crop factor (--focal-mm, --crop-factor)"
         )
 
     def focal_in_mm(self, size: ImageSize) -> float:
