@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from ospc.experiments.reports import Report
     from ospc.experiments.sources import Source
 
+_SLOW = 0.5
+"""Speed of stand-ins that features are matched on over 30 frames, as in the paper's recordings."""
+
 _WIDTH = 400
 """Wide enough for every table: cells that were cut short would be lost."""
 
@@ -40,6 +43,7 @@ def _options(function: Callable[..., None]) -> Callable[..., None]:
             click.option("--count", type=click.IntRange(1, 1000), help="Recordings simulated."),
             click.option("--frames", type=click.IntRange(2, 1_000_000), help="Frames used of each."),
             click.option("--size", default="320x240", show_default=True, help="Of simulated images."),
+            click.option("--speed", type=float, help="Factor on the speed of the simulated motion."),
             click.option(
                 "--calibration",
                 "given",
@@ -78,28 +82,28 @@ def joint(**options: Any) -> None:
 @_options
 def solvers(**options: Any) -> None:
     """Solvers of the vignette: L2, L1, M-estimator, ours (section 5)."""
-    _experiment("solvers", 4, 500, options)
+    _experiment("solvers", 4, 500, options, _SLOW)
 
 
 @command.command("features")
 @_options
 def features(**options: Any) -> None:
     """Features behind the response: SIFT, SURF, ORB, ours (section 5); SURF needs the extra 'surf'."""
-    _experiment("features", 4, 300, options)
+    _experiment("features", 4, 300, options, _SLOW)
 
 
 @command.command("offsets")
 @_options
 def offsets(**options: Any) -> None:
     """Offset between the frames that the vignette is estimated from, 10 to 50 (section 5)."""
-    _experiment("offsets", 4, 500, options)
+    _experiment("offsets", 4, 500, options, _SLOW)
 
 
 @command.command("thresholds")
 @_options
 def thresholds(**options: Any) -> None:
     """Least exposure ratio of pairs that the response is estimated from (section 5)."""
-    _experiment("thresholds", 4, 300, options)
+    _experiment("thresholds", 4, 300, options, _SLOW)
 
 
 @command.command("static")
@@ -136,18 +140,18 @@ def ambiguity(**options: Any) -> None:
     _report(_with_progress(sources, lambda report: make_ambiguity(sources[0], options["out"], report)))
 
 
-def _experiment(name: str, count: int, frames: int, options: dict[str, Any]) -> None:
+def _experiment(name: str, count: int, frames: int, options: dict[str, Any], speed: float = 1.0) -> None:
     from ospc.experiments.design import EXPERIMENTS
     from ospc.experiments.reports import make_experiment
 
-    sources, experiment = _sources(options, count, frames), EXPERIMENTS[name]()
+    sources, experiment = _sources(options, count, frames, speed), EXPERIMENTS[name]()
     others = _others(options)
     _report(
         _with_progress(sources, lambda report: make_experiment(experiment, sources, options["out"], report, others))
     )
 
 
-def _sources(options: dict[str, Any], count: int, frames: int) -> list[Source]:
+def _sources(options: dict[str, Any], count: int, frames: int, speed: float = 1.0) -> list[Source]:
     from ospc.errors import SettingError
     from ospc.experiments.sources import given, stand_ins
 
@@ -156,7 +160,8 @@ def _sources(options: dict[str, Any], count: int, frames: int) -> list[Source]:
         raise SettingError(f"{data}: is not a folder; give the folder of reference data, or leave --data out")
     if options["recordings"]:
         return [given(place, options["frames"]) for place in options["recordings"]]
-    return stand_ins(options["count"] or count, options["frames"] or frames, _size(options["size"]), data)
+    size, speed = _size(options["size"]), options["speed"] or speed
+    return stand_ins(options["count"] or count, options["frames"] or frames, size, data, speed=speed)
 
 
 def _size(text: str) -> tuple[int, int]:

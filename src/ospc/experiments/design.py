@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from ospc.experiments.methods import Decoupled, Joint, Ours, Paper, Timed
+from ospc.experiments.methods import Decoupled, Joint, Ours, Paper, SolversKnowingResponse, Timed
 from ospc.experiments.sources import Source
 from ospc.presets import PaperSettings
 
@@ -74,18 +74,20 @@ def joint() -> Experiment:
 
 
 def solvers() -> Experiment:
-    """Solvers of the vignette (section 5)."""
+    """Solvers of the vignette, after the estimated response and after the true one (section 5)."""
     variants = {
         f"paper/{solver}": PaperSettings(vignette_solver=solver, acceptance_tolerance=_ACCEPT_ALL)
         for solver in SOLVERS
     }
-    return Experiment(
-        "solvers",
-        "Solvers of the vignette",
-        "vignette_rmse",
-        lambda _source: [Timed("paper", Paper(variants)), Timed("ours", Ours())],
-        {},
-    )
+
+    def methods(source: Source) -> list[Timed]:
+        found = [Timed("paper", Paper(variants)), Timed("ours", Ours())]
+        if source.truth.response is not None:
+            alone = SolversKnowingResponse(source.truth.response, PaperSettings(), SOLVERS)
+            found.insert(1, Timed("true g", alone))
+        return found
+
+    return Experiment("solvers", "Solvers of the vignette", "vignette_rmse", methods, {})
 
 
 def features() -> Experiment:

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import Protocol
 
-from ospc.arrays import FloatArray, IntArray
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.baselines.joint import OnlineJoint
 from ospc.baselines.kim_pollefeys import calibrate_decoupled
 from ospc.benchmark.running import SharedMatcher
 from ospc.calibrator import OnlineCalibrator
+from ospc.correspondence.pair_selection import OffsetPairs
 from ospc.errors import NotObservableError, OspcError
+from ospc.estimation.polynomial_vignette import solve_vignette, vignette_rows, vignette_solver
 from ospc.formats.opening import Photometry
 from ospc.methods.sequential import SequentialMethod, feature_matcher
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette
 from ospc.presets import PaperSettings
 from ospc.recording import Frame
 
@@ -29,6 +35,53 @@ _MATCHING = (
     "filter_length_sigmas",
 )
 """Settings that finding and matching of features depend on."""
+
+
+class SolversKnowingResponse:
+    """The paper's vignette alone, from the true response, by each of its solvers.
+
+    Parameters
+    ----------
+    response
+        The true response.
+    settings
+        What pairs are matched, and how.
+    solvers
+        Names of solvers.
+    """
+
+    def __init__(self, response: Response, settings: PaperSettings, solvers: Sequence[str]) -> None:
+        self._response, self._settings, self._solvers = response, settings, solvers
+        self._matcher = feature_matcher(settings)
+        self._pairs = OffsetPairs(settings.vignette_window, settings.vignette_offset)
+        self._rows: list[FloatArray] = []
+        self._targets: list[FloatArray] = []
+        self._size: ImageSize = (0, 0)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._size = (frame.image.shape[1], frame.image.shape[0])
+        for left, right in self._pairs.push(self._matcher.features(frame)):
+            found = self._matcher.correspondences(left, right, self._size)
+            exposed = (np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1)
+            moving = found.radial_displacement >= self._settings.vignette_min_radial_displacement
+            rows, targets = vignette_rows(found.select(exposed & moving), self._response)
+            self._rows.append(rows)
+            self._targets.append(targets)
+
+    def found(self) -> dict[str, Photometry | str]:
+        """Return a vignette by each solver."""
+        count = sum(map(len, self._targets))
+        if count < self._settings.min_samples:
+            return {f"true g/{name}": f"only {count} points move along the radius" for name in self._solvers}
+        rows, targets = np.concatenate(self._rows), np.concatenate(self._targets)
+        results: dict[str, Photometry | str] = {}
+        for name in self._solvers:
+            solver = vignette_solver(name, self._settings.huber_tuning)
+            coefficients = tuple(solve_vignette(rows, targets, solver).tolist())
+            label = f"true g/{name}"
+            results[label] = Photometry(label, self._response, PolynomialVignette(self._size, coefficients))
+        return results
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,9 @@ def given(path: Path, frames: int | None = None) -> Source:
     return Source(path.resolve().name, count, true_photometry(recording), lambda: islice(iter(recording), count))
 
 
-def stand_ins(count: int, frames: int, size: ImageSize, data: Path | None = None) -> list[Source]:
+def stand_ins(
+    count: int, frames: int, size: ImageSize, data: Path | None = None, *, speed: float = 1.0
+) -> list[Source]:
     """Return simulated recordings: each another scene, motion and course of exposures.
 
     Parameters
@@ -91,6 +93,8 @@ def stand_ins(count: int, frames: int, size: ImageSize, data: Path | None = None
         Width and height of the images.
     data
         Folder of reference data; None for the analytic camera.
+    speed
+        Factor on the speed of the camera's motion.
 
     Raises
     ------
@@ -103,30 +107,25 @@ def stand_ins(count: int, frames: int, size: ImageSize, data: Path | None = None
         raise SettingError("an experiment needs a recording at least, of two frames or more")
     response, vignette = _camera(size, data)
     courses = _courses(count, frames, data)
-    return [_stand_in(number, frames, size, (response, vignette), courses) for number in range(count)]
-
-
-def _stand_in(
-    number: int,
-    frames: int,
-    size: ImageSize,
-    camera: tuple[str | Response, str | Vignette],
-    courses: list[FloatArray] | None,
-) -> Source:
-    settings = SimulationSettings(
+    common = SimulationSettings(
         size=size,
         frames=frames,
-        seed=_SEED + number,
-        response=camera[0],
-        vignette=camera[1],
+        speed=speed,
+        response=response,
+        vignette=vignette,
         vignette_coefficients=ANALYTIC_VIGNETTE,
     )
+    return [_stand_in(number, common, courses) for number in range(count)]
+
+
+def _stand_in(number: int, common: SimulationSettings, courses: list[FloatArray] | None) -> Source:
+    settings = replace(common, seed=_SEED + number)
     if courses is not None:
         middle = float(np.exp(np.mean(np.log(courses[number]))))
         exposures = tuple(courses[number].tolist())
         settings = replace(settings, exposure="file", exposures_ms=exposures, reference_exposure_ms=middle)
     truth = Photometry(f"truth {number}", make_response(settings.response), make_vignette(settings))
-    return Source(f"simulated-{number}", frames, truth, lambda: simulated_frames(settings))
+    return Source(f"simulated-{number}", settings.frames, truth, lambda: simulated_frames(settings))
 
 
 def _camera(size: ImageSize, data: Path | None) -> tuple[str | Response, str | Vignette]:

@@ -33,7 +33,7 @@ def write_cumulative(results: Sequence[RunResult], conditions: Sequence[Conditio
     FormatError
         If it cannot be written.
     """
-    figure = new_figure(7.0, 4.6)
+    figure = new_figure(7.0, 5.2)
     with rules():
         axes = figure.subplots()
         largest = max([r.error for r in results if math.isfinite(r.error)], default=1.0)
@@ -60,7 +60,7 @@ def write_cumulative(results: Sequence[RunResult], conditions: Sequence[Conditio
             ylabel="runs with at most that error",
             title="Cumulative error of all runs",
         )
-        axes.legend(loc="lower right")
+        figure.legend(loc="outside lower center", ncols=2)
         return save(figure, path)
 
 
