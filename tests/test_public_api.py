@@ -18,6 +18,7 @@ import ospc
 NAMES = {
     "Calibration",
     "Frame",
+    "LiveCalibrator",
     "OnlineCalibrator",
     "OspcError",
     "Recording",

@@ -20,7 +20,7 @@ from ospc.simulation import SimulationSettings, frames, simulate, truth
 from ospc.unknown_exposures import EXPONENT_SIGMA, calibrate_without_exposures, recover_exposures
 
 SETTINGS = SimulationSettings(
-    size=(200, 150), frames=24, speed=3.0, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0), response="srgb"
+    size=(200, 150), frames=40, speed=3.0, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0), response="srgb"
 )
 GREYS = np.linspace(0.15, 0.85, 15)
 

@@ -170,7 +170,7 @@ class JointSettings:
     series_pixels: int = 1_500
     min_points: int = 200
     min_log_exposure_change: float = 0.05
-    min_radial_reach: float = 0.1
+    min_radial_reach: float = 0.06
 
     name = "default"
 

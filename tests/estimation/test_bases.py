@@ -163,7 +163,7 @@ def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable(
     basis = ResponseBasis(8)
     random = np.random.default_rng(0)
     for bend in (0.0, 0.3, 1.0):
-        prior = Prior(basis.knots, np.full(9, 2.0), 1)
+        prior = Prior(basis.knots, np.full(9, 2.0), np.full(1, 2.0))
         truth = np.append(2 + bend * np.sin(9 * basis.knots), -0.3)
         rows = random.normal(0, 1, (40, 10))
         target = rows @ truth + random.normal(0, 1, 40)

@@ -136,7 +136,9 @@ class JointEstimator:
             return equations.tempered(self._prior(about).precision(fit.roughness), bread)
 
     def _prior(self, parameters: FloatArray) -> Prior:
-        return Prior(self.response_basis.knots, parameters[: len(self.response_basis)], len(self.vignette_basis))
+        return Prior(
+            self.response_basis.knots, parameters[: len(self.response_basis)], self.vignette_basis.prior_sigma
+        )
 
     def _limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
         """Return the parameters with no gamma further from the previous one than its linearised logarithm holds."""

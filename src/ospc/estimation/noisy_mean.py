@@ -47,7 +47,8 @@ def _irradiance_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseMod
     variance = noise.variance(level)
     slope = np.gradient(irradiance, level)
     # Where noise reaches an end the gauge knows nothing, and repeats what it found nearest.
-    known = np.minimum(level, 1 - level) > 4 * np.sqrt(variance)
+    # A gamma as steep as a step leaves next to nothing below it.
+    known = (np.minimum(level, 1 - level) > 4 * np.sqrt(variance)) & (irradiance > 1e-9)
     if np.count_nonzero(known) < _FEWEST:
         return 0.0, 0.0
     of_irradiance = variance[known] * slope[known] ** 2

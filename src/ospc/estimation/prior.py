@@ -24,9 +24,6 @@ measured responses two in three lie between no bend and one by a factor of 2.6."
 WHITE_SIGMA, BLACK_SIGMA = 0.42, 0.2
 """Standard deviations of what ln γ does besides in the last and first few grey levels."""
 
-VIGNETTE_SIGMA = 2.0
-"""Standard deviation of each vignette parameter: wide, so that it only matters where nothing was measured."""
-
 _MIDDLE = 0.4
 _NUGGET = 1e-6
 
@@ -64,26 +61,26 @@ class Prior:
         Grey levels of the response's knots, shape (n,).
     about
         Response coefficients about which the logarithm is linearised, shape (n,).
-    vignette_parameters
-        Number of vignette parameters.
+    vignette_sigma
+        Standard deviation of each vignette parameter about zero, shape (q,).
     """
 
     knots: FloatArray
     about: FloatArray
-    vignette_parameters: int
+    vignette_sigma: FloatArray
 
     @property
     def mean(self) -> FloatArray:
         """Expected parameters, shape (p,)."""
         response = self.about * (1 + np.log(typical_gamma(self.knots)) - np.log(self.about))
-        return np.concatenate([response, np.zeros(self.vignette_parameters)])
+        return np.concatenate([response, np.zeros(len(self.vignette_sigma))])
 
     def precision(self, roughness: Roughness) -> FloatArray:
         """Return the precision matrix of the parameters, shape (p, p)."""
-        n, p = len(self.knots), len(self.knots) + self.vignette_parameters
+        n, p = len(self.knots), len(self.knots) + len(self.vignette_sigma)
         matrix = np.zeros((p, p))
         matrix[:n, :n] = _precision(n, roughness)[0] / np.outer(self.about, self.about)
-        matrix[n:, n:] = np.eye(self.vignette_parameters) / VIGNETTE_SIGMA**2
+        matrix[n:, n:] = np.diag(1 / self.vignette_sigma**2)
         return matrix
 
     def log_determinant(self, roughness: Roughness) -> float:

@@ -9,6 +9,8 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.photometry.vignette import LogVignette
 
+_SIGMA = 2.0
+
 
 @dataclass(frozen=True)
 class VignetteBasis:
@@ -31,6 +33,17 @@ class VignetteBasis:
     def __len__(self) -> int:
         """Return the number of parameters."""
         return self.radial + 2 * self.free_centre + 4 * self.non_radial
+
+    @property
+    def prior_sigma(self) -> FloatArray:
+        """Standard deviation of each parameter before any measurement, shape (len,): wide where data can tell.
+
+        The fall-off by the fourth power of the cosine has coefficients that decrease like one over their order, and
+        wider lenses larger ones: few samples shall not make the corners what higher orders happen to reach.
+        """
+        sigma = np.full(len(self), _SIGMA)
+        sigma[: self.radial] /= np.arange(1, self.radial + 1)
+        return sigma
 
     @property
     def names(self) -> list[str]:

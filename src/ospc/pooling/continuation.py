@@ -225,7 +225,7 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
     covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
     if coefficients.shape != (len(RESPONSE),) or covariance.shape != (len(RESPONSE), len(RESPONSE)):
         raise ValueError("another number of knots")
-    prior = Prior(RESPONSE.knots, coefficients, 0)
+    prior = Prior(RESPONSE.knots, coefficients, np.empty(0))
     roughness = Roughness(float(model["prior_walk"]), float(model["prior_drift"]))
     information = np.linalg.inv(covariance).astype(np.float64) - prior.precision(roughness)
     return coefficients, _positive(information)

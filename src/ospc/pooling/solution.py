@@ -105,7 +105,7 @@ def _solve(information: Information, vignette: VignetteBasis, start: JointFit | 
         parameters = start.parameters
     # The prior is one of ln γ, linearised where the last round ended: a few rounds settle it.
     for _ in range(_MOST_ROUNDS):
-        prior = Prior(RESPONSE.knots, parameters[RESPONSE_PART], len(vignette))
+        prior = Prior(RESPONSE.knots, parameters[RESPONSE_PART], vignette.prior_sigma)
         roughness = equations.best_roughness(prior) if start is None else start.roughness
         found = equations.solve(prior, roughness, floor)
         found[RESPONSE_PART] = np.clip(
