@@ -14,6 +14,11 @@ _SYSTEMATIC = 0.002
 _EXPLAINED = 0.15
 _CONTRADICTED = 0.5
 
+_WIDE_RANGE = 8.0
+_SEE_MORE = (
+    "record more frames, of a scene with even surfaces of all brightnesses: the exposure changes enough, "
+    "but too little of the scene is well exposed in two frames"
+)
 _CHANGE_EXPOSURE = (
     "record with auto exposure on while moving between dark and bright places, or sweep the exposure by a factor of "
     "four or more"
@@ -73,11 +78,12 @@ def response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float
     check_exposures = "check that each exposure belongs to its frame, and switch off gain control and tone mapping"
     if unexplained > _CONTRADICTED:
         return Verdict("not identifiable", contradiction, check_exposures)
+    remedy = _CHANGE_EXPOSURE if high < _WIDE_RANGE * low else _SEE_MORE
     if sigma > _VAGUE:
-        return Verdict("not identifiable", figure, _CHANGE_EXPOSURE)
+        return Verdict("not identifiable", figure, remedy)
     if unexplained > _EXPLAINED:
         return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
-    return Verdict("marginal", figure, _CHANGE_EXPOSURE) if sigma > _SURE else Verdict("identifiable", figure)
+    return Verdict("marginal", figure, remedy) if sigma > _SURE else Verdict("identifiable", figure)
 
 
 def vignette_verdict(settings: JointSettings, fit: JointFit | None, reach: float, standing_still: bool) -> Verdict:
