@@ -155,8 +155,8 @@ def test_errors_that_are_not_the_frames_are_not_swallowed():
 
 
 def test_an_unknown_preset_is_named_beside_those_that_are_known():
-    with pytest.raises(SettingError, match="'fast'; known: default, paper"):
-        OnlineCalibrator("fast")
+    with pytest.raises(SettingError, match="'hasty'; known: default, fast, paper"):
+        OnlineCalibrator("hasty")
 
 
 def test_a_wrong_setting_is_an_error_not_a_bad_frame():

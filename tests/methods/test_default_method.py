@@ -217,3 +217,35 @@ def test_looks_become_rarer_by_one_frame_after_so_many(slowdown, frames):
     np.testing.assert_array_equal(looks, expected[expected < frames])
     # So the work grows with the square root of a recording's length.
     assert len(looks) <= slowdown + np.sqrt(2 * slowdown * frames)
+
+
+@given(st.integers(1, 100), st.integers(1, 300), st.integers(1, 5000), st.integers(1, 64))
+def test_beyond_enough_looks_pauses_grow_faster_and_are_foreseen(slowdown, enough, frames, ahead):
+    schedule, plain = Schedule(slowdown, enough), Schedule(slowdown)
+    wanted, looks = [], 0
+    for _ in range(frames):
+        wanted.append(schedule.wants_next)
+        looks += plain.wants_next
+        schedule.advance()
+        plain.advance()
+    assert sum(wanted) <= looks
+    first = min(frames, enough)
+    assert wanted[:first] == [Schedule(slowdown).wants(place + 1) for place in range(first)][:first]
+    foreseen = [schedule.wants(place + 1) for place in range(ahead)]
+    happened = []
+    for _ in range(ahead):
+        happened.append(schedule.wants_next)
+        schedule.advance()
+    assert foreseen == happened
+
+
+def test_a_long_recording_costs_little_more_than_a_short_one():
+    def looks(frames):
+        schedule, count = Schedule(JointSettings().frames_per_slowdown, JointSettings().enough_looks), 0
+        for _ in range(frames):
+            count += schedule.wants_next
+            schedule.advance()
+        return count
+
+    assert looks(500) >= 200
+    assert looks(10_000) < 2 * looks(1000)

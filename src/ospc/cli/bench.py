@@ -1,4 +1,4 @@
-"""``ospc bench``: how accurate the methods are, on recordings whose truth is known."""
+"""``ospc bench``: how accurate the methods are, on recordings whose truth is known, and how fast."""
 
 from __future__ import annotations
 
@@ -79,6 +79,59 @@ def accuracy(
     if not complete:
         click.echo("interrupted: run the same command again to go on where it stopped", err=True)
         sys.exit(_INTERRUPTED)
+
+
+@command.command()
+@click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("ospc-speed"), show_default=True)
+@click.option("--presets", default="default,fast,paper", show_default=True, help="Presets, separated by commas.")
+@click.option(
+    "--size", "sizes", multiple=True, metavar="WxH", help="Size of the frames; repeatable. [640x480, 1280x1024]"
+)
+@click.option("--frames", type=click.IntRange(2, 1_000_000), default=1500, show_default=True, help="Frames pushed.")
+@click.option("--live", "live_s", type=click.FloatRange(0, 3600), default=10, show_default=True, help="Seconds live.")
+@click.option(
+    "--rate", "rate_hz", type=click.FloatRange(0.1, 1000), default=50, show_default=True, help="Frames/s live."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print speed.json instead of a table.")
+def speed(
+    out: Path, *, presets: str, sizes: tuple[str, ...], frames: int, live_s: float, rate_hz: float, as_json: bool
+) -> None:
+    """Measure how fast the presets are, against merely decoding the same frames.
+
+    Simulated JPEG frames are calibrated and, in the same process, merely decoded. Afterwards a camera is played live.
+    OUT gets speed.json and speed.png, which shows where the time goes. Preset "paper" is measured with 30 frames.
+    """
+    from rich.console import Console
+
+    from ospc.benchmark.speed import SIZES, SLOW_FRAMES, measured
+    from ospc.benchmark.speed_files import as_json as everything
+    from ospc.benchmark.speed_files import table_of, write
+    from ospc.presets import preset
+
+    names = tuple(name.strip() for name in presets.split(",") if name.strip())
+    for name in names:
+        preset(name)
+    wanted = tuple(_size(text) for text in sizes) or SIZES
+    rows = list(measured(names, wanted, frames, live_s, rate_hz))
+    files, problems = write(out, rows)
+    if as_json:
+        click.echo(json.dumps(everything(rows), indent=1))
+    else:
+        Console(highlight=False, width=_WIDTH).print(_rich(table_of(rows)), soft_wrap=True)
+        click.echo(
+            f"× decoding: time over that of decoding the same frames in one thread; paper: {SLOW_FRAMES} frames"
+        )
+    for line in (*problems, *(str(path) for path in files)):
+        click.echo(line, err=as_json)
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, found, height = text.lower().replace("×", "x").partition("x")
+    if not (
+        found and width.isdecimal() and height.isdecimal() and 64 <= int(width) <= 8192 and 64 <= int(height) <= 8192
+    ):
+        raise SettingError(f"'{text}' is no size such as 640x480, of 64 to 8192 pixels a side")
+    return int(width), int(height)
 
 
 def _run(cases: Sequence[Case], presets: Sequence[str], cache: Path, jobs: int) -> tuple[list[CaseResult], bool]:

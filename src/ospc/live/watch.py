@@ -58,7 +58,7 @@ class Watch:
             raise SettingError(f"preset {chosen.name} cannot keep up with a camera; use the default preset")
         self._slowdown = chosen.frames_per_slowdown
         # What to pass over is decided here, before a frame is taken: those that come this far are looked at.
-        self._settings = replace(chosen, frames_per_slowdown=_EVERY_FRAME)
+        self._settings = replace(chosen, frames_per_slowdown=_EVERY_FRAME, enough_looks=_EVERY_FRAME)
         self._calibrator = OnlineCalibrator(self._settings)
         self._looks = 0
         self._next_estimate = FIRST_ESTIMATE

@@ -44,9 +44,12 @@ class Schedule:
     ----------
     frames_per_slowdown
         After so many looks, one more frame is passed over between looks.
+    enough
+        Beyond so many looks, pauses grow faster: with the fourth power of their number.
     """
 
     frames_per_slowdown: int
+    enough: int = 10**9
     _wait: int = 0
     _looks: int = 0
 
@@ -68,6 +71,8 @@ class Schedule:
             self._wait -= 1
         else:
             self._wait = self._looks // self.frames_per_slowdown
+            if self._looks > self.enough:
+                self._wait = self._wait * self._looks**3 // self.enough**3
             self._looks += 1
 
 
@@ -89,7 +94,7 @@ class JointMethod:
         self._settings = settings
         self._size = size
         self._max_grey = max_grey
-        self._schedule = Schedule(settings.frames_per_slowdown)
+        self._schedule = Schedule(settings.frames_per_slowdown, settings.enough_looks)
         self._make_view = ViewMaker(settings.longest_side_px, settings.smoothing_px)
         self._partners = Partners(settings.views, settings.max_log_ratio)
         self._second = ThreadPoolExecutor(1, "ospc-second")
@@ -187,7 +192,9 @@ class JointMethod:
             If it is none that :meth:`state` returns.
         """
         method = cls(settings, size, max_grey)
-        method._schedule = Schedule(settings.frames_per_slowdown, state.passed_over, state.looks)
+        method._schedule = Schedule(
+            settings.frames_per_slowdown, settings.enough_looks, state.passed_over, state.looks
+        )
         method._partners.restore(state.partners)
         method._reservoir, method._series, method._noise = state.reservoir, state.series, state.noise
         method._motions, method._pairs, method._log_exposures = state.motions, state.pairs, state.log_exposures

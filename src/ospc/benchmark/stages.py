@@ -1,0 +1,72 @@
+"""Clocks in the steps of the methods, for as long as a measurement lasts."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from functools import wraps
+from importlib import import_module
+from types import TracebackType
+from typing import Any
+
+_STEPS = (
+    ("decoding", "ospc.benchmark.speed", "", "decode_grey"),
+    ("preparing", "ospc.correspondence.view", "ViewMaker", "__call__"),
+    ("noise", "ospc.estimation.noise_gauge", "NoiseGauge", "watch"),
+    ("registering", "ospc.correspondence.registration", "DenseRegistration", "__call__"),
+    ("sampling", "ospc.correspondence.flat_sampling", "FlatSampler", "__call__"),
+    ("features", "ospc.correspondence.feature_matching", "FeatureMatcher", "features"),
+    ("matching", "ospc.correspondence.feature_matching", "FeatureMatcher", "correspondences"),
+    ("updating", "ospc.methods.joint", "JointMethod", "_refine"),
+    ("fitting", "ospc.methods.joint", "JointMethod", "_new_evidence"),
+)
+"""Stage, and where it is done: module, class or "" for a function of the module, name."""
+
+OTHER = "other"
+
+
+class Stages:
+    """A context within which time is measured by stage, of the thread that began it only: others run beside it."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._thread = threading.get_ident()
+        self._before: list[tuple[Any, str, Any]] = []
+
+    def __enter__(self) -> Stages:
+        """Start the clocks."""
+        for stage, module, owner, name in _STEPS:
+            home = import_module(module)
+            place: Any = getattr(home, owner, None) if owner else home
+            step = getattr(place, name, None)
+            if place is not None and step is not None:
+                self._before.append((place, name, step))
+                setattr(place, name, self._clocked(stage, step))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Take the clocks away."""
+        for place, name, step in self._before:
+            setattr(place, name, step)
+        self._before.clear()
+
+    def shares(self, total_s: float) -> dict[str, float]:
+        """Return seconds by stage, and what is left of a total."""
+        rest = max(0.0, total_s - sum(self.seconds.values()))
+        return {**{stage: s for stage, s in self.seconds.items() if s > 0}, OTHER: rest}
+
+    def _clocked(self, stage: str, step: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(step)
+        def clocked(*args: Any, **named: Any) -> Any:
+            if threading.get_ident() != self._thread:
+                return step(*args, **named)
+            begun = time.perf_counter()
+            try:
+                return step(*args, **named)
+            finally:
+                self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begun
+
+        return clocked
