@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -204,5 +205,5 @@ def say_topics(path: Path) -> None:
     for topic, use in uses(Bag.at(path)):
         count = "?" if topic.messages is None else str(topic.messages)
         table.add_row(Text(topic.name), Text(topic.type), count, use)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 200)
     console.print(table if table.row_count else f"{path}: has no topics", markup=False)

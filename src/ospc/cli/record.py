@@ -44,7 +44,7 @@ def command(
     """Record CAMERA with the exposure of every frame, to be checked and calibrated.
 
     CAMERA is opencv:0 for the first webcam, realsense or realsense:SERIAL (extra 'realsense'), or depthai:left,
-    depthai:right or depthai:colour (extra 'depthai'); realsense:FILE.bag is a recording of RealSense's own viewer.
+    depthai:right or depthai:colour (extra 'depthai'); realsense:FILE is a recording of RealSense's own viewer.
 
     OUT gets images/ and times.txt. Ctrl-C ends the recording; what was filmed by then is complete.
     """

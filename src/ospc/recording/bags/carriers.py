@@ -151,6 +151,17 @@ def _realsense(message: Mapping[str, Any]) -> tuple[float, float] | None:
     return number(said["actual_exposure"], "actual_exposure"), gain
 
 
+def _realsense_text(message: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Read the text that RealSense's own recorder writes for every frame: ``Actual Exposure=5000;Gain Level=32;``."""
+    text = value_at(message, "data")
+    if not isinstance(text, str) or len(text) > _MAX_JSON_CHARACTERS:
+        return None
+    said = dict(pair.partition("=")[::2] for pair in text.split(";"))
+    if "Actual Exposure" not in said:
+        return None
+    return _text_number(said["Actual Exposure"]), _text_number(said.get("Gain Level", "16")) / 16
+
+
 def _diagnostics(message: Mapping[str, Any]) -> tuple[float, float] | None:
     """Read what libcamera reports of a frame as pairs of texts."""
     for status in message.get("status", ()):
@@ -215,14 +226,30 @@ _NUMBERS = {
     for name in ("Float32", "Float64", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 }
 _TELLING = ("exposure", "shutter")
+_TEXT = "std_msgs/msg/String"
+_RECORDED_BY_REALSENSE = Carrier(
+    _realsense_text,
+    ExposureUnit.US,
+    GainUnit.LINEAR,
+    "Actual Exposure in µs, Gain Level / 16 as linear gain",
+    "string data\n",
+)
 
 
 def candidates(topics: tuple[Topic, ...]) -> Iterator[Topic]:
     """Give the topics that carry exposures, as far as their type and name tell."""
     for topic in topics:
         named = any(word in topic.name.lower() for word in _TELLING)
-        if topic.type.rpartition("/")[2] in _KNOWN or (topic.type in _NUMBERS and named):
+        if (
+            _is_text_of_realsense(topic)
+            or topic.type.rpartition("/")[2] in _KNOWN
+            or (topic.type in _NUMBERS and named)
+        ):
             yield topic
+
+
+def _is_text_of_realsense(topic: Topic) -> bool:
+    return topic.type == _TEXT and topic.name.endswith("/image/metadata")
 
 
 def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
@@ -243,6 +270,8 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
         carrier = Carrier(read, None, GainUnit.LINEAR, f"the field {options.exposure_field}", _described(topic))
     elif topic.type in _NUMBERS:
         carrier = Carrier(_fields("data", None), None, GainUnit.LINEAR, "its numbers", _NUMBERS[topic.type])
+    elif _is_text_of_realsense(topic):
+        carrier = _RECORDED_BY_REALSENSE
     else:
         known = _KNOWN.get(topic.type.rpartition("/")[2])
         if known is None:

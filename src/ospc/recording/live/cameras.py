@@ -9,7 +9,7 @@ from ospc.recording.live.source import Camera
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.wording import quoted
 
-_EXPECTED = "expected opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE.bag, or depthai:SENSOR"
+_EXPECTED = "expected opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE (.db3 or .bag), or depthai:SENSOR"
 
 
 def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
@@ -18,8 +18,8 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
     Parameters
     ----------
     text
-        ``opencv:0`` for the first webcam; ``realsense``, ``realsense:SERIAL`` or ``realsense:FILE.bag``;
-        ``depthai:left``, ``depthai:right`` or ``depthai:colour``.
+        ``opencv:0`` for the first webcam; ``realsense``, ``realsense:SERIAL``, or a recording of its viewer,
+        ``realsense:FILE.db3`` or ``realsense:FILE.bag``; ``depthai:left``, ``depthai:right`` or ``depthai:colour``.
     options
         Units of exposure and gain for ``opencv``, and the channel taken of colour.
 
@@ -54,7 +54,7 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
     if kind == "realsense":
         from ospc.recording.live.realsense import RealSenseCamera
 
-        if which.endswith(".bag"):
+        if which.endswith((".bag", ".db3")):
             return RealSenseCamera.open(recording=Path(which), colour=colour, channel=options.channel)
         return RealSenseCamera.open(which, colour=colour, channel=options.channel)
     if kind == "depthai":

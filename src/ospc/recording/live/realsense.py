@@ -1,4 +1,4 @@
-"""Intel RealSense cameras, and recordings that their viewer made (``.bag``), through pyrealsense2.
+"""Intel RealSense cameras, and recordings that their viewer made, through pyrealsense2.
 
 Sources: the documentation of librealsense: ``actual_exposure`` is in µs, ``gain_level`` 16 is a gain of one in the
 stereo sensors, time stamps are in ms.
@@ -65,7 +65,7 @@ class RealSenseCamera:
         serial
             Serial number; the first camera where empty.
         recording
-            A ``.bag`` that the viewer of the cameras recorded.
+            A file that the viewer of the cameras recorded: ``.db3``, formerly ``.bag``.
         colour
             Whether to take the colour stream instead of the first infrared one.
         channel
@@ -88,9 +88,9 @@ class RealSenseCamera:
         elif serial:
             config.enable_device(serial)
         if colour:
-            config.enable_stream(rs.stream.color, rs.format.bgr8)
+            config.enable_stream(rs.stream.color, rs.format.bgr8, 0)
         else:
-            config.enable_stream(rs.stream.infrared, 1, rs.format.y8)
+            config.enable_stream(rs.stream.infrared, 1, rs.format.y8, 0)
         name = str(recording) if recording is not None else f"RealSense {serial}".strip()
         pipeline = rs.pipeline()
         try:
