@@ -226,6 +226,9 @@ def _calibrate_one(
     keeps_state = not request.reading.unknown_exposures
     checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier) if keeps_state else None
     options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf, tell, request.watching)
+    if request.reading.unknown_exposures:
+        # They come from the images, with which they cannot disagree.
+        return calibrate_into(folder, recording, settings, interruption, options)
     checked = examined(recording, request.correct_lag)
     return calibrate_into(folder, checked.recording, settings, interruption, replace(options, examined=checked))
 
