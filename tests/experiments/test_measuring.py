@@ -24,7 +24,7 @@ from ospc.experiments.measuring import (
     medians,
     read_exposures,
 )
-from ospc.experiments.methods import Exposures, Paper, Timed
+from ospc.experiments.methods import Exposures, Paper, SolversKnowingResponse, Timed
 from ospc.experiments.reports import make_ambiguity, make_experiment
 from ospc.experiments.sources import stand_ins
 from ospc.experiments.static import METHODS, static_methods, sweeps
@@ -177,3 +177,18 @@ def test_exposures_are_compared_up_to_a_factor(source, tmp_path):
     file.write_text("1 x\n")
     with pytest.raises(FormatError, match="exposure"):
         read_exposures(file)
+
+
+def test_solvers_are_compared_after_the_true_response():
+    source = stand_ins(1, 20, (120, 90), speed=0.5)[0]
+    settings = PaperSettings(
+        vignette_offset=8, vignette_min_radial_displacement=0.02, min_samples=10, max_features=400
+    )
+    alone = SolversKnowingResponse(source.truth.response, settings, ("l2", "l1"))
+    found = measure(source, [Timed("true g", alone)]).found
+    assert list(found) == ["true g/l2", "true g/l1"]
+    assert found["true g/l2"].response is source.truth.response
+    assert found["true g/l2"].vignette.coefficients != found["true g/l1"].vignette.coefficients
+    wanting = SolversKnowingResponse(source.truth.response, replace(settings, min_samples=10**6), ("l2",))
+    (row,) = measure(source, [Timed("true g", wanting)]).rows
+    assert "points move along the radius" in row.failure
