@@ -32,6 +32,14 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
 )
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="File to write; a folder for dso.")
 @click.option("--crop", metavar="X,Y,WxH", callback=_parse_crop, help="For images of which only this part is used.")
+@click.option(
+    "--bin",
+    "binning",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1,
+    help="For images in which blocks of NxN pixels are averaged, after the crop.",
+)
 @click.option("--size", metavar="WxH", callback=parse_size, help="For images scaled to this size, after the crop.")
 @click.option("--values", default=256, show_default=True, help="Grey levels in pcalib.txt (dso).")
 @click.option("--focal-px", type=float, help="Focal length in pixels (adobe, lensfun).")
@@ -57,6 +65,7 @@ def command(
     program: Any,
     out: Path,
     crop: tuple[int, int, int, int] | None,
+    binning: int,
     size: tuple[int, int] | None,
     values: int,
     emor: Path | None,
@@ -81,7 +90,7 @@ def command(
         emor=None if emor is None else read_emor(emor),
         values=values,
     )
-    written = export(adapted(open_photometry(calibration), crop, size), program, out, settings)
+    written = export(adapted(open_photometry(calibration), crop, size, binning), program, out, settings)
     for path in written.files:
         click.echo(f"wrote {path}")
     for note in written.notes:

@@ -15,7 +15,7 @@ from ospc.formats.lensfun import write_lensfun
 from ospc.formats.opencv import write_opencv
 from ospc.formats.opening import Photometry
 from ospc.formats.radial import Optics
-from ospc.formats.resize import crop_calibration, resize_calibration
+from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette, Vignette
 
@@ -62,9 +62,12 @@ class Exported:
 
 
 def adapted(
-    photometry: Photometry, crop: tuple[int, int, int, int] | None = None, size: ImageSize | None = None
+    photometry: Photometry,
+    crop: tuple[int, int, int, int] | None = None,
+    size: ImageSize | None = None,
+    binning: int = 1,
 ) -> Photometry:
-    """Return the photometry for images that were first cropped and then scaled.
+    """Return the photometry for images that were first cropped, then binned, then scaled.
 
     Parameters
     ----------
@@ -74,17 +77,21 @@ def adapted(
         Column, row, width and height of the part that is left.
     size
         Width and height after scaling.
+    binning
+        Side, in pixels, of the blocks whose pixels are averaged.
 
     Raises
     ------
     SettingError
-        If the part is not inside the image, scaling changes the aspect ratio, or the size of the images is unknown.
+        If the part is not inside the image, nothing is left of it, scaling changes the aspect ratio, or the size of the images is unknown.
     """
-    if crop is None and size is None:
+    if crop is None and size is None and binning == 1:
         return photometry
     calibration = as_calibration(photometry)
     if crop is not None:
         calibration = crop_calibration(calibration, crop[:2], crop[2:])
+    if binning != 1:
+        calibration = bin_calibration(calibration, binning)
     if size is not None:
         calibration = resize_calibration(calibration, size)
     whole = calibration if photometry.calibration is not None else None
