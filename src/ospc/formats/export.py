@@ -83,7 +83,8 @@ def adapted(
     Raises
     ------
     SettingError
-        If the part is not inside the image, nothing is left of it, scaling changes the aspect ratio, or the size of the images is unknown.
+        If the part is not inside the image, nothing is left of it, scaling changes the aspect ratio, or the
+        size of the images is unknown.
     """
     if crop is None and size is None and binning == 1:
         return photometry
