@@ -21,7 +21,7 @@ from ospc.recording.frame import Frame
 from ospc.recording.live.source import ExposureReader, grey
 
 _GAIN_OF_ONE = 16
-_WAIT_MS = 5000
+_WAITS, _WAIT_MS = 25, 200
 
 
 class RealSenseCamera:
@@ -93,20 +93,23 @@ class RealSenseCamera:
             config.enable_stream(rs.stream.infrared, 1, rs.format.y8, 0)
         name = str(recording) if recording is not None else f"RealSense {serial}".strip()
         pipeline = rs.pipeline()
+        playback = None
         try:
             profile = pipeline.start(config)
             if recording is not None:
-                profile.get_device().as_playback().set_real_time(False)
+                playback = profile.get_device().as_playback()
+                playback.set_real_time(False)
         except RuntimeError as error:
             raise RecordingError(f"{name}: cannot be opened ({_sentence(error)}); is it plugged in?") from None
 
         def wait() -> Any:
-            arrived, frames = pipeline.try_wait_for_frames(_WAIT_MS)
-            if not arrived:
-                if recording is not None:
+            for _ in range(_WAITS):
+                arrived, frames = pipeline.try_wait_for_frames(_WAIT_MS)
+                if arrived:
+                    return frames.get_color_frame() if colour else frames.get_infrared_frame(1)
+                if playback is not None and playback.current_status() == rs.playback_status.stopped:
                     return None
-                raise RuntimeError(f"no frame within {_WAIT_MS / 1000:g} s")
-            return frames.get_color_frame() if colour else frames.get_infrared_frame(1)
+            raise RuntimeError(f"no frame within {_WAITS * _WAIT_MS / 1000:g} s")
 
         return cls(wait, name, channel=channel, stop=pipeline.stop)
 
