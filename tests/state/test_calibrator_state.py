@@ -15,6 +15,7 @@ from ospc.correspondence.sightings import Sightings
 from ospc.errors import FormatError, FrameError, SettingError
 from ospc.methods.joint import JointMethod
 from ospc.methods.joint_state import JointState
+from ospc.pooling.pool import Pool
 from ospc.presets import JointSettings
 from ospc.recording import Frame
 from ospc.simulation import SimulationSettings, frames
@@ -185,3 +186,12 @@ def test_settings_of_another_version_are_refused(saved, tmp_path, settings_of_an
     other = container.save(replace(found, content=found.content | {"run": run}), tmp_path / "other.ospc")
     with pytest.raises(FormatError, match=rf"^{other}: "):
         OnlineCalibrator.load_state(other)
+
+
+@pytest.mark.parametrize(("version", "age"), [(VERSION - 1, "an older"), (VERSION + 1, "a newer")])
+def test_states_of_other_versions_are_refused_by_name(saved, tmp_path, version, age):
+    found = container.load(saved, KIND, VERSION)
+    other = container.save(replace(found, version=version), tmp_path / "other.ospc")
+    for load in (OnlineCalibrator.load_state, Pool.load):
+        with pytest.raises(FormatError, match=rf"^{other}: was written by {age} version .* make it anew"):
+            load(other)
