@@ -145,6 +145,30 @@ def test_interrupted_it_writes_what_is_done_and_goes_on_later(entries, tmp_path)
     assert {row.status for row in outcome.rows} == {"done"}
 
 
+def test_when_whoever_does_the_work_is_lost_what_is_done_is_written_and_said(entries, tmp_path):
+    class Lost(Pretending):
+        def run(self, tasks):
+            for number, answer in enumerate(super().run(tasks)):
+                if number == 2:
+                    raise SettingError("the scheduler is lost")
+                yield answer
+
+    with pytest.raises(SettingError, match="the scheduler is lost"):
+        run_batch(entries[:4], tmp_path / "out", Lost())
+    assert [row.status for row in read_table(tmp_path / "out" / "batch.csv")] == ["done"] * 2 + ["not done"] * 2
+
+
+def test_when_nobody_does_the_work_nothing_is_written(entries, tmp_path):
+    class Absent(Pretending):
+        def run(self, tasks):
+            raise SettingError("no scheduler answers")
+            yield
+
+    with pytest.raises(SettingError, match="no scheduler answers"):
+        run_batch(entries[:4], tmp_path / "out", Absent())
+    assert not (tmp_path / "out").exists()
+
+
 def test_without_pyarrow_there_is_no_parquet_and_a_note(entries, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     outcome = run_batch(entries[:1], tmp_path / "out", ThisProcess())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from ospc.batch.overview import write_overview
 from ospc.batch.store import Store
 from ospc.batch.table import CSV_NAME, PARQUET_NAME, Row, write_csv, write_parquet
 from ospc.batch.work import Answer, Task
-from ospc.errors import FormatError, MissingExtraError, SettingError
+from ospc.errors import FormatError, MissingExtraError, OspcError, SettingError
 from ospc.formats.files import read_text
 from ospc.versions import versions
 
@@ -127,6 +127,8 @@ def run_batch(
         If the folder cannot be used.
     FormatError
         If results cannot be written.
+    OspcError
+        If the runner cannot go on at all; what was done by then is written.
     """
     place = Path(folder)
     _check(place, force=force)
@@ -139,6 +141,13 @@ def run_batch(
             _calibrate(state, store, runner, progress, attempt)
     except KeyboardInterrupt:
         interrupted = True
+    except (
+        OspcError
+    ):  # whoever did the work is gone, or the disk is full: what is done should not look as if it were not
+        if state.done or state.errors:
+            with suppress(OspcError):
+                _written(state, store, place, progress, interrupted=True)
+        raise
     return _written(state, store, place, progress, interrupted=interrupted)
 
 
