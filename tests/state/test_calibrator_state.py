@@ -127,6 +127,7 @@ def test_everything_a_method_learns_is_in_its_state():
     made_anew |= {"response_spread", "second"}
     not_needed = {"evidence", "to_recall", "latest"}
     saved = {"schedule", "partners", "reservoir", "series", "noise", "fit", "motions", "pairs", "log_exposures"}
+    saved |= {"circle"}
     method = JointMethod(JointSettings(), (64, 48), 255)
     assert {name.lstrip("_") for name in vars(method)} == made_anew | not_needed | saved
     assert set(JointState.__dataclass_fields__) == (saved - {"schedule"}) | {"passed_over", "looks"}

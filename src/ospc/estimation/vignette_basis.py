@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,9 +85,12 @@ class VignetteBasis:
         """Return the centre of the fall-off relative to the image centre, in half diagonals, shape (2,)."""
         return parameters[self.radial : self.radial + 2] if self.free_centre else np.zeros(2)
 
-    def vignette(self, parameters: FloatArray, size: ImageSize) -> LogVignette:
-        """Return the vignette of the parameters for an image size."""
-        return self._model(parameters, size)
+    def vignette(self, parameters: FloatArray, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
+        """Return the vignette of the parameters for an image size, of which a part up to some radius is usable."""
+        model = self._model(parameters, size)
+        if usable_radius >= 1:
+            return model
+        return replace(model, limit=usable_radius + float(np.hypot(*model.centre)))
 
     def _model(self, parameters: FloatArray, size: ImageSize) -> LogVignette:
         centre = self.centre(parameters)

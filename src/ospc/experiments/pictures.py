@@ -18,6 +18,8 @@ from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, rule
 
 _COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#4B0082")
 _LINES = ("-", "--", "-.", ":")
+_FEWEST_SAMPLES = 10
+"""Exposure ratios that rest on fewer scene points are not shown."""
 
 
 def draw_curves(measured: Measured, path: Path, ratios: dict[str, ExposureRatios] | None = None) -> Path:
@@ -30,7 +32,7 @@ def draw_curves(measured: Measured, path: Path, ratios: dict[str, ExposureRatios
     FormatError
         If it cannot be written.
     """
-    shown = {name: found for name, found in (ratios or {}).items() if len(found.metadata)}
+    shown = {name: found for name, found in (ratios or {}).items() if np.any(found.samples >= _FEWEST_SAMPLES)}
     figure = new_figure(15.0 if shown else 10.0, 4.6)
     with rules():
         axes = figure.subplots(1, 3 if shown else 2)
@@ -56,11 +58,15 @@ def draw_curves(measured: Measured, path: Path, ratios: dict[str, ExposureRatios
 
 
 def _draw_ratios(axes: Any, ratios: dict[str, ExposureRatios]) -> None:
-    everything = np.concatenate([np.concatenate([found.metadata, found.estimated]) for found in ratios.values()])
+    kept = {name: found.samples >= _FEWEST_SAMPLES for name, found in ratios.items()}
+    everything = np.concatenate(
+        [np.concatenate([found.metadata[kept[name]], found.estimated[kept[name]]]) for name, found in ratios.items()]
+    )
     ends = [float(np.quantile(everything, q)) for q in (0.001, 0.999)]
     axes.plot(ends, ends, color=BLACK, lw=1, label="equal")
     for (name, found), colour in zip(ratios.items(), _COLOURS, strict=False):
-        axes.scatter(found.metadata, found.estimated, s=7, alpha=0.5, color=colour, label=name, linewidths=0)
+        k, estimate = found.metadata[kept[name]], found.estimated[kept[name]]
+        axes.scatter(k, estimate, s=7, alpha=0.5, color=colour, label=name, linewidths=0)
     axes.set(
         title="Exposure ratios",
         xlabel="k by the metadata",

@@ -153,7 +153,11 @@ def _in_unit(vignette: LogVignette, size: ImageSize, unit: float, centre: tuple[
     """Return a log-polynomial for a radius in units ``unit`` times as long."""
     harmonics = zip(vignette.non_radial, _HARMONIC_DEGREES, strict=False)
     return LogVignette(
-        size, _powers(vignette.coefficients, unit), centre, tuple(c * unit**degree for c, degree in harmonics)
+        size,
+        _powers(vignette.coefficients, unit),
+        centre,
+        tuple(c * unit**degree for c, degree in harmonics),
+        vignette.limit / unit,
     )
 
 

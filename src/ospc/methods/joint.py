@@ -9,6 +9,7 @@ import numpy as np
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.flat_sampling import FlatSampler, Samples
+from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.partners import Partners, PartnersState
 from ospc.correspondence.registration import DenseRegistration, Equaliser
 from ospc.correspondence.reservoir import Reservoir
@@ -109,6 +110,7 @@ class JointMethod:
         self._reservoir = Reservoir(settings.max_points)
         self._series: StaticSeries | None = StaticSeries(points=settings.series_pixels)
         self._noise = NoiseGauge(max_grey)
+        self._circle = ImageCircle()
         self._basis = ResponseBasis(settings.response_intervals)
         self._fit: JointFit | None = None
         self._latest: Sightings | None = None
@@ -179,6 +181,7 @@ class JointMethod:
             fit=self._fit,
             motions=self._motions,
             pairs=self._pairs,
+            circle=self._circle,
             log_exposures=self._log_exposures,
         )
 
@@ -198,6 +201,7 @@ class JointMethod:
         method._partners.restore(state.partners)
         method._reservoir, method._series, method._noise = state.reservoir, state.series, state.noise
         method._motions, method._pairs, method._log_exposures = state.motions, state.pairs, state.log_exposures
+        method._circle = state.circle
         method._to_recall = state.partners
         if state.fit is not None:
             method._rely_on(state.fit)
@@ -231,6 +235,7 @@ class JointMethod:
             exposure_range_ms=(float(np.exp(self._log_exposures[0])), float(np.exp(self._log_exposures[1]))),
             standing_still=self._standing_still,
             pairs=self._pairs,
+            usable_radius=self._circle.usable_radius(),
         )
 
     # What push does besides comparing.
@@ -242,6 +247,7 @@ class JointMethod:
         noted = self._second.submit(self._noise.watch, image)
         view = self._make_view(frame)
         noted.result()
+        self._circle.watch(view, frame.mask)
         return view
 
     def _compare(self, view: View) -> None:
@@ -311,7 +317,12 @@ class JointMethod:
     def _sightings(self) -> Sightings | None:
         if self._series is not None and self._series_stands_in:
             return self._series.sightings()
-        return self._reservoir.all() if self._reservoir.points else None
+        return self._lit(self._reservoir.all()) if self._reservoir.points else None
+
+    def _lit(self, sightings: Sightings) -> Sightings:
+        """Return the sightings without those of a surround that never sees light, which looks alike in all frames."""
+        seen = self._circle.sees(sightings.position)
+        return sightings if seen is None else sightings.of_points(np.logical_and.reduceat(seen, sightings.starts))
 
     def _response_basis(self) -> ResponseBasis:
         return ResponseBasis(self._settings.series_intervals) if self._series_stands_in else self._basis

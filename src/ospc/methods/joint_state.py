@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.partners import PartnersState
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
@@ -33,6 +34,8 @@ class JointState:
         Recent displacements in pixels.
     pairs
         Pairs of frames compared.
+    circle
+        Which part of the image ever sees light.
     log_exposures
         ln of the shortest and longest exposure in milliseconds.
     """
@@ -46,4 +49,5 @@ class JointState:
     fit: JointFit | None
     motions: list[float]
     pairs: int
+    circle: ImageCircle
     log_exposures: tuple[float, float]

@@ -41,6 +41,8 @@ class Evidence:
         Whether the camera did not move.
     pairs
         Pairs of frames compared.
+    usable_radius
+        Radius in half diagonals that the usable part of the image reaches: less than 1 in a fisheye's image.
     """
 
     size: ImageSize
@@ -51,6 +53,7 @@ class Evidence:
     exposure_range_ms: tuple[float, float]
     standing_still: bool
     pairs: int
+    usable_radius: float = 1.0
 
 
 def summarise(evidence: Evidence, settings: JointSettings) -> Calibration:
@@ -61,13 +64,15 @@ def summarise(evidence: Evidence, settings: JointSettings) -> Calibration:
     points = 0 if sightings is None else len(sightings.starts)
     verdicts = {
         "response": response_verdict(settings, fit, evidence.exposure_range_ms, points, ratios),
-        "vignette": vignette_verdict(settings, fit, reach, evidence.standing_still),
+        "vignette": vignette_verdict(settings, fit, reach, evidence.standing_still, evidence.usable_radius),
     }
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
     return Calibration(
         size=evidence.size,
         response=response_of(fit, evidence.max_grey, sightings) if fit is not None and response_known else None,
-        vignette=vignette_of(fit, evidence.size) if fit is not None and vignette_known else None,
+        vignette=vignette_of(fit, evidence.size, evidence.usable_radius)
+        if fit is not None and vignette_known
+        else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if fit is not None and vignette_known else None,
         noise=evidence.noise,
@@ -108,9 +113,9 @@ def response_of(fit: JointFit, max_grey: int, sightings: Sightings | None = None
     )
 
 
-def vignette_of(fit: JointFit, size: ImageSize) -> LogVignette:
-    """Return the vignette of a fit."""
-    return fit.vignette_basis.vignette(fit.vignette_parameters, size)
+def vignette_of(fit: JointFit, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
+    """Return the vignette of a fit, up to the radius that the usable part of the image reaches."""
+    return fit.vignette_basis.vignette(fit.vignette_parameters, size, usable_radius)
 
 
 def vignette_sigma(fit: JointFit) -> FloatArray:

@@ -86,7 +86,9 @@ def response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float
     return Verdict("marginal", figure, remedy) if sigma > _SURE else Verdict("identifiable", figure)
 
 
-def vignette_verdict(settings: JointSettings, fit: JointFit | None, reach: float, standing_still: bool) -> Verdict:
+def vignette_verdict(
+    settings: JointSettings, fit: JointFit | None, reach: float, standing_still: bool, usable_radius: float = 1.0
+) -> Verdict:
     """Return whether the vignette is known, and what to record instead where it is not.
 
     Parameters
@@ -99,6 +101,8 @@ def vignette_verdict(settings: JointSettings, fit: JointFit | None, reach: float
         Radial displacement that a tenth of the scene points exceed.
     standing_still
         Whether the camera did not move.
+    usable_radius
+        Radius in half diagonals that the usable part of the image reaches.
     """
     if standing_still:
         return Verdict("not identifiable", "the camera stands still: every point keeps its vignette", _MOVE_RADIALLY)
@@ -112,8 +116,9 @@ def vignette_verdict(settings: JointSettings, fit: JointFit | None, reach: float
     if fit is None:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
     # A small error common to all samples adds up on the way from the centre to the corner, in steps of the reach.
-    sigma = float(np.hypot(fit.log_vignette_sigma(np.array([1.0]))[0], _SYSTEMATIC / reach))
-    figure = f"ln V at the corner is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
+    sigma = float(np.hypot(fit.log_vignette_sigma(np.array([usable_radius]))[0], _SYSTEMATIC / reach))
+    where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
+    figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
     if sigma > _VAGUE:
         return Verdict("not identifiable", figure, _MOVE_RADIALLY)
     if sigma > _SURE:

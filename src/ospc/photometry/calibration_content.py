@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,7 @@ def _vignette_from_dict(content: dict[str, Any], place: Path) -> Vignette:
             tuple(map(float, model["coefficients"])),
             (float(centre[0]), float(centre[1])),
             tuple(map(float, model["non_radial"])),
+            float(model.get("limit", math.inf)),
         )
     if model["name"] == "raster":
         return RasterVignette.read_map(place.with_suffix(".vignette.npz"), size, model["source"])

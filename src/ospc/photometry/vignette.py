@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import zipfile
 import zlib
 from dataclasses import dataclass, field
@@ -91,12 +92,16 @@ class LogVignette:
         Centre of the fall-off relative to the image centre, in half diagonals.
     non_radial
         Coefficients of the harmonics x·y, x²−y², and of x, y times R², in this order; empty for none.
+    limit
+        Distance from ``centre``, in half diagonals, beyond which nothing is known, as around a fisheye's image
+        circle: V stays there what it is at this distance.
     """
 
     size: ImageSize
     coefficients: tuple[float, ...]
     centre: tuple[float, float] = (0.0, 0.0)
     non_radial: tuple[float, ...] = ()
+    limit: float = math.inf
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
         """Return the attenuation at pixel coordinates, shape (..., 2) -> (...)."""
@@ -109,6 +114,9 @@ class LogVignette:
     def _at_offsets(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the attenuation at places relative to the vignette's own centre, of any shapes that go together."""
         squared = x**2 + y**2
+        if squared.size and squared.max() > self.limit**2:
+            inwards = np.minimum(1.0, self.limit / np.sqrt(np.maximum(squared, 1e-300)))
+            x, y, squared = x * inwards, y * inwards, squared * inwards**2
         log_v = np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])
         if self.non_radial:
             terms = (x * y, x**2 - y**2, x * squared, y * squared)
@@ -136,6 +144,7 @@ class LogVignette:
             "coefficients": list(self.coefficients),
             "centre": list(self.centre),
             "non_radial": list(self.non_radial),
+            **({"limit": self.limit} if math.isfinite(self.limit) else {}),
         }
 
 

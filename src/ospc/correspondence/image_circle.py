@@ -1,0 +1,105 @@
+"""Which part of the image ever sees light: all of it, the image circle of a fisheye, or what a mask leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import BoolArray, FloatArray
+from ospc.correspondence.view import View
+from ospc.photometry.geometry import normalised, pixel_grid
+
+_LEAST_LOOKS = 8
+_LIT = 60
+_DARK_SHARE = 0.1
+_LEAST_SHARE = 0.01
+_FEWEST_CORNERS = 3
+_MARGIN_PX = 3
+_WHOLE = 0.97
+"""An image of which something is usable so far out counts as usable up to its corners."""
+
+
+@dataclass
+class ImageCircle:
+    """Remembers the brightest that every place of the image ever was.
+
+    A place in a dark part of the scene is lit sooner or later, one outside the image circle never is. What stays dark
+    and reaches the corners is taken to be the surround of a fisheye's image.
+
+    Attributes
+    ----------
+    brightest
+        Largest grey level of each place in the size at which frames are registered, 8 bit, shape (h, w); None before
+        the first look.
+    looks
+        Number of frames looked at.
+    allowed
+        Where pixels may be used, in the same size; None for everywhere.
+    """
+
+    brightest: npt.NDArray[np.uint8] | None = None
+    looks: int = 0
+    allowed: BoolArray | None = None
+
+    def watch(self, view: View, mask: BoolArray | None) -> None:
+        """Look at a frame.
+
+        Parameters
+        ----------
+        view
+            The frame prepared for comparison.
+        mask
+            Where its pixels may be used, shape (height, width); None for everywhere.
+        """
+        self.looks += 1
+        # The image is new to every view: nobody else changes it.
+        self.brightest = view.small if self.brightest is None else np.maximum(self.brightest, view.small)
+        if mask is not None and self.allowed is None:
+            height, width = view.small.shape
+            self.allowed = cv2.resize(mask.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+
+    def surround(self) -> BoolArray | None:
+        """Return where the image never sees light, in the small size, shape (h, w); None where it does everywhere."""
+        if self.brightest is None or self.looks < _LEAST_LOOKS:
+            return None
+        lit = float(np.percentile(self.brightest, 90))
+        if lit < _LIT:
+            return None
+        dark = (self.brightest <= _DARK_SHARE * lit).astype(np.uint8)
+        _, label = cv2.connectedComponents(dark)
+        corners = label[[0, 0, -1, -1], [0, -1, 0, -1]]
+        outside = np.isin(label, corners[corners > 0])
+        if np.count_nonzero(corners) < _FEWEST_CORNERS or outside.mean() < _LEAST_SHARE:
+            return None
+        side = 2 * _MARGIN_PX + 1
+        return np.asarray(cv2.dilate(outside.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
+
+    def usable_radius(self) -> float:
+        """Return the radius, in half diagonals about the image centre, that the usable part reaches; at most 1."""
+        surround = self.surround()
+        if self.brightest is None or (surround is None and self.allowed is None):
+            return 1.0
+        usable = np.ones(self.brightest.shape, dtype=bool) if surround is None else ~surround
+        if self.allowed is not None:
+            usable &= self.allowed
+        height, width = usable.shape
+        radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)[usable]
+        # A few places beyond, in one corner or by mistake, do not make a radius known.
+        return float(np.quantile(radius, 0.995)) if radius.size and radius.max() < _WHOLE else 1.0
+
+    def sees(self, position: FloatArray) -> BoolArray | None:
+        """Return which positions, in half diagonals from the centre, shape (n, 2), are not in the surround.
+
+        None where there is no surround.
+        """
+        surround = self.surround()
+        if surround is None:
+            return None
+        height, width = surround.shape
+        half = np.hypot(width - 1, height - 1) / 2
+        place = np.rint(position * half + [(width - 1) / 2, (height - 1) / 2]).astype(np.int64)
+        x, y = np.clip(place, 0, [width - 1, height - 1]).T
+        return np.asarray(~surround[y, x])

@@ -1,0 +1,76 @@
+"""Images that are lit only inside a circle: the surround is found, or masked, and tells nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ospc import OnlineCalibrator
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.photometry.vignette import LogVignette
+from ospc.recording.frame import Frame
+from ospc.simulation import SimulationSettings, frames, truth
+
+SETTINGS = SimulationSettings(
+    size=(320, 240), frames=80, speed=3.0, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0), response="srgb"
+)
+CIRCLE = 0.62
+INSIDE = np.linalg.norm(normalised(pixel_grid(SETTINGS.size), SETTINGS.size), axis=-1) < CIRCLE
+
+
+def circular(frame: Frame) -> Frame:
+    random = np.random.default_rng(frame.index)
+    dark = random.integers(0, 6, frame.image.shape, dtype=np.uint8)
+    return Frame.of_array(np.where(INSIDE, frame.image, dark), frame.exposure_ms, index=frame.index)
+
+
+def calibrated(*, masked: bool) -> Calibration:
+    calibrator = OnlineCalibrator()
+    for frame in frames(SETTINGS):
+        seen = circular(frame)
+        calibrator.push(replace(seen, mask=INSIDE) if masked else seen)
+    return calibrator.calibration()
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["found", "masked"])
+def found(request: pytest.FixtureRequest) -> Calibration:
+    return calibrated(masked=request.param)
+
+
+def test_the_vignette_is_known_where_there_is_an_image(found: Calibration) -> None:
+    assert found.verdicts["vignette"].known
+    assert found.vignette is not None
+    inside = np.linalg.norm(normalised(pixel_grid(SETTINGS.size), SETTINGS.size), axis=-1) < CIRCLE - 0.03
+    assert np.abs(found.vignette.image() - truth(SETTINGS).vignette.image())[inside].max() < 0.02
+
+
+def test_nothing_is_made_up_beyond(found: Calibration) -> None:
+    assert isinstance(found.vignette, LogVignette)
+    assert CIRCLE - 0.05 < found.vignette.limit < CIRCLE + 0.1
+    values = found.vignette.image()
+    assert values.min() >= 0.98 * values[INSIDE].min()
+    assert values.max() <= 1.02 * values[INSIDE].max()
+
+
+def test_the_response_is_found_all_the_same(found: Calibration) -> None:
+    assert found.response is not None
+    grey = np.linspace(0.2, 0.9, 8)
+    ratio = found.response.inverse(grey) / truth(SETTINGS).response.inverse(grey)
+    assert np.ptp(np.log(ratio)) < 0.05
+
+
+def test_an_image_lit_everywhere_has_no_limit() -> None:
+    calibrator = OnlineCalibrator()
+    for frame in frames(SETTINGS):
+        calibrator.push(frame)
+    vignette = calibrator.calibration().vignette
+    assert isinstance(vignette, LogVignette)
+    assert vignette.limit == np.inf
+
+
+def test_the_limit_survives_saving(found: Calibration, tmp_path) -> None:
+    again = Calibration.load(found.save(tmp_path / "calibration.json"))
+    assert again.vignette == found.vignette
