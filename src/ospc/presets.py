@@ -191,7 +191,7 @@ class JointSettings:
 
 @dataclass(frozen=True)
 class FastSettings(JointSettings):
-    """The default method with half the looks and a third of the points: errors about a fifth larger."""
+    """The default method with half the looks and a third of the points: errors about half as large again."""
 
     frames_per_slowdown: int = 20
     enough_looks: int = 80
