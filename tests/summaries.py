@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.methods.joint_summary import Evidence
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
-from ospc.pooling.summary import PARAMETERS, Summary, summary_of, triangle_of
+from ospc.pooling.summary import PARAMETERS, VIGNETTE, Summary, summary_of, triangle_of
 from synthetic_sightings import SIZE, Camera
 
 NOISE = NoiseModel((1 / 255) ** 2, (1.5 / 255) ** 2)
@@ -26,7 +25,7 @@ def evidence_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -
     """Return what a short recording of a camera shows."""
     sightings = camera.pairs(seed, groups, points)
     fit = fit_with_chosen_vignette(
-        sightings, ResponseBasis(32), VignetteBasis(4, free_centre=True, non_radial=True), NOISE, rounds=5
+        sightings, ResponseBasis(32), VIGNETTE, NOISE, rounds=5
     )
     return Evidence(SIZE, 255, NOISE, sightings, fit, (2.0, 30.0), standing_still=False, pairs=groups)
 
@@ -44,7 +43,7 @@ def plain(key: str, frames: int = 10, seed: int = 0) -> Summary:
     random = np.random.default_rng(seed)
     rows = random.standard_normal((PARAMETERS, PARAMETERS))
     matrix = rows.T @ rows
-    estimate = np.concatenate([np.full(33, 1.5), np.zeros(10)])
+    estimate = np.concatenate([np.full(33, 1.5), np.zeros(len(VIGNETTE))])
     return Summary(
         key=key,
         name=key,

@@ -24,7 +24,7 @@ from ospc.methods.joint_verdicts import unexplained_share
 from ospc.photometry.noise import NoiseModel
 
 RESPONSE = ResponseBasis(32)
-VIGNETTE = VignetteBasis(4, free_centre=True, non_radial=True)
+VIGNETTE = VignetteBasis(5, free_centre=True, non_radial=True)
 """The models whose parameters all summaries share, whatever the settings their recordings were calibrated with."""
 
 RESPONSE_PART = slice(0, len(RESPONSE))
