@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from ospc.odometry.run import Odometry, RunResult
     from ospc.recording import Recording
 
+_WIDTH = 400
+"""Wide enough for every table: cells that were cut short would be lost."""
+
 _CONDITIONS = "truth,ours,joint-wgt,joint-wogt,none"
 
 
@@ -183,15 +186,15 @@ def _report(experiment: Experiment, outcome: Outcome, *, as_json: bool) -> None:
     from rich.table import Table
 
     shown = Table(title="median e_align, in units of the truth", title_justify="left")
-    shown.add_column("recording")
+    shown.add_column("recording", no_wrap=True)
     for condition in experiment.conditions:
-        shown.add_column(condition.title, justify="right")
+        shown.add_column(condition.title, justify="right", no_wrap=True)
     for row in table(outcome.results, experiment.conditions):
         shown.add_row(
             row.recording,
             *(f"[bold]{cell.text}[/bold]" if i == row.best else cell.text for i, cell in enumerate(row.cells)),
         )
-    Console(highlight=False, soft_wrap=True).print(shown)
+    Console(highlight=False, width=_WIDTH).print(shown, soft_wrap=True)
     for line in _failures(outcome, experiment.conditions):
         click.echo(line)
     for problem in problems:
