@@ -24,9 +24,7 @@ OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 def evidence_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> Evidence:
     """Return what a short recording of a camera shows."""
     sightings = camera.pairs(seed, groups, points)
-    fit = fit_with_chosen_vignette(
-        sightings, ResponseBasis(32), VIGNETTE, NOISE, rounds=5
-    )
+    fit = fit_with_chosen_vignette(sightings, ResponseBasis(32), VIGNETTE, NOISE, rounds=5)
     return Evidence(SIZE, 255, NOISE, sightings, fit, (2.0, 30.0), standing_still=False, pairs=groups)
 
 

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from ospc.errors import OspcError, SettingError
+from ospc.errors import FrameError, OspcError, SettingError
 from ospc.live import LiveCalibrator
 from ospc.live.watch import Watch
 from ospc.recording import Frame
@@ -45,6 +45,14 @@ def test_while_the_background_is_busy_frames_are_let_go_and_counted(monkeypatch)
     assert len(held.seen) == live.status.looked == 1
 
 
+def holds(frame, shape):
+    """Return whether a frame, which may be of another test and broken on purpose, holds an image of this shape."""
+    try:
+        return frame.load().shape == shape
+    except FrameError:
+        return False
+
+
 def test_no_more_than_one_image_is_held_however_many_are_pushed(monkeypatch):
     held = Held(monkeypatch)
     shape = (37, 53)
@@ -52,7 +60,7 @@ def test_no_more_than_one_image_is_held_however_many_are_pushed(monkeypatch):
         for i in range(300):
             live.push(grey(i % 200, shape))
         gc.collect()
-        kept = [a for a in gc.get_objects() if isinstance(a, Frame) and a.load().shape == shape]
+        kept = [a for a in gc.get_objects() if isinstance(a, Frame) and holds(a, shape)]
         assert len(kept) <= 1
         held.go.set()
 
