@@ -156,7 +156,7 @@ class JointSettings:
     """
 
     frames_per_slowdown: int = 60
-    enough_looks: int = 200
+    enough_looks: int = 150
     views: int = 20
     max_log_ratio: float = 1.2
     longest_side_px: int = 800

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -118,6 +120,7 @@ def calibrate_into(
     if options.examined is not None and not options.quiet:
         say_examined(options.examined, notes=talkative)
     watching = replace(options.watching, visible=not options.quiet and sys.stderr.isatty())
+    Thread(target=_load_drawing, daemon=True).start()
     with interruption.deferred():
         outcome = run(
             recording,
@@ -141,6 +144,13 @@ def calibrate_into(
     if outcome.failure:
         raise OspcError(outcome.failure)
     return code
+
+
+def _load_drawing() -> None:
+    """Load the modules that draw while frames are compared, for which two cores are not needed all the time."""
+    from ospc.report import style
+
+    style.load()
 
 
 def _exit_code(outcome: Outcome) -> int:
@@ -181,9 +191,13 @@ def _write(
     before = interruption.count
     written = folder.write(outcome.calibration, recording)
     if not written.problems:
-        written += folder.report(outcome.calibration, recording, options.truth, pdf=options.pdf)
-    if not written.problems:
-        written += folder.draw(outcome.calibration, options.truth, stop=lambda: interruption.count > before)
+        with ThreadPoolExecutor(1) as second:
+            # The report follows points through images, which leaves the interpreter to whoever draws.
+            reported = second.submit(folder.report, outcome.calibration, recording, options.truth, pdf=options.pdf)
+            if options.pdf:
+                reported.result()  # drawn as the pictures are, which is not to be done twice at once
+            drawn = folder.draw(outcome.calibration, options.truth, stop=lambda: interruption.count > before)
+            written += reported.result() + drawn
     if interruption.requested and not outcome.interrupted:
         partial = replace(outcome.calibration, partial=True)
         partial.save(folder.path / "calibration.json")

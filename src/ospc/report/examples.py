@@ -20,7 +20,7 @@ from ospc.photometry.response import Response
 from ospc.recording import Frame, Recording
 from ospc.report.words import FOUNDED
 
-TRACKED_FRAMES = 20
+TRACKED_FRAMES = 12
 """Frames of the excerpt that every report follows points through: enough to tell, few enough to cost no time."""
 
 _PICTURES = 2

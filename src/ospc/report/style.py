@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,14 @@ def new_figure(width_in: float, height_in: float) -> Any:
     return Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
 
 
+def load() -> None:
+    """Load what draws, so that it need not be waited for later; nothing happens where it is not installed."""
+    with suppress(ImportError):
+        import matplotlib.axes
+        import matplotlib.backends.backend_agg
+        import matplotlib.figure  # noqa: F401
+
+
 def rules() -> Any:
     """Return the context within which figures get this project's look."""
     import matplotlib as mpl
@@ -56,7 +65,7 @@ def save(figure: Any, path: Path) -> Path:
         If the file cannot be written.
     """
     picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=DPI)
+    figure.savefig(picture, format="png", dpi=DPI, pil_kwargs={"compress_level": 2})
     try:
         return write_atomically(path, picture.getvalue())
     except OSError as error:
