@@ -21,7 +21,7 @@ SHOULDER_SIGMA = 0.5
 """Standard deviation of the bend of ln γ between grey levels 0.75 and 1, beyond what the curve does below; of the 201
 measured responses two in three lie between no bend and one by a factor of 2.6."""
 
-WHITE_SIGMA, BLACK_SIGMA = 0.42, 0.2
+WHITE_SIGMA, BLACK_SIGMA = 0.3, 0.2
 """Standard deviations of what ln γ does besides in the last and first few grey levels."""
 
 _MIDDLE = 0.4
