@@ -50,3 +50,8 @@ class MissingExtraError(OspcError):
         super().__init__(f"{feature} needs an optional dependency: pip install 'ospc[{extra}]'")
         self.feature = feature
         self.extra = extra
+
+
+def said_by(error: BaseException, most: int | None = None) -> str:
+    """Return the message of an error on one line, of at most so many characters."""
+    return " ".join(str(error).split())[:most]

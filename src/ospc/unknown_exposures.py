@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize, IntArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.baselines.joint import JointEstimate, estimate_jointly
 from ospc.baselines.response_model import SAMPLES, learned_model
 from ospc.baselines.tracks import GainRobustTracker
@@ -25,6 +25,7 @@ from ospc.errors import FrameError, NotObservableError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.presets import Settings
 from ospc.recording import open_recording
+from ospc.recording.derived import DerivedRecording
 from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
 from ospc.recording.recording import Recording
@@ -41,7 +42,7 @@ _MENDING = "give the exposure of every frame, or of a second recording of the sa
 
 
 @dataclass(frozen=True, eq=False)
-class RecoveredRecording:
+class RecoveredRecording(DerivedRecording):
     """A recording whose exposures are estimated from its images, up to a factor and an exponent.
 
     Attributes
@@ -60,26 +61,6 @@ class RecoveredRecording:
     frames: IntArray
     exposures_ms: FloatArray
     exponent_sigma: float = EXPONENT_SIGMA
-
-    @property
-    def path(self) -> Path:
-        """Where the inner recording was opened from."""
-        return self.inner.path
-
-    @property
-    def kind(self) -> str:
-        """Kind of the inner recording."""
-        return self.inner.kind
-
-    @property
-    def size(self) -> ImageSize:
-        """Width and height of its frames in pixels."""
-        return self.inner.size
-
-    @property
-    def max_grey(self) -> int:
-        """Largest grey value the sensor delivers."""
-        return self.inner.max_grey
 
     @property
     def stamps_s(self) -> FloatArray:

@@ -12,7 +12,7 @@ from uuid import uuid4
 
 import ospc
 from ospc.batch.work import Answer, Task, work
-from ospc.errors import MissingExtraError, SettingError
+from ospc.errors import MissingExtraError, SettingError, said_by
 
 _TASKS_PER_THREAD = 4
 _FEWEST_IN_FLIGHT = 16
@@ -58,7 +58,7 @@ class Cluster:
         try:
             client = distributed.Client(self.address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
-            text = " ".join(str(error).split()) or type(error).__name__
+            text = said_by(error) or type(error).__name__
             raise SettingError(f"{self.address}: no Dask scheduler answers there ({text})") from None
         try:
             yield from _Run(distributed, client, self).answers(iter(tasks))
@@ -187,7 +187,7 @@ class _Run:
         except self.distributed.KilledWorker as error:
             return Answer(task.number, error=f"the workers that were given it died, the last at {error.last_worker}")
         except Exception as error:  # whatever it is, it is of this recording alone
-            return Answer(task.number, error=f"{type(error).__name__}: {' '.join(str(error).split())[:300]}")
+            return Answer(task.number, error=f"{type(error).__name__}: {said_by(error, 300)}")
         return answer
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from ospc.batch.entries import Entry, absolute, is_address, options_of
 from ospc.batch.object_store import matches
-from ospc.errors import FormatError, MissingExtraError, RecordingError, SettingError
+from ospc.errors import FormatError, MissingExtraError, RecordingError, SettingError, said_by
 from ospc.recording.kinds import kinds
 
 _MOST_BYTES = 1_000_000_000
@@ -126,7 +126,7 @@ def _of_parquet(place: Path) -> list[dict[str, str]]:
         _check_columns(place, names)
         table: Any = parquet.read_table(place, columns=[name for name in _COLUMNS if name in names])
     except arrow.ArrowException as error:
-        raise FormatError(f"{place}: cannot be read as Parquet ({' '.join(str(error).split())[:200]})") from None
+        raise FormatError(f"{place}: cannot be read as Parquet ({said_by(error, 200)})") from None
     return [{name: "" if value is None else str(value) for name, value in row.items()} for row in table.to_pylist()]
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import MissingExtraError, RecordingError, said_by
 
 _PROTOCOLS = (
     *("abfs", "abfss", "adl", "az", "file", "ftp", "gcs", "gs", "hdfs", "http", "https", "local", "memory"),
@@ -106,5 +106,5 @@ def _check_amount(address: str, files: dict[str, Any]) -> None:
 def _unreachable(address: str, error: Exception) -> RecordingError:
     if isinstance(error, RecordingError):
         return error
-    text = " ".join(str(error).split())[:200]
+    text = said_by(error, 200)
     return RecordingError(f"{address}: cannot be read ({type(error).__name__}: {text})")

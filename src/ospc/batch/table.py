@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ospc.atomic import write_atomically
-from ospc.errors import FormatError, MissingExtraError
+from ospc.errors import FormatError, MissingExtraError, said_by
 from ospc.formats.files import read_text
 
 SCHEMA = "ospc-batch-table/1"
@@ -166,7 +166,7 @@ def _parquet_rows(place: Path) -> list[dict[str, Any]]:
     try:
         rows: list[dict[str, Any]] = parquet.read_table(place).to_pylist()
     except (OSError, arrow.ArrowException) as error:
-        raise FormatError(f"{place}: not readable as a table of a batch ({' '.join(str(error).split())})") from None
+        raise FormatError(f"{place}: not readable as a table of a batch ({said_by(error)})") from None
     if rows and "schema" not in rows[0]:
         raise FormatError(f"{place}: is no table of a batch; give the batch.parquet that 'ospc batch' wrote")
     return rows

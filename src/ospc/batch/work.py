@@ -23,7 +23,7 @@ from ospc.batch.entries import Entry
 from ospc.batch.object_store import local_copy
 from ospc.calibrator import OnlineCalibrator
 from ospc.diagnosis.before_calibrating import examine
-from ospc.errors import OspcError
+from ospc.errors import OspcError, said_by
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
 from ospc.state.container import Container, to_bytes
@@ -95,7 +95,7 @@ def work(task: Task) -> Answer:
             if task.what == "calibrate":
                 answer = replace(answer, result=_calibrated(recording, source, key, task.entry))
     except Exception as error:  # a failure is a result too: the other recordings go on
-        text = " ".join(str(error).split())
+        text = said_by(error)
         sentence = text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}"
         answer = replace(answer, error=sentence or type(error).__name__, result=b"")
     return replace(answer, seconds=time.monotonic() - begun_s, worker=f"{socket.gethostname()}:{os.getpid()}")

@@ -18,7 +18,7 @@ from ospc.cli.exposure_checking import as_json as examined_as_json
 from ospc.cli.exposure_checking import judged, say_examined
 from ospc.cli.interruption import Interruption
 from ospc.cli.live import NOT_WATCHED, Watcher, Watching
-from ospc.errors import OspcError
+from ospc.errors import OspcError, said_by
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
@@ -274,7 +274,7 @@ def run(
 
 def sentence(error: BaseException) -> str:
     """Return what an exception says on one line; one that nobody expected with its kind."""
-    text = " ".join(str(error).split())
+    text = said_by(error)
     return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
 
 

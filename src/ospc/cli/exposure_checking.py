@@ -55,15 +55,14 @@ def examined(recording: Recording, correct_lag: LagChoice) -> Examined:
         If so large a lag leaves no frames.
     """
     from ospc.diagnosis.before_calibrating import Examined, examine
-    from ospc.errors import SettingError
+    from ospc.errors import SettingError, said_by
 
     try:
         return examine(recording, correct_lag)
     except SettingError:
         raise
     except Exception as error:  # whatever it is: calibrating may still go well, and says what is wrong if not
-        text = " ".join(str(error).split())
-        return Examined(recording, None, 0, (f"exposures were not checked: {text}",))
+        return Examined(recording, None, 0, (f"exposures were not checked: {said_by(error)}",))
 
 
 def say_examined(found: Examined, *, notes: bool) -> None:

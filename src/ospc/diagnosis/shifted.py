@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import FloatArray
 from ospc.errors import SettingError
+from ospc.recording.derived import DerivedRecording
 from ospc.recording.frame import Frame
 from ospc.recording.image_sequence import ImageSequence
 from ospc.recording.recording import Recording
 
 
-class ShiftedRecording:
+class ShiftedRecording(DerivedRecording):
     """Frames of another recording, each with the exposure written beside a later or earlier one.
 
     Parameters
@@ -31,32 +31,12 @@ class ShiftedRecording:
             raise SettingError(
                 f"a lag of {lag} frames leaves nothing of the {count} frames of {inner.path}; give a smaller one"
             )
-        self._inner = inner
+        self.inner = inner
         self._lag = lag
         self.frames = range(max(0, -lag), count - max(0, lag))
         first, last = self.frames[0], self.frames[-1]
         self._exposures_ms = inner.exposures_ms[first + lag : last + lag + 1]
         self._stamps_s = inner.stamps_s[first : last + 1]
-
-    @property
-    def path(self) -> Path:
-        """Where the inner recording was opened from."""
-        return self._inner.path
-
-    @property
-    def kind(self) -> str:
-        """Kind of the inner recording."""
-        return self._inner.kind
-
-    @property
-    def size(self) -> ImageSize:
-        """Width and height of its frames in pixels."""
-        return self._inner.size
-
-    @property
-    def max_grey(self) -> int:
-        """Largest grey value the sensor delivers."""
-        return self._inner.max_grey
 
     @property
     def exposures_ms(self) -> FloatArray:
@@ -74,7 +54,7 @@ class ShiftedRecording:
         end = "last" if self._lag > 0 else "first"
         count = abs(self._lag)
         return (
-            *self._inner.notes,
+            *self.inner.notes,
             f"exposures are corrected for a lag of {self._lag} frames; the {end} {count} frames are left out",
         )
 
@@ -84,7 +64,7 @@ class ShiftedRecording:
 
     def __iter__(self) -> Iterator[Frame]:
         """Give the frames one by one, counted anew from 0."""
-        for frame in self._inner:
+        for frame in self.inner:
             if frame.index in self.frames:
                 index = frame.index - self.frames[0]
                 yield replace(frame, index=index, exposure_ms=float(self._exposures_ms[index]))

@@ -14,6 +14,7 @@ from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.errors import FrameError, RecordingError, SettingError
 from ospc.recording.channel import Channel
 from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
+from ospc.recording.derived import DerivedRecording
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 from ospc.recording.wording import quoted
@@ -134,7 +135,7 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
 
 
 @dataclass(frozen=True, eq=False)
-class MaskedRecording:
+class MaskedRecording(DerivedRecording):
     """A recording of whose images only some pixels may be used.
 
     Attributes
@@ -147,26 +148,6 @@ class MaskedRecording:
 
     inner: Recording
     mask: BoolArray
-
-    @property
-    def path(self) -> Path:
-        """Where the inner recording was opened from."""
-        return self.inner.path
-
-    @property
-    def kind(self) -> str:
-        """Kind of the inner recording."""
-        return self.inner.kind
-
-    @property
-    def size(self) -> ImageSize:
-        """Width and height of its frames in pixels."""
-        return self.inner.size
-
-    @property
-    def max_grey(self) -> int:
-        """Largest grey value the sensor delivers."""
-        return self.inner.max_grey
 
     @property
     def exposures_ms(self) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from ospc.errors import OspcError, RecordingError
+from ospc.errors import OspcError, RecordingError, said_by
 from ospc.recording.bags.wire import Encoding
 from ospc.recording.wording import escaped
 
@@ -114,7 +114,7 @@ def refusing_damage(path: Path, advice: str) -> Iterator[None]:
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
     except Exception as error:
-        said = escaped(" ".join(str(error).split())[:120])
+        said = escaped(said_by(error, 120))
         why = f" ({said})" if said else ""
         raise RecordingError(f"{path}: the bag is damaged or ends early{why}; {advice}") from None
 

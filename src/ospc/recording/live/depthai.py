@@ -7,21 +7,20 @@ Sources: DepthAI's documentation: ``ImgFrame.getExposureTime`` is a duration, ``
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import MissingExtraError, RecordingError, said_by
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
-from ospc.recording.live.source import ExposureReader, grey
+from ospc.recording.live.source import MOST_SAID, Camera, ExposureReader, grey
 
 SOCKETS = {"colour": "CAM_A", "left": "CAM_B", "right": "CAM_C"}
 
 
-class DepthAiCamera:
+class DepthAiCamera(Camera):
     """Frames of one sensor of an OAK camera.
 
     Parameters
@@ -91,7 +90,7 @@ class DepthAiCamera:
             queue = camera.requestOutput(size, kind).createOutputQueue()
             pipeline.start()
         except RuntimeError as error:
-            said = " ".join(str(error).split())[:160]
+            said = said_by(error, MOST_SAID)
             raise RecordingError(f"{name}: cannot be opened ({said}); is it plugged in?") from None
         return cls(queue.get, name, channel=channel, running=pipeline.isRunning, stop=pipeline.stop)
 
@@ -121,7 +120,7 @@ class DepthAiCamera:
             try:
                 frame = self._wait()
             except RuntimeError as error:
-                said = " ".join(str(error).split())[:160]
+                said = said_by(error, MOST_SAID)
                 raise RecordingError(f"{self._name}: stopped giving frames ({said})") from None
             exposure_s, iso = frame.getExposureTime().total_seconds(), float(frame.getSensitivity())
             exposure_ms = exposures.exposure_ms(exposure_s, iso)
@@ -133,13 +132,3 @@ class DepthAiCamera:
     def close(self) -> None:
         """Let go of the device."""
         self._stop()
-
-    def __enter__(self) -> DepthAiCamera:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Let go of the device."""
-        self.close()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from types import TracebackType
 from typing import Protocol
 
 import cv2
@@ -18,7 +17,7 @@ from ospc.errors import RecordingError, SettingError
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
-from ospc.recording.live.source import ExposureReader, grey
+from ospc.recording.live.source import Camera, ExposureReader, grey
 
 _UNITS = {"V4L2": ExposureUnit.US100, "DSHOW": ExposureUnit.LOG2_S, "MSMF": ExposureUnit.LOG2_S}
 """What drivers count in: V4L2's ``exposure_time_absolute`` 100 µs, DirectShow and its successor log2 s."""
@@ -38,7 +37,7 @@ class Capture(Protocol):
     def release(self) -> None: ...  # noqa: D102
 
 
-class OpenCvCamera:
+class OpenCvCamera(Camera):
     """A camera that OpenCV opens.
 
     Parameters
@@ -123,13 +122,3 @@ class OpenCvCamera:
     def close(self) -> None:
         """Let go of the device."""
         self._capture.release()
-
-    def __enter__(self) -> OpenCvCamera:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Let go of the device."""
-        self.close()

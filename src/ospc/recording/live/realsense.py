@@ -8,23 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.errors import ExposureError, MissingExtraError, RecordingError
+from ospc.errors import ExposureError, MissingExtraError, RecordingError, said_by
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
-from ospc.recording.live.source import ExposureReader, grey
+from ospc.recording.live.source import MOST_SAID, Camera, ExposureReader, grey
 
 _GAIN_OF_ONE = 16
 _WAITS, _WAIT_MS = 25, 200
 
 
-class RealSenseCamera:
+class RealSenseCamera(Camera):
     """Frames of one stream of a RealSense camera.
 
     Parameters
@@ -100,7 +99,9 @@ class RealSenseCamera:
                 playback = profile.get_device().as_playback()
                 playback.set_real_time(False)
         except RuntimeError as error:
-            raise RecordingError(f"{name}: cannot be opened ({_sentence(error)}); is it plugged in?") from None
+            raise RecordingError(
+                f"{name}: cannot be opened ({said_by(error, MOST_SAID)}); is it plugged in?"
+            ) from None
 
         def wait() -> Any:
             for _ in range(_WAITS):
@@ -140,7 +141,7 @@ class RealSenseCamera:
             try:
                 frame = self._wait()
             except RuntimeError as error:
-                raise RecordingError(f"{self._name}: stopped giving frames ({_sentence(error)})") from None
+                raise RecordingError(f"{self._name}: stopped giving frames ({said_by(error, MOST_SAID)})") from None
             if not frame:
                 return
             if not frame.supports_frame_metadata(value.actual_exposure):
@@ -162,16 +163,6 @@ class RealSenseCamera:
         """Let go of the device."""
         self._stop()
 
-    def __enter__(self) -> RealSenseCamera:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Let go of the device."""
-        self.close()
-
 
 def _module() -> Any:
     try:
@@ -180,10 +171,6 @@ def _module() -> Any:
         raise MissingExtraError("reading from RealSense cameras", "realsense") from None
     except ImportError as error:
         raise RecordingError(
-            f"pyrealsense2 is installed but cannot be loaded ({_sentence(error)}); install what it misses"
+            f"pyrealsense2 is installed but cannot be loaded ({said_by(error, MOST_SAID)}); install what it misses"
         ) from None
     return pyrealsense2
-
-
-def _sentence(error: BaseException) -> str:
-    return " ".join(str(error).split())[:160]

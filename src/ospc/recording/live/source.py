@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Protocol
+from typing import Self
 
 import numpy as np
 
@@ -15,23 +16,27 @@ from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import EXPOSURE_RANGE_MS
 
+MOST_SAID = 160
+"""Characters kept of what a driver says."""
 
-class Camera(Protocol):
+
+class Camera(ABC):
     """A camera that films; iterating gives frames for as long as it does.
 
     To be used in a ``with`` statement, so that the device is let go of.
     """
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """What to call it in messages."""
-        ...
 
     @property
+    @abstractmethod
     def notes(self) -> tuple[str, ...]:
         """What a user should know about its exposures."""
-        ...
 
+    @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
         """Give the next frames as they come.
 
@@ -42,21 +47,20 @@ class Camera(Protocol):
         ExposureError
             If it gives no exposure with a frame.
         """
-        ...
 
+    @abstractmethod
     def close(self) -> None:
         """Let go of the device."""
-        ...
 
-    def __enter__(self) -> Camera:
+    def __enter__(self) -> Self:
         """Return itself."""
-        ...
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Let go of the device."""
-        ...
+        self.close()
 
 
 class ExposureReader:
