@@ -8,24 +8,24 @@ import numpy as np
 
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
-from ospc.methods.joint_summary import Evidence
+from ospc.methods.summary import Evidence
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE, Summary, summary_of, triangle_of
-from synthetic_sightings import SIZE, Camera
+from synthetic_observations import SIZE, Camera
 
 NOISE = NoiseModel((1 / 255) ** 2, (1.5 / 255) ** 2)
-CAMERA = Camera(Response.gamma(1.7, 4097), slip_px=0.4)
+CAMERA = Camera(Response.gamma(1.7, 4097), registration_sigma_px=0.4)
 OTHER_LENS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.35, 0.05, -0.2)))
 OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 
 
 def evidence_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> Evidence:
     """Return what a short recording of a camera shows."""
-    sightings = camera.pairs(seed, groups, points)
-    fit = fit_with_chosen_vignette(sightings, ResponseBasis(32), VIGNETTE, NOISE, rounds=5)
-    return Evidence(SIZE, 255, NOISE, sightings, fit, (2.0, 30.0), standing_still=False, pairs=groups)
+    observations = camera.pairs(seed, groups, points)
+    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5)
+    return Evidence(SIZE, 255, NOISE, observations, fit, (2.0, 30.0), standing_still=False, pairs=groups)
 
 
 def summary(camera: Camera, seed: int, **amount: int) -> Summary:

@@ -14,9 +14,9 @@ from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
-from ospc.presets import JointSettings, PaperSettings, as_dict, preset, with_overrides
 from ospc.recording import ArrayRecording, Frame
 from ospc.recording.identity import identity
+from ospc.settings import DefaultSettings, PaperSettings, as_dict, preset, with_overrides
 
 IMAGE = np.full((6, 8), 90, np.uint8)
 
@@ -224,7 +224,7 @@ def test_images_without_anything_to_see_give_an_empty_calibration(name, tmp_path
 # Presets.
 
 
-@pytest.mark.parametrize(("name", "kind"), [("default", JointSettings), ("paper", PaperSettings)])
+@pytest.mark.parametrize(("name", "kind"), [("default", DefaultSettings), ("paper", PaperSettings)])
 def test_presets_have_names_and_json_compatible_values(name, kind):
     settings = preset(name)
     assert isinstance(settings, kind)
@@ -268,9 +268,9 @@ def test_settings_that_make_no_sense_are_refused(name, data, text):
 
 def test_settings_that_do_not_exist_or_do_not_fit_are_refused():
     with pytest.raises(SettingError, match=r"no setting is called 'speed' in preset 'default'; known: .*views"):
-        with_overrides(JointSettings(), {"speed": "3"})
+        with_overrides(DefaultSettings(), {"speed": "3"})
     with pytest.raises(SettingError, match=r"views takes a value of type int, not '2\.5'"):
-        with_overrides(JointSettings(), {"views": "2.5"})
+        with_overrides(DefaultSettings(), {"views": "2.5"})
 
 
 def test_frames_too_small_to_compare_are_refused():

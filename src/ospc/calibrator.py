@@ -13,18 +13,18 @@ import numpy as np
 
 from ospc.arrays import Image, ImageSize
 from ospc.errors import ExposureError, FormatError, FrameError, OspcError, SettingError
-from ospc.methods.joint import JointMethod
-from ospc.methods.joint_state import JointState
+from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
+from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
-from ospc.pooling.continuation import Earlier
+from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
-from ospc.presets import JointSettings, Settings, as_dict, preset, with_overrides
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.ahead import decoded_ahead
 from ospc.recording.identity import identity
 from ospc.recording.stream import Item, frames_of
+from ospc.settings import DefaultSettings, Settings, as_dict, preset, with_overrides
 from ospc.state.run import RunState, load_run, save_run
 from ospc.versions import versions
 
@@ -89,7 +89,7 @@ class OnlineCalibrator:
         self._first_frames = ("", 0)
         self.source: dict[str, Any] = {}
         self.saved_by: dict[str, Any] = {}
-        self.earlier: Earlier | None = None
+        self.earlier: PriorCalibration | None = None
 
     def push(self, frame: Frame) -> bool:
         """Take the next frame and return whether it could be used.
@@ -110,7 +110,7 @@ class OnlineCalibrator:
     def foresees(self, places: int) -> bool:
         """Whether the image of the frame so many places on (1 for the next) will most likely be looked at."""
         method = self._method
-        return method.foresees(places) if isinstance(method, JointMethod) else True
+        return method.foresees(places) if isinstance(method, MaximumLikelihoodMethod) else True
 
     @property
     def status(self) -> Status:
@@ -123,7 +123,7 @@ class OnlineCalibrator:
 
         Preset "paper" has none before its end.
         """
-        return self._method.preview() if isinstance(self._method, JointMethod) else None
+        return self._method.preview() if isinstance(self._method, MaximumLikelihoodMethod) else None
 
     def calibration(self) -> Calibration:
         """Return what is known now; pushing may go on afterwards.
@@ -156,7 +156,9 @@ class OnlineCalibrator:
     @property
     def has_state(self) -> bool:
         """Whether its state can be saved; that of preset "paper" cannot."""
-        return isinstance(self._settings, JointSettings) and isinstance(self._method, JointMethod | None)
+        return isinstance(self._settings, DefaultSettings) and isinstance(
+            self._method, MaximumLikelihoodMethod | None
+        )
 
     @property
     def first_reasons(self) -> tuple[str, ...]:
@@ -188,7 +190,7 @@ class OnlineCalibrator:
                 f"preset {self._settings.name} holds the features of hundreds of frames, which no state file takes; "
                 "use the default preset"
             )
-        method = self._method if isinstance(self._method, JointMethod) else None
+        method = self._method if isinstance(self._method, MaximumLikelihoodMethod) else None
         run = RunState(
             settings=as_dict(self._settings),
             size=self._size,
@@ -205,7 +207,7 @@ class OnlineCalibrator:
 
     def summary(self) -> Summary | None:
         """Return what is known as a value that can be merged with others; None where nothing is."""
-        if not isinstance(self._method, JointMethod):
+        if not isinstance(self._method, MaximumLikelihoodMethod):
             return None
         return summary_of(self._method.evidence(), self._first_frames[0], self.source, self._frames)
 
@@ -223,7 +225,7 @@ class OnlineCalibrator:
             If there is no such file, it is torn or damaged, or another version wrote it.
         """
         saved = load_run(path)
-        run, method = saved.run, saved.method(JointState)
+        run, method = saved.run, saved.method(MaximumLikelihoodState)
         settings = _settings_of(run.settings, saved.name)
         calibrator = cls(settings)
         calibrator._size, calibrator._frames, calibrator._skipped = run.size, run.frames, run.skipped
@@ -232,7 +234,7 @@ class OnlineCalibrator:
         calibrator.saved_by = run.versions
         if method is not None:
             try:
-                calibrator._method = JointMethod.from_state(settings, run.size, run.max_grey, method)
+                calibrator._method = MaximumLikelihoodMethod.from_state(settings, run.size, run.max_grey, method)
             except ValueError as error:
                 raise FormatError(f"{saved.name}: not readable as a state ({error})") from None
         return calibrator
@@ -240,7 +242,7 @@ class OnlineCalibrator:
     @property
     def wanted(self) -> frozenset[int]:
         """Indices of the frames that a calibrator just loaded should be shown again."""
-        return self._method.wanted if isinstance(self._method, JointMethod) else frozenset()
+        return self._method.wanted if isinstance(self._method, MaximumLikelihoodMethod) else frozenset()
 
     def recall(self, frame: Frame) -> None:
         """Look again at a frame that new ones were being compared with.
@@ -250,7 +252,7 @@ class OnlineCalibrator:
         FrameError
             If its image cannot be read any more, or has another size.
         """
-        if isinstance(self._method, JointMethod):
+        if isinstance(self._method, MaximumLikelihoodMethod):
             self._method.recall(replace(frame, load=partial(_of_size, frame, self._size)))
 
     def _recognise(self, frame: Frame) -> None:
@@ -293,13 +295,13 @@ def _of_size(frame: Frame, size: ImageSize) -> Image:
     return frame.image
 
 
-def _settings_of(content: dict[str, Any], name: str) -> JointSettings:
+def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
     try:
         values = {key: str(value) for key, value in content.items() if key != "preset"}
         settings = with_overrides(preset(str(content.get("preset"))), values)
     except SettingError as error:
         raise FormatError(f"{name}: was made by another version of this program ({error})") from None
-    if not isinstance(settings, JointSettings):
+    if not isinstance(settings, DefaultSettings):
         raise FormatError(f"{name}: is of preset {settings.name}, which has no state")
     return settings
 

@@ -23,12 +23,12 @@ from ospc.baselines.tracks import GainRobustTracker
 from ospc.calibrator import calibrate
 from ospc.errors import FrameError, NotObservableError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
-from ospc.presets import Settings
 from ospc.recording import open_recording
 from ospc.recording.derived import DerivedRecording
 from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
 from ospc.recording.recording import Recording
+from ospc.settings import Settings
 
 EXPONENT_SIGMA = 0.34
 """Standard deviation of ln γ between the mean response used here and the 201 measured ones of the database of

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from ospc.baselines.joint import OnlineJoint, calibrate_jointly, estimate_jointly
 from ospc.baselines.response_model import SAMPLES, learned_model
-from ospc.baselines.tracks import GainRobustTracker, Observations
+from ospc.baselines.tracks import GainRobustTracker, TrackObservations
 from ospc.errors import NotObservableError, SettingError
 from ospc.evaluation.metrics import response_rmse, vignette_rmse
 from ospc.photometry.response import Response
@@ -24,7 +24,7 @@ V = np.array([-0.3, 0.05, -0.1])
 C = np.array([0.05, 0.03, -0.01, 0.01])
 
 
-def observations(points=300, count=12, noise=0.0, seed=2, c=C, v=V) -> Observations:
+def observations(points=300, count=12, noise=0.0, seed=2, c=C, v=V) -> TrackObservations:
     """Points that move through all frames, made from the model itself."""
     random = np.random.default_rng(seed)
     model = learned_model()
@@ -35,7 +35,7 @@ def observations(points=300, count=12, noise=0.0, seed=2, c=C, v=V) -> Observati
     x = np.minimum(np.exp(log_e)[frame] * (1 + radius[:, None] ** [2, 4, 6] @ v) * light[point], 1)
     grey = np.interp(x, np.linspace(0, 1, SAMPLES), model.curve(c)) + noise * random.normal(size=x.size)
     kept = (x < 0.95) & (grey > 0.01)
-    return Observations(
+    return TrackObservations(
         SIZE, point[kept], frame[kept], grey[kept], radius[kept], np.ones(kept.sum()), np.arange(count)
     ).since(0)
 

@@ -10,10 +10,10 @@ import pytest
 from ospc.benchmark import running
 from ospc.benchmark.running import VIGNETTE_SOLVERS, SharedMatcher, run_preset
 from ospc.calibrator import OnlineCalibrator
-from ospc.methods.sequential import feature_matcher
+from ospc.methods.paper import feature_matcher
 from ospc.photometry.calibration import Calibration
-from ospc.presets import PaperSettings, preset
 from ospc.recording.frame import Frame
+from ospc.settings import PaperSettings, preset
 from ospc.simulation import SimulationSettings, frames
 
 SETTINGS = SimulationSettings(size=(320, 240), frames=50, seed=3, exposure="cycle", speed=1.5)

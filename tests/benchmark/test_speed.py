@@ -9,7 +9,7 @@ from ospc.benchmark.speed import Reel, run, run_live
 from ospc.benchmark.speed_files import as_json, table_of, write
 from ospc.benchmark.stages import OTHER, Stages
 from ospc.cli.main import cli
-from ospc.correspondence.view import ViewMaker
+from ospc.correspondence.preprocessing import Preprocessor
 
 SIZE = (128, 96)
 
@@ -49,10 +49,10 @@ def test_figures_are_those_of_the_run(rows):
 
 
 def test_clocks_are_taken_away_again():
-    before = ViewMaker.__call__
+    before = Preprocessor.__call__
     with Stages():
-        assert ViewMaker.__call__ is not before
-    assert ViewMaker.__call__ is before
+        assert Preprocessor.__call__ is not before
+    assert Preprocessor.__call__ is before
 
 
 def test_table_json_and_picture_hold_every_row(rows, tmp_path):

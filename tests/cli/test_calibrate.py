@@ -20,9 +20,9 @@ from ospc.errors import FrameError, OspcError
 from ospc.formats.dso import read_pcalib, read_vignette, write_pcalib, write_vignette
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
-from ospc.presets import JointSettings
 from ospc.recording import open_recording
 from ospc.recording.times_file import read_times
+from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, simulate
 
 FRAMES = 12
@@ -71,7 +71,7 @@ def method(monkeypatch):
     class OfThisTest(Method):
         pass
 
-    monkeypatch.setattr(JointSettings, "build", lambda *_arguments: OfThisTest())
+    monkeypatch.setattr(DefaultSettings, "build", lambda *_arguments: OfThisTest())
     monkeypatch.setattr("ospc.output.PICTURES", ())
     return OfThisTest
 
@@ -369,14 +369,14 @@ def test_ctrl_c_on_the_real_command(good_recording, tmp_path):
     """The real method, a real process, a real signal in the midst of the frames."""
     out = tmp_path / "out"
     code = (
-        "import ospc.methods.joint as j, sys\n"
-        "push = j.JointMethod.push\n"
+        "import ospc.methods.maximum_likelihood as j, sys\n"
+        "push = j.MaximumLikelihoodMethod.push\n"
         "def slow(self, frame):\n"
         "    push(self, frame)\n"
         "    if frame.index == 20:\n"
         "        print('now', flush=True)\n"
         "        import time; time.sleep(60)\n"
-        "j.JointMethod.push = slow\n"
+        "j.MaximumLikelihoodMethod.push = slow\n"
         "from ospc.cli.main import main\n"
         f"sys.argv = ['ospc', 'calibrate', {str(good_recording)!r}, '-o', {str(out)!r}]\n"
         "main()\n"

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.correspondence.flat_sampling import FlatSampler
-from ospc.correspondence.registration import DenseRegistration, Equaliser, Registration, displacement_at
-from ospc.correspondence.view import ViewMaker
+from ospc.correspondence.preprocessing import Preprocessor
+from ospc.correspondence.registration import DenseRegistration, ExposureNormalizer, Registration, displacement_at
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
@@ -35,7 +35,9 @@ def ramp(width, height, across, down, base, white=255, dtype=np.uint8):
 
 @given(st.integers(2, 253), st.sampled_from([(64, 48), (90, 61), (33, 200)]), st.integers(20, 100))
 def test_an_even_image_stays_what_it_is_whatever_the_reduction(level, size, longest):
-    view = ViewMaker(longest_side=longest, registration_side=30)(of_array(np.full(size[::-1], level, np.uint8), 2.5))
+    view = Preprocessor(longest_side=longest, registration_side=30)(
+        of_array(np.full(size[::-1], level, np.uint8), 2.5)
+    )
     assert max(view.grey.shape) <= longest
     np.testing.assert_allclose(view.grey, level / 255, rtol=1e-6)
     np.testing.assert_allclose(view.gradient, 0, atol=1e-7)
@@ -50,7 +52,7 @@ def test_an_even_image_stays_what_it_is_whatever_the_reduction(level, size, long
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 4095), (np.uint16, 65535)])
 def test_grey_levels_and_slopes_are_those_of_the_frame_where_the_view_says(longest, reduction, dtype, white):
     image = ramp(400, 300, 0.0015, 0.0008, 0.05, white, dtype)
-    view = ViewMaker(longest_side=longest)(of_array(image, max_grey=white))
+    view = Preprocessor(longest_side=longest)(of_array(image, max_grey=white))
     assert view.reduction == reduction
     height, width = view.grey.shape
     places = pixel_grid((width, height))
@@ -65,7 +67,7 @@ def test_grey_levels_and_slopes_are_those_of_the_frame_where_the_view_says(longe
 @pytest.mark.parametrize("longest", [400, 200])
 def test_the_noise_of_a_sample_is_that_of_so_many_pixels(longest):
     noise = np.random.default_rng(0).normal(0, 12, (300, 400))
-    view = ViewMaker(longest_side=longest)(of_array(np.rint(128 + noise).astype(np.uint8)))
+    view = Preprocessor(longest_side=longest)(of_array(np.rint(128 + noise).astype(np.uint8)))
     assert view.grey.std() * 255 == pytest.approx(12 / np.sqrt(view.pixels_averaged), rel=0.06)
 
 
@@ -74,7 +76,7 @@ def test_clipped_areas_are_marked_and_single_clipped_pixels_are_not(level):
     image = np.full((120, 160), 128, np.uint8)
     image[40:70, 50:90] = level
     image[90, 120] = level
-    view = ViewMaker()(of_array(image))
+    view = Preprocessor()(of_array(image))
     assert view.clipped[45:65, 55:85].all()
     marked = np.argwhere(view.clipped)
     assert np.all((marked >= [34, 44]) & (marked <= [75, 95]))
@@ -83,7 +85,7 @@ def test_clipped_areas_are_marked_and_single_clipped_pixels_are_not(level):
 def test_deep_images_clip_where_their_eight_most_significant_bits_would():
     image = np.full((80, 100), 2000, np.uint16)
     image[:40, :50], image[40:, 50:] = 4090, 10
-    view = ViewMaker()(of_array(image, max_grey=4095))
+    view = Preprocessor()(of_array(image, max_grey=4095))
     assert view.clipped[10, 10]
     assert view.clipped[70, 90]
     assert not view.clipped[10, 90]
@@ -115,37 +117,37 @@ def seen(shift, exposure, vignette=VIGNETTE, noise=0.003):
 
 
 @pytest.mark.parametrize(
-    "equaliser",
-    [Equaliser(), Equaliser(RESPONSE), Equaliser(RESPONSE, VIGNETTE)],
+    "normalizer",
+    [ExposureNormalizer(), ExposureNormalizer(RESPONSE), ExposureNormalizer(RESPONSE, VIGNETTE)],
     ids=["nothing known", "response known", "both known"],
 )
-def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(equaliser):
-    view0, view1 = (ViewMaker()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, 2.0)))
-    registration = DenseRegistration()(view0, view1, equaliser)
+def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(normalizer):
+    view0, view1 = (Preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, 2.0)))
+    registration = DenseRegistration()(view0, view1, normalizer)
     places = pixel_grid(SIZE)[20:-20:6, 20:-20:6].reshape(-1, 2)
-    displacement, mismatch = displacement_at(registration, places, 1.0)
+    displacement, forward_backward_error = displacement_at(registration, places, 1.0)
     error = np.linalg.norm(displacement - SHIFT, axis=1)
     assert np.median(error) < 0.1
     assert np.quantile(error, 0.9) < 0.3
-    assert np.median(mismatch) < 0.1
+    assert np.median(forward_backward_error) < 0.1
 
 
 def test_an_equaliser_brings_views_to_one_brightness():
-    view0, view1 = (ViewMaker()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9))
-    images = [Equaliser(RESPONSE)(v, view1.log_exposure).astype(float) for v in (view0, view1)]
+    view0, view1 = (Preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9))
+    images = [ExposureNormalizer(RESPONSE)(v, view1.log_exposure).astype(float) for v in (view0, view1)]
     unclipped = (view1.small < 250) & (view0.small > 20)
     np.testing.assert_allclose(images[0][unclipped], images[1][unclipped], atol=3)
     # With the vignette known, the same scene looks the same wherever it is.
     whole, shifted = (
-        Equaliser(RESPONSE, VIGNETTE)(ViewMaker()(seen(s, 1.0, noise=0)), 0.0)
+        ExposureNormalizer(RESPONSE, VIGNETTE)(Preprocessor()(seen(s, 1.0, noise=0)), 0.0)
         for s in (np.array([0.0, 0.0]), np.array([40.0, 30.0]))
     )
     np.testing.assert_allclose(whole[:-30, :-40].astype(float), shifted[30:, 40:], atol=4)
 
 
 def test_what_leaves_the_image_has_a_large_mismatch():
-    view0, view1 = (ViewMaker()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
-    registration = DenseRegistration()(view0, view1, Equaliser(RESPONSE))
+    view0, view1 = (Preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
+    registration = DenseRegistration()(view0, view1, ExposureNormalizer(RESPONSE))
     gone = pixel_grid(SIZE)[20:-20, -24:-10].reshape(-1, 2)
     assert np.median(displacement_at(registration, gone, 1.0)[1]) > 5
 
@@ -156,10 +158,10 @@ def test_displacements_are_read_in_the_pixels_of_the_larger_image():
     forward = grid * np.float32(0.1) + np.float32(1.0)
     registration = Registration(forward, np.full((30, 40), 0.25, np.float32))
     places = np.array([[10.0, 12.0], [31.5, 20.25]])
-    displacement, mismatch = displacement_at(registration, places, 2.0)
+    displacement, forward_backward_error = displacement_at(registration, places, 2.0)
     in_small = (places + 0.5) / 2 - 0.5
     np.testing.assert_allclose(displacement, 2 * (0.1 * in_small + 1), atol=1e-2)
-    np.testing.assert_allclose(mismatch, 0.5, atol=1e-6)
+    np.testing.assert_allclose(forward_backward_error, 0.5, atol=1e-6)
 
 
 # Sampling.
@@ -168,7 +170,7 @@ def test_displacements_are_read_in_the_pixels_of_the_larger_image():
 def shifted_pair(shift=(6.0, -3.0), reduction=1, exposures=(1.0, 2.0)):
     """Return two views of a ramp and their true registration."""
     width, height = SIZE[0] * reduction, SIZE[1] * reduction
-    maker = ViewMaker(longest_side=SIZE[0], registration_side=SIZE[0])
+    maker = Preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
     views = []
     for offset, exposure in zip((np.zeros(2), np.array(shift)), exposures, strict=True):
         at = pixel_grid((width, height)) / reduction - offset
@@ -183,7 +185,7 @@ def shifted_pair(shift=(6.0, -3.0), reduction=1, exposures=(1.0, 2.0)):
 def test_samples_are_the_same_scene_point_in_both_frames(reduction):
     view0, view1, registration = shifted_pair(reduction=reduction)
     samples = FlatSampler(max_points=100_000)(view0, view1, registration, group=17)
-    made = samples.sightings
+    made = samples.observations
     assert len(made.starts) > 500
     assert np.all(made.counts == 2)
     size = np.array(view0.size)
@@ -212,8 +214,8 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
     view0.gradient[:, :100] = 0.02
     view1.gradient[:60] = 0.02
     view1.clipped[180:] = True
-    registration.mismatch[:, 250:] = 5.0
-    made = FlatSampler(margin_px=10, max_points=100_000)(view0, view1, registration, 0).sightings
+    registration.forward_backward_error[:, 250:] = 5.0
+    made = FlatSampler(margin_px=10, max_points=100_000)(view0, view1, registration, 0).observations
     half = np.linalg.norm(np.array(SIZE) - 1) / 2
     x, y = (made.position * half + (np.array(SIZE) - 1) / 2).T
     assert len(x) > 100
@@ -223,28 +225,28 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
 def test_what_moves_out_of_the_image_is_not_sampled():
     view0, view1, registration = shifted_pair(shift=(60.0, 0.0), exposures=(1.0, 1.0))
     samples = FlatSampler(max_points=100_000)(view0, view1, registration, 0)
-    assert samples.sightings.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2 <= SIZE[0] / 2 - 8
+    assert samples.observations.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2 <= SIZE[0] / 2 - 8
     assert samples.overlap == pytest.approx(1 - 60 / 304, abs=0.03)
 
 
 def test_nothing_in_common_makes_no_samples():
     view0, view1, registration = shifted_pair()
-    lost = Registration(registration.forward, np.full_like(registration.mismatch, 100.0))
+    lost = Registration(registration.forward, np.full_like(registration.forward_backward_error, 100.0))
     samples = FlatSampler()(view0, view1, lost, 0)
-    assert len(samples.sightings) == 0
+    assert len(samples.observations) == 0
     assert samples.overlap == samples.radial_motion == 0
     assert np.isnan(samples.motion_px)
 
 
 def test_a_bounded_number_of_points_is_spread_over_grey_levels_and_does_not_change():
     view0, view1, registration = shifted_pair()
-    everything = FlatSampler(max_points=100_000)(view0, view1, registration, 3).sightings
-    few, again = (FlatSampler(max_points=120)(view0, view1, registration, 3).sightings for _ in range(2))
+    everything = FlatSampler(max_points=100_000)(view0, view1, registration, 3).observations
+    few, again = (FlatSampler(max_points=120)(view0, view1, registration, 3).observations for _ in range(2))
     assert len(few.starts) == 120
     np.testing.assert_array_equal(few.grey, again.grey)
     np.testing.assert_array_equal(few.position, again.position)
     assert set(map(tuple, few.position)) <= set(map(tuple, everything.position))
-    other = FlatSampler(max_points=120)(view0, view1, registration, 4).sightings
+    other = FlatSampler(max_points=120)(view0, view1, registration, 4).observations
     assert set(map(tuple, few.position)) != set(map(tuple, other.position))
     share = [np.histogram(s.grey[::2], bins=4, range=(0.1, 0.5))[0] / len(s.starts) for s in (few, everything)]
     assert share[0].min() > share[1].min()
@@ -253,6 +255,6 @@ def test_a_bounded_number_of_points_is_spread_over_grey_levels_and_does_not_chan
 def test_views_do_not_depend_on_the_type_the_image_is_stored_in():
     image = np.random.default_rng(1).integers(0, 256, (60, 80)).astype(np.uint8)
     image = cv2.GaussianBlur(image, (0, 0), 2)
-    narrow, wide = ViewMaker()(of_array(image)), ViewMaker()(of_array(image.astype(np.uint16), max_grey=255))
+    narrow, wide = Preprocessor()(of_array(image)), Preprocessor()(of_array(image.astype(np.uint16), max_grey=255))
     np.testing.assert_allclose(narrow.grey, wide.grey, atol=1e-6)
     np.testing.assert_array_equal(narrow.small, wide.small)

@@ -11,21 +11,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.correspondence.flat_sampling import Samples
-from ospc.correspondence.partners import Partners
-from ospc.correspondence.sightings import Sightings
-from ospc.correspondence.view import View
+from ospc.correspondence.keyframe_selection import KeyframeSelector
+from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.observations import Observations
 
 TINY = np.zeros((1, 1), np.float32)
-NOTHING = Sightings(*([np.empty(0)] * 2), np.empty((0, 2)), *([np.empty(0)] * 2), *([np.empty(0, np.int64)] * 3))
+NOTHING = Observations(*([np.empty(0)] * 2), np.empty((0, 2)), *([np.empty(0)] * 2), *([np.empty(0, np.int64)] * 3))
 
 
 def view(frame, log_exposure=0.0):
-    return View(frame, log_exposure, (1, 1), 1, TINY, TINY, TINY > 0, TINY.astype(np.uint8), 1.0)
+    return PreprocessedFrame(frame, log_exposure, (1, 1), 1, TINY, TINY, TINY > 0, TINY.astype(np.uint8), 1.0)
 
 
 def kept_ages(capacity, count):
     """Return, oldest first, how long ago the views were added that are still held after so many."""
-    partners, alive = Partners(capacity), []
+    partners, alive = KeyframeSelector(capacity), []
     for frame in range(count):
         alive.append(weakref.ref(one := view(frame)))
         partners.add(one)
@@ -49,7 +49,7 @@ def test_ages_of_the_views_kept_grow_geometrically(count):
 
 
 def test_there_is_no_partner_for_the_first_view():
-    assert Partners().choose(view(0)) is None
+    assert KeyframeSelector().choose(view(0)) is None
 
 
 def chosen(partners, new):
@@ -58,21 +58,21 @@ def chosen(partners, new):
 
 
 def test_every_second_choice_goes_for_the_change_of_exposure():
-    partners = Partners()
+    partners = KeyframeSelector()
     for frame, log_exposure in enumerate([0.0, 0.1, 0.9, 0.1, 0.0]):
         partners.add(view(frame, log_exposure))
     assert chosen(partners, view(5, 0.0))[1] == 2
 
 
 def test_without_change_of_exposure_older_views_promise_more_motion():
-    partners = Partners()
+    partners = KeyframeSelector()
     for frame in range(12):
         partners.add(view(frame))
     assert partners.choose(view(12)).frame < 6
 
 
 def test_a_view_that_was_used_steps_back_behind_its_equals():
-    partners = Partners()
+    partners = KeyframeSelector()
     for frame in range(3):
         partners.add(view(frame, 0.5))
     picks = [partners.choose(view(9, 0.0)).frame for _ in range(6)]
@@ -80,7 +80,7 @@ def test_a_view_that_was_used_steps_back_behind_its_equals():
 
 
 def test_changes_beyond_the_limit_count_no_more_than_the_limit():
-    partners = Partners(max_log_ratio=1.0)
+    partners = KeyframeSelector(max_log_ratio=1.0)
     for frame, log_exposure in enumerate([5.0, 0.0, 0.0, 0.0, 1.0]):
         partners.add(view(frame, log_exposure))
     # The newest overlaps best, and a change by e is as good as one by e⁵.
@@ -95,7 +95,7 @@ def lost():
 
 
 def test_ages_at_which_nothing_was_found_again_are_avoided():
-    partners = Partners()
+    partners = KeyframeSelector()
     views = [view(frame, 0.8 * (frame % 2)) for frame in range(16)]
     for one in views:
         partners.add(one)
@@ -112,7 +112,7 @@ def test_ages_at_which_nothing_was_found_again_are_avoided():
 @given(st.lists(st.floats(-2, 2), min_size=2, max_size=40))
 def test_the_same_course_makes_the_same_choices(course):
     def choices(shift):
-        partners, made = Partners(6), []
+        partners, made = KeyframeSelector(6), []
         for frame, log_exposure in enumerate(course):
             new = view(frame, log_exposure + shift)
             partner = partners.choose(new)

@@ -7,7 +7,7 @@ import pytest
 from filmed import Film, jumping, wandering
 
 from ospc.diagnosis import RecordingReport, check_recording
-from ospc.diagnosis.lag_likelihood import Observations, fit_exposures
+from ospc.diagnosis.lag_likelihood import BrightnessChanges, fit_exposures
 from ospc.diagnosis.shifted import with_exposure_lag
 from ospc.errors import SettingError
 from ospc.recording import ArrayRecording
@@ -95,18 +95,18 @@ def test_no_lag_leaves_the_recording_and_too_large_a_one_is_refused() -> None:
         with_exposure_lag(recording, -3)
 
 
-def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> Observations:
+def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> BrightnessChanges:
     """Changes as an inexactly known exposure leaves them, in one grey bin."""
     pairs = len(change)
     error = rng.normal(0, scatter, pairs + 1)
     seen = 0.5 * (change + np.diff(error)) + rng.normal(0, 0.002, pairs)
-    return Observations(np.arange(pairs), seen[:, None], np.full((pairs, 1), 1000.0), np.zeros((pairs, 1, 2)))
+    return BrightnessChanges(np.arange(pairs), seen[:, None], np.full((pairs, 1), 1000.0), np.zeros((pairs, 1, 2)))
 
 
 def test_whitening_undoes_the_correlation_of_single_errors() -> None:
     rng = np.random.default_rng(0)
     seen = simulated_observations(np.zeros(4000), 0.02, rng)
-    inexact = Observations(seen.frame, seen.log_ratio, seen.weight, seen.moved, scatter=0.5 * 0.02 / 0.002)
+    inexact = BrightnessChanges(seen.frame, seen.log_ratio, seen.weight, seen.moved, scatter=0.5 * 0.02 / 0.002)
     before, after = seen.log_ratio[:, 0], inexact.whitened(seen.log_ratio)[0][:, 0]
     assert np.corrcoef(before[1:], before[:-1])[0, 1] < -0.4
     assert abs(np.corrcoef(after[1:], after[:-1])[0, 1]) < 0.05

@@ -123,7 +123,7 @@ def test_the_jacobian_is_that_of_finite_differences(basis, seed):
 
 @dataclass(frozen=True)
 class Belief:
-    """A normal distribution of parameters, whatever its roughness is said to be."""
+    """A normal distribution of parameters, whatever its hyperparameters is said to be."""
 
     mean: np.ndarray
     matrix: np.ndarray
@@ -138,20 +138,20 @@ def belief(random, p):
 
 
 @given(seeds, st.booleans(), st.floats(0.2, 3.0))
-def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, tempering):
+def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, information_scale):
     random = np.random.default_rng(seed)
     prior = belief(random, 10)
     rows, target = random.normal(0, 1, (30, 10)), random.normal(0, 2, 30)
     floor = np.full(10, -np.inf)
     if bounded:
         floor[:7] = 0.3
-    equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(10), tempering)
+    equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(10), information_scale)
     found = equations.solve(prior, ANY, floor)
     assert np.all(found >= floor)
     # The prior as rows of its own: precision = RᵀR, and R·mean on the right.
     root = np.linalg.cholesky(prior.matrix).T
-    system = np.vstack([np.sqrt(tempering) * rows, root])
-    right = np.concatenate([np.sqrt(tempering) * target, root @ prior.mean])
+    system = np.vstack([np.sqrt(information_scale) * rows, root])
+    right = np.concatenate([np.sqrt(information_scale) * target, root @ prior.mean])
     reference = lsq_linear(system, right, bounds=(floor, np.inf), tol=1e-14)
     np.testing.assert_allclose(found, reference.x, atol=1e-5)
     cost = [np.sum((system @ x - right) ** 2) for x in (found, reference.x)]
@@ -169,12 +169,12 @@ def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable(
         target = rows @ truth + random.normal(0, 1, 40)
         equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(10))
 
-        def log_probability(roughness, prior=prior, rows=rows, target=target):
-            spread = np.eye(40) + rows @ np.linalg.inv(prior.precision(roughness)) @ rows.T
+        def log_probability(hyperparameters, prior=prior, rows=rows, target=target):
+            spread = np.eye(40) + rows @ np.linalg.inv(prior.precision(hyperparameters)) @ rows.T
             return multivariate_normal(rows @ prior.mean, spread).logpdf(target)
 
         best = max(map(log_probability, CANDIDATES))
-        assert log_probability(equations.best_roughness(prior)) == pytest.approx(best, abs=1e-6)
+        assert log_probability(equations.maximize_evidence(prior)) == pytest.approx(best, abs=1e-6)
 
 
 @given(seeds)
@@ -195,5 +195,5 @@ def test_errors_common_to_a_group_leave_as_little_information_as_there_are_group
         residual = np.sqrt(common) * np.repeat(random.normal(0, 1, groups), members) + np.sqrt(1 - common) * own
         scores = (rows * residual[:, None]).reshape(groups, members, -1).sum(axis=1)
         equations = NormalEquations(rows.T @ rows, rows.T @ residual, 1.0, scores.T @ scores)
-        tempered = equations.tempered(weak, 1.0)
-        assert tempered.tempering == pytest.approx(expected, rel=0.15)
+        scaled = equations.scaled(weak, 1.0)
+        assert scaled.information_scale == pytest.approx(expected, rel=0.15)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.estimation.noise_gauge import NoiseGauge
+from ospc.correspondence.noise_estimation import NoiseEstimator
 
 
 def scene(seed=0, texture=0.0):
@@ -19,7 +19,7 @@ def scene(seed=0, texture=0.0):
 
 
 def gauged(read, shot, *, max_grey=255, images=4, texture=0.0):
-    gauge, random = NoiseGauge(max_grey), np.random.default_rng(1)
+    gauge, random = NoiseEstimator(max_grey), np.random.default_rng(1)
     for index in range(images):
         level = np.clip(scene(index, texture), 0, 1)
         noisy = level + random.normal(0, 1, level.shape) * np.sqrt(read + shot * level)
@@ -50,18 +50,18 @@ def test_noise_is_never_less_than_quantisation(max_grey):
 
 @given(st.integers(0, 255), st.tuples(st.integers(10, 24), st.integers(10, 24)))
 def test_images_that_tell_nothing_leave_quantisation(level, shape):
-    gauge = NoiseGauge(255)
+    gauge = NoiseEstimator(255)
     gauge.watch(np.full(shape, level, np.uint8))
     model = gauge.model()
     assert model.read_variance > 0
     assert model.shot_variance == 0
-    assert NoiseGauge(255).model() == model
+    assert NoiseEstimator(255).model() == model
 
 
 @given(st.integers(0, 2**32 - 1), st.tuples(st.integers(10, 60), st.integers(10, 60)))
 def test_whatever_is_seen_the_variance_is_positive(seed, shape):
     random = np.random.default_rng(seed)
-    gauge = NoiseGauge(255)
+    gauge = NoiseEstimator(255)
     for _ in range(3):
         gauge.watch((random.random(shape) ** random.uniform(0.1, 8) * 255).astype(np.uint8))
     assert np.all(gauge.model().variance([0.0, 0.5, 1.0]) > 0)

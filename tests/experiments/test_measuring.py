@@ -29,9 +29,9 @@ from ospc.experiments.reports import make_ambiguity, make_experiment
 from ospc.experiments.sources import stand_ins
 from ospc.experiments.static import METHODS, static_methods, sweeps
 from ospc.formats.opening import Photometry
-from ospc.methods.sequential import SequentialMethod
+from ospc.methods.paper import PaperMethod
 from ospc.photometry.response import Response
-from ospc.presets import PaperSettings
+from ospc.settings import PaperSettings
 
 
 class Fixed:
@@ -90,7 +90,7 @@ def test_variants_that_share_their_matching_find_what_they_find_alone():
     variants = {str(n): replace(base, vignette_offset=n) for n in (5, 10)}
     together = measure(source, [Timed("paper", Paper(variants))]).found
     for name, settings in variants.items():
-        alone = SequentialMethod(settings, (120, 90), 255)
+        alone = PaperMethod(settings, (120, 90), 255)
         for frame in source.open():
             alone.push(frame)
         expected = alone.calibration()

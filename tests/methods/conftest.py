@@ -10,8 +10,8 @@ from recorded_in_memory import Recorded, recorded
 from ospc.calibrator import OnlineCalibrator
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
-from ospc.presets import Settings
 from ospc.recording import Frame
+from ospc.settings import Settings
 
 
 @pytest.fixture(scope="session")

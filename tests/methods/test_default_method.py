@@ -13,13 +13,13 @@ from recorded_in_memory import recorded
 
 from ospc.calibrator import OnlineCalibrator
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
-from ospc.methods.joint import Schedule
+from ospc.methods.maximum_likelihood import Schedule
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import radial_profile
-from ospc.presets import JointSettings
 from ospc.recording import Frame
+from ospc.settings import DefaultSettings
 
-QUICK = replace(JointSettings(), points_per_pair=120, rounds=5)
+QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5)
 
 
 @pytest.fixture(scope="module")
@@ -241,7 +241,7 @@ def test_beyond_enough_looks_pauses_grow_faster_and_are_foreseen(slowdown, enoug
 
 def test_a_long_recording_costs_little_more_than_a_short_one():
     def looks(frames):
-        schedule, count = Schedule(JointSettings().frames_per_slowdown, JointSettings().enough_looks), 0
+        schedule, count = Schedule(DefaultSettings().frames_per_slowdown, DefaultSettings().dense_frames), 0
         for _ in range(frames):
             count += schedule.wants_next
             schedule.advance()

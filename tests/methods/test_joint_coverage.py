@@ -1,4 +1,4 @@
-"""Tables of what sightings cover and of their residuals."""
+"""Tables of what observations cover and of their residuals."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import json
 import numpy as np
 import pytest
 
-from ospc.correspondence.sightings import Sightings
 from ospc.errors import FormatError
-from ospc.methods.joint_coverage import coverage_of
+from ospc.methods.coverage import coverage_of
+from ospc.observations import Observations
 from ospc.photometry.coverage import Coverage
 
 SIZE = (640, 480)
 
 
-def sightings(points: int = 4000, seed: int = 0) -> Sightings:
+def observations(points: int = 4000, seed: int = 0) -> Observations:
     """Return points seen twice, anywhere, at exposures of 2 and 8 ms."""
     random = np.random.default_rng(seed)
     n = 2 * points
-    return Sightings(
+    return Observations(
         grey=random.random(n),
         log_exposure=np.log(np.tile([2.0, 8.0], points)),
         position=random.uniform(-0.55, 0.55, (n, 2)),
@@ -32,18 +32,18 @@ def sightings(points: int = 4000, seed: int = 0) -> Sightings:
 
 
 def test_every_sighting_is_counted_once_by_grey_and_every_pair_by_radius():
-    coverage = coverage_of(sightings(), None, SIZE)
+    coverage = coverage_of(observations(), None, SIZE)
     assert coverage.grey_exposure.sum() == 8000
     assert coverage.radius_radius.sum() == 4000
     assert coverage.residual_by_grey is None
     assert coverage.exposure_edges_ms.shape == (3,)
     np.testing.assert_array_equal(coverage.grey_exposure.sum(axis=1), [4000, 4000])
-    radius = np.linalg.norm(sightings().position[1::2], axis=1)
+    radius = np.linalg.norm(observations().position[1::2], axis=1)
     np.testing.assert_array_equal(coverage.by_radius, np.histogram(radius, 20, (0, 1))[0])
 
 
 def test_tables_come_back_from_their_dictionary():
-    coverage = coverage_of(sightings(), None, SIZE)
+    coverage = coverage_of(observations(), None, SIZE)
     again = Coverage.from_dict(json.loads(json.dumps(coverage.as_dict(), allow_nan=False)))
     np.testing.assert_array_equal(again.grey_exposure, coverage.grey_exposure)
     np.testing.assert_array_equal(again.exposure_edges_ms, coverage.exposure_edges_ms)
@@ -69,6 +69,6 @@ def test_unknown_residuals_come_back_as_nan():
     ],
 )
 def test_tables_that_do_not_fit_together_are_refused(name, value):
-    content = coverage_of(sightings(), None, SIZE).as_dict()
+    content = coverage_of(observations(), None, SIZE).as_dict()
     with pytest.raises(FormatError):
         Coverage.from_dict(content | {name: value})

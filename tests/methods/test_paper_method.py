@@ -14,11 +14,11 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.correspondences import Correspondences
 from ospc.correspondence.features import Features
 from ospc.evaluation.metrics import response_shape_rmse, vignette_rmse
-from ospc.methods.sequential import SequentialMethod
+from ospc.methods.paper import PaperMethod
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.presets import PaperSettings
 from ospc.recording import Frame
+from ospc.settings import PaperSettings
 
 SMALL = replace(
     PaperSettings(),
@@ -202,7 +202,7 @@ V = (-0.3, 0.05, -0.15)
 def after_matching(matcher, settings=None, frames=430):
     """Run the method with its own windows on perfect matches; the images do not matter."""
     settings = settings or PaperSettings()
-    method = SequentialMethod(settings, matcher.size, 255, matcher)
+    method = PaperMethod(settings, matcher.size, 255, matcher)
     image = np.zeros((1, 1), np.uint8)
     for index in range(frames):
         exposure_ms = 10.0 * np.exp(0.5 * np.sin(index / 9) + 0.05 * np.sin(index * 1.7))

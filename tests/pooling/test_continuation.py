@@ -12,12 +12,12 @@ from calibrations import calibration as made_up
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.evaluation.metrics import vignette_rmse
-from ospc.methods.joint_summary import summarise
+from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration
-from ospc.pooling.continuation import Earlier
 from ospc.pooling.pool import Pool
-from ospc.presets import JointSettings
+from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame
+from ospc.settings import DefaultSettings
 from summaries import CAMERA, OTHER_LENS, SIZE, evidence_of, summary
 
 
@@ -26,18 +26,18 @@ def yesterday(tmp_path_factory):
     """A state of four recordings, and the calibration of one, in files."""
     place = tmp_path_factory.mktemp("yesterday")
     Pool.of([summary(CAMERA, seed) for seed in range(4)]).save(place / "state.ospc")
-    summarise(evidence_of(CAMERA, 0, groups=80), JointSettings()).save(place / "calibration.json")
+    summarise(evidence_of(CAMERA, 0, groups=80), DefaultSettings()).save(place / "calibration.json")
     return place
 
 
 def today(camera, groups):
     evidence = evidence_of(camera, 50, groups=groups)
-    return summarise(evidence, JointSettings()), summary(camera, 50, groups=groups)
+    return summarise(evidence, DefaultSettings()), summary(camera, 50, groups=groups)
 
 
 @pytest.mark.parametrize("name", ["state.ospc", "calibration.json"])
 def test_a_few_frames_of_the_same_camera_only_add_to_what_was_known(yesterday, name):
-    earlier = Earlier.open(yesterday / name)
+    earlier = PriorCalibration.open(yesterday / name)
     own, seen = today(CAMERA, groups=6)
     found = earlier.continued(own, seen)
     assert earlier.difference(seen) is None
@@ -52,7 +52,7 @@ def test_a_few_frames_of_the_same_camera_only_add_to_what_was_known(yesterday, n
 
 @pytest.mark.parametrize("name", ["state.ospc", "calibration.json"])
 def test_another_lens_is_noticed_and_yesterday_forgotten(yesterday, name):
-    earlier = Earlier.open(yesterday / name)
+    earlier = PriorCalibration.open(yesterday / name)
     own, seen = today(OTHER_LENS, groups=60)
     found = earlier.continued(own, seen)
     assert earlier.difference(seen).parts == ("vignette",)
@@ -64,7 +64,7 @@ def test_another_lens_is_noticed_and_yesterday_forgotten(yesterday, name):
 def test_a_calibration_gives_back_itself_when_nothing_new_was_seen(yesterday):
     before = Calibration.load(yesterday)
     nothing = Calibration(size=SIZE, verdicts=before.verdicts)
-    found = Earlier.open(yesterday / "calibration.json").continued(nothing, None)
+    found = PriorCalibration.open(yesterday / "calibration.json").continued(nothing, None)
     grey = np.linspace(0.1, 0.9, 9)
     np.testing.assert_allclose(found.response.inverse(grey), before.response.inverse(grey), rtol=0.01)
     np.testing.assert_allclose(found.vignette.image(), before.vignette.image(), atol=0.005)
@@ -73,7 +73,7 @@ def test_a_calibration_gives_back_itself_when_nothing_new_was_seen(yesterday):
 
 def test_a_calibrator_starts_from_what_was_known(yesterday):
     calibrator = OnlineCalibrator()
-    calibrator.earlier = Earlier.open(yesterday)
+    calibrator.earlier = PriorCalibration.open(yesterday)
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     found = calibrator.calibration()
     assert found.complete
@@ -83,7 +83,7 @@ def test_a_calibrator_starts_from_what_was_known(yesterday):
 
 def test_frames_of_another_size_are_refused(yesterday):
     calibrator = OnlineCalibrator()
-    calibrator.earlier = Earlier.open(yesterday)
+    calibrator.earlier = PriorCalibration.open(yesterday)
     calibrator.push(Frame.of_array(np.zeros((48, 64), np.uint8), 5.0))
     with pytest.raises(SettingError, match="is of 640×480 pixels, but the frames have 64×48"):
         calibrator.calibration()
@@ -91,11 +91,11 @@ def test_frames_of_another_size_are_refused(yesterday):
 
 def test_what_cannot_be_started_from_is_refused_by_name(tmp_path):
     with pytest.raises(NotObservableError, match="knows neither response nor vignette"):
-        Earlier.open(made_up(response=False, vignette=False).save(tmp_path / "a.json"))
+        PriorCalibration.open(made_up(response=False, vignette=False).save(tmp_path / "a.json"))
     with pytest.raises(FormatError, match="no calibration of the default method"):
-        Earlier.open(made_up().save(tmp_path / "b.json"))
+        PriorCalibration.open(made_up().save(tmp_path / "b.json"))
     forged = replace(made_up(), covariance={"response": {"matrix": [[0.0]]}})
     with pytest.raises(FormatError, match="no calibration of the default method"):
-        Earlier.open(forged.save(tmp_path / "c.json"))
+        PriorCalibration.open(forged.save(tmp_path / "c.json"))
     with pytest.raises(FormatError, match="there is no such"):
-        Earlier.open(tmp_path / "none")
+        PriorCalibration.open(tmp_path / "none")

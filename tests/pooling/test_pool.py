@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, SettingError
 from ospc.pooling.pool import KIND, VERSION, Pool
-from ospc.presets import JointSettings
+from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
 from ospc.state.container import Container
@@ -83,7 +83,7 @@ def test_files_of_other_kinds_and_damaged_ones_are_refused(tmp_path):
 @pytest.fixture(scope="module")
 def calibrator():
     """A calibrator that has seen a short recording."""
-    calibrator = OnlineCalibrator(replace(JointSettings(), points_per_pair=80, rounds=3, min_points=50))
+    calibrator = OnlineCalibrator(replace(DefaultSettings(), points_per_pair=80, rounds=3, min_points=50))
     calibrator.source = {"name": "kitchen", "frames_sha256": "1", "images_sha256": "2"}
     exposures = (3.0, 6.0, 12.0, 24.0)
     for frame in frames(SimulationSettings(size=(160, 120), frames=20, exposure="cycle", exposures_ms=exposures)):

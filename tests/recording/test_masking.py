@@ -11,9 +11,9 @@ from image_samples import encoded, grey
 
 from ospc.correspondence.features import OrbExtractor, extract
 from ospc.correspondence.flat_sampling import FlatSampler
-from ospc.correspondence.registration import DenseRegistration, Equaliser
+from ospc.correspondence.preprocessing import Preprocessor
+from ospc.correspondence.registration import DenseRegistration, ExposureNormalizer
 from ospc.correspondence.static_series import StaticSeries
-from ospc.correspondence.view import ViewMaker
 from ospc.errors import SettingError
 from ospc.recording import ArrayRecording, identity
 from ospc.recording.masking import Region, masked, read_mask
@@ -52,10 +52,10 @@ def test_frames_carry_mask_and_region_and_images_stay_as_they_are() -> None:
 
 @pytest.mark.parametrize("longest", [160, 80])
 def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
-    views = [ViewMaker(longest_side=longest)(frame) for frame in masked(recorded(), half())]
+    views = [Preprocessor(longest_side=longest)(frame) for frame in masked(recorded(), half())]
     samples = FlatSampler(spacing_px=4, max_gradient=1.0)(
-        *views, DenseRegistration()(*views, Equaliser()), group=0
-    ).sightings
+        *views, DenseRegistration()(*views, ExposureNormalizer()), group=0
+    ).observations
     assert len(samples.grey) > 40
     x = samples.position[:, 0] * np.hypot(*SIZE) / 2 + SIZE[0] / 2
     assert x.min() > SIZE[0] / 2 + 2 * 160 / longest

@@ -110,7 +110,7 @@ CASES = {
     "no response": calibration(response=None),
     "no uncertainty": calibration(vignette_sigma=None),
     "no residuals": calibration(coverage=coverage(residuals=False)),
-    "no sightings": calibration(coverage=EMPTY),
+    "no observations": calibration(coverage=EMPTY),
     "one exposure": calibration(coverage=replace(coverage(), exposure_edges_ms=10 + np.linspace(0, 0.01, 7))),
     "all residuals unknown": calibration(
         coverage=replace(

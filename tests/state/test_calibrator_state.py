@@ -11,18 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.calibrator import OnlineCalibrator, remaining
-from ospc.correspondence.sightings import Sightings
 from ospc.errors import FormatError, FrameError, SettingError
-from ospc.methods.joint import JointMethod
-from ospc.methods.joint_state import JointState
+from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
+from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
+from ospc.observations import Observations
 from ospc.pooling.pool import Pool
-from ospc.presets import JointSettings
 from ospc.recording import Frame
+from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
 from ospc.state.run import KIND, VERSION
 
-QUICK = replace(JointSettings(), points_per_pair=80, max_points=1500, rounds=4, views=6)
+QUICK = replace(DefaultSettings(), points_per_pair=80, max_points=1500, rounds=4, views=6)
 MOST_BYTES = 5_000_000
 
 
@@ -103,13 +103,13 @@ def test_the_state_of_a_large_and_long_recording_is_small(tmp_path):
         kept.add(seen_twice(random, points, pair))
     for index in range(1, series.frames):
         series.watch(Frame.of_array(noise, 1.0, index=index))
-    assert (kept.points, len(series)) == (JointSettings().max_points, series.frames)
+    assert (kept.points, len(series)) == (DefaultSettings().max_points, series.frames)
     assert calibrator.save_state(tmp_path / "state.ospc").stat().st_size < MOST_BYTES
 
 
 def seen_twice(random, points, pair):
     n = 2 * points
-    return Sightings(
+    return Observations(
         grey=random.random(n).astype(np.float32).astype(np.float64),
         log_exposure=np.tile(random.random(2), points),
         position=random.random((n, 2)),
@@ -123,14 +123,14 @@ def seen_twice(random, points, pair):
 
 def test_everything_a_method_learns_is_in_its_state():
     """An attribute that is neither saved nor made anew would be forgotten silently."""
-    made_anew = {"settings", "size", "max_grey", "make_view", "register", "equaliser", "sample", "basis"}
+    made_anew = {"settings", "size", "max_grey", "make_view", "register", "normalizer", "sample", "basis"}
     made_anew |= {"response_spread", "second"}
     not_needed = {"evidence", "to_recall", "latest"}
     saved = {"schedule", "partners", "reservoir", "series", "noise", "fit", "motions", "pairs", "log_exposures"}
     saved |= {"circle"}
-    method = JointMethod(JointSettings(), (64, 48), 255)
+    method = MaximumLikelihoodMethod(DefaultSettings(), (64, 48), 255)
     assert {name.lstrip("_") for name in vars(method)} == made_anew | not_needed | saved
-    assert set(JointState.__dataclass_fields__) == (saved - {"schedule"}) | {"passed_over", "looks"}
+    assert set(MaximumLikelihoodState.__dataclass_fields__) == (saved - {"schedule"}) | {"passed_over", "looks"}
 
 
 def test_before_the_first_usable_frame_there_is_a_state_too(tmp_path):

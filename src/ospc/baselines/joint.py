@@ -21,7 +21,7 @@ from scipy.sparse.linalg import lsqr
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.baselines.response_model import SAMPLES, ResponseModel, learned_model
-from ospc.baselines.tracks import GainRobustTracker, Observations
+from ospc.baselines.tracks import GainRobustTracker, TrackObservations
 from ospc.errors import NotObservableError, SettingError
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
@@ -119,7 +119,10 @@ class JointEstimate:
 
 
 def estimate_jointly(
-    seen: Observations, model: ResponseModel | None = None, start: JointEstimate | None = None, iterations: int = 60
+    seen: TrackObservations,
+    model: ResponseModel | None = None,
+    start: JointEstimate | None = None,
+    iterations: int = 60,
 ) -> JointEstimate:
     """Return response, vignette and exposures that explain observations best.
 
@@ -228,7 +231,7 @@ class _Problem:
     """The state of the alternation; everything by observation unless said otherwise."""
 
     def __init__(
-        self, seen: Observations, model: ResponseModel, c: FloatArray, v: FloatArray, log_e: FloatArray
+        self, seen: TrackObservations, model: ResponseModel, c: FloatArray, v: FloatArray, log_e: FloatArray
     ) -> None:
         self._seen, self._model = seen, model
         self._c, self._v, self._log_e = c, v, log_e
@@ -241,7 +244,7 @@ class _Problem:
         self._centre()
 
     @classmethod
-    def of(cls, seen: Observations, model: ResponseModel, start: JointEstimate | None) -> _Problem:
+    def of(cls, seen: TrackObservations, model: ResponseModel, start: JointEstimate | None) -> _Problem:
         if start is None:
             return cls(seen, model, np.zeros(len(model.components)), np.zeros(3), np.zeros(seen.frames.size))
         log_e = np.interp(seen.frames, start.frames, start.log_exposures)
@@ -343,7 +346,7 @@ class _Problem:
 
 
 def _first_exposures(
-    seen: Observations, log_irradiance: FloatArray, start: FloatArray
+    seen: TrackObservations, log_irradiance: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return ln e of frames and ln L of points whose sums are nearest to observed ln irradiances.
 

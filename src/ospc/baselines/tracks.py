@@ -30,7 +30,7 @@ _GRADIENT_SCALE = 12.0
 
 
 @dataclass(frozen=True)
-class Observations:
+class TrackObservations:
     """Scene points seen in several frames.
 
     Attributes
@@ -59,7 +59,7 @@ class Observations:
     weight: FloatArray
     frames: IntArray
 
-    def since(self, index: int) -> Observations:
+    def since(self, index: int) -> TrackObservations:
         """Return what was seen in frames of that index or a later one, of points seen there at least twice."""
         recent = self.frames[self.frame] >= index
         count = np.bincount(self.point[recent], minlength=int(self.point.max(initial=-1)) + 1)
@@ -67,7 +67,7 @@ class Observations:
         points, point = np.unique(self.point[kept], return_inverse=True)
         numbers, frame = np.unique(self.frame[kept], return_inverse=True)
         del points
-        return Observations(
+        return TrackObservations(
             self.size,
             point.astype(np.int64),
             frame.astype(np.int64),
@@ -119,14 +119,14 @@ class GainRobustTracker:
         self._previous = scaled
         self._seen += 1
 
-    def observations(self) -> Observations:
+    def observations(self) -> TrackObservations:
         """Return what was seen so far of points seen at least twice."""
         if not self._rows:
             empty = np.empty(0)
             none = np.empty(0, np.int64)
-            return Observations(self._size, none, none, empty, empty, empty, none)
+            return TrackObservations(self._size, none, none, empty, empty, empty, none)
         sizes = [row[1].size for row in self._rows]
-        return Observations(
+        return TrackObservations(
             self._size,
             np.concatenate([row[1] for row in self._rows]),
             np.repeat(np.arange(len(sizes)), sizes),

@@ -10,11 +10,11 @@ from typing import Literal
 
 from ospc.diagnosis.before_calibrating import LagChoice
 from ospc.errors import SettingError
-from ospc.presets import JointSettings, with_overrides
 from ospc.recording.bayer import Mosaic
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
+from ospc.settings import DefaultSettings, with_overrides
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://")
 _ENUMS: dict[str, type[Enum]] = {"channel": Channel, "exposure_unit": ExposureUnit, "gain_unit": GainUnit}
@@ -70,7 +70,7 @@ class Entry:
             raise SettingError(f"option correct_lag is auto, never or a number of frames, not '{text}'") from None
 
     @property
-    def settings(self) -> JointSettings:
+    def settings(self) -> DefaultSettings:
         """Settings of the method.
 
         Raises
@@ -79,8 +79,8 @@ class Entry:
             If an option is unknown or its value is wrong.
         """
         given = {name: value for name, value in self.options if name not in (*_OWN, *_READING)}
-        settings = with_overrides(JointSettings(), given)
-        assert isinstance(settings, JointSettings)
+        settings = with_overrides(DefaultSettings(), given)
+        assert isinstance(settings, DefaultSettings)
         return settings
 
     @property

@@ -14,7 +14,7 @@ from ospc.benchmark.store import source_hash
 from ospc.benchmark.summary import METRICS, CaseResult, groups_of, methods_of, spread
 from ospc.benchmark.tables import all_tables, as_csv, as_markdown
 from ospc.errors import MissingExtraError, SettingError
-from ospc.presets import as_dict, preset
+from ospc.settings import as_dict, preset
 from ospc.versions import versions
 
 SCHEMA = "ospc-benchmark-accuracy/1"

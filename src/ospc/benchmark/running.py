@@ -11,10 +11,10 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.correspondences import Correspondences
 from ospc.correspondence.feature_matching import Matcher
 from ospc.correspondence.features import Features
-from ospc.methods.sequential import SequentialMethod, feature_matcher
+from ospc.methods.paper import PaperMethod, feature_matcher
 from ospc.photometry.calibration import Calibration
-from ospc.presets import PaperSettings, preset
 from ospc.recording.frame import Frame
+from ospc.settings import PaperSettings, preset
 
 VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
 """The solvers the paper compares (paper, section 5)."""
@@ -81,12 +81,12 @@ def _run_one(calibrator: OnlineCalibrator, frames: Iterable[Frame]) -> Outcome:
 def _run_sharing(variants: dict[str, PaperSettings], frames: Iterable[Frame]) -> dict[str, Outcome]:
     """Run variants of the paper's method that differ only in what comes after the matching."""
     shared = SharedMatcher(feature_matcher(next(iter(variants.values()))))
-    methods: dict[str, SequentialMethod] = {}
+    methods: dict[str, PaperMethod] = {}
     found: dict[str, Outcome] = {}
     for frame in frames:
         size = (frame.image.shape[1], frame.image.shape[0])
         methods = methods or {
-            name: SequentialMethod(settings, size, frame.max_grey, shared) for name, settings in variants.items()
+            name: PaperMethod(settings, size, frame.max_grey, shared) for name, settings in variants.items()
         }
         for name in methods.keys() - found.keys():
             try:

@@ -12,14 +12,14 @@ from typing import Any
 
 _STEPS = (
     ("decoding", "ospc.benchmark.speed", "", "decode_grey"),
-    ("preparing", "ospc.correspondence.view", "ViewMaker", "__call__"),
-    ("noise", "ospc.estimation.noise_gauge", "NoiseGauge", "watch"),
+    ("preparing", "ospc.correspondence.preprocessing", "Preprocessor", "__call__"),
+    ("noise", "ospc.correspondence.noise_estimation", "NoiseEstimator", "watch"),
     ("registering", "ospc.correspondence.registration", "DenseRegistration", "__call__"),
     ("sampling", "ospc.correspondence.flat_sampling", "FlatSampler", "__call__"),
     ("features", "ospc.correspondence.feature_matching", "FeatureMatcher", "features"),
     ("matching", "ospc.correspondence.feature_matching", "FeatureMatcher", "correspondences"),
-    ("updating", "ospc.methods.joint", "JointMethod", "_refine"),
-    ("fitting", "ospc.methods.joint", "JointMethod", "_new_evidence"),
+    ("updating", "ospc.methods.maximum_likelihood", "MaximumLikelihoodMethod", "_refine"),
+    ("fitting", "ospc.methods.maximum_likelihood", "MaximumLikelihoodMethod", "_new_evidence"),
 )
 """Stage, and where it is done: module, class or "" for a function of the module, name."""
 

@@ -15,13 +15,13 @@ import ospc
 from ospc.atomic import write_atomically
 from ospc.benchmark.case import Case, Row
 from ospc.errors import SettingError
-from ospc.presets import as_dict, preset
+from ospc.settings import as_dict, preset
 
 _SCHEMA = "ospc-benchmark-rows/1"
 _DEPENDED_ON = (
     "arrays.py",
     "calibrator.py",
-    "presets.py",
+    "settings.py",
     "methods",
     "correspondence",
     "estimation",

@@ -57,7 +57,7 @@ def accuracy(
     from ospc.benchmark.files import as_json as everything
     from ospc.benchmark.files import write_results
     from ospc.benchmark.tasks import choose
-    from ospc.presets import preset
+    from ospc.settings import preset
 
     names = [name.strip() for name in presets.split(",") if name.strip()]
     if not names:
@@ -106,7 +106,7 @@ def speed(
     from ospc.benchmark.speed import SIZES, SLOW_FRAMES, measured
     from ospc.benchmark.speed_files import as_json as everything
     from ospc.benchmark.speed_files import table_of, write
-    from ospc.presets import preset
+    from ospc.settings import preset
 
     names = tuple(name.strip() for name in presets.split(",") if name.strip())
     for name in names:

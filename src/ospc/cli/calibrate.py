@@ -19,8 +19,8 @@ from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
     from ospc.diagnosis.before_calibrating import LagChoice
-    from ospc.presets import Settings
     from ospc.recording import Recording
+    from ospc.settings import Settings
 
 INTERRUPTED = 130
 
@@ -211,10 +211,10 @@ def _calibrate_one(
     from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
-    from ospc.pooling.continuation import Earlier
+    from ospc.pooling.prior_calibration import PriorCalibration
 
     settings = _settings(request)
-    earlier = None if request.start_from is None else Earlier.open(request.start_from)
+    earlier = None if request.start_from is None else PriorCalibration.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
     recording = opened()
     if request.reading.unknown_exposures:
@@ -279,7 +279,7 @@ def _calibrate_rig(request: _Request, interruption: Interruption) -> int:
 
 
 def _settings(request: _Request) -> Settings:
-    from ospc.presets import preset, with_overrides
+    from ospc.settings import preset, with_overrides
 
     try:
         return with_overrides(preset(request.preset_name), request.overrides)

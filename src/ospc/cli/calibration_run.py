@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
     from ospc.output import OutputFolder, Written
     from ospc.photometry.calibration import Calibration
-    from ospc.presets import Settings
     from ospc.recording import Recording
+    from ospc.settings import Settings
 
 
 @dataclass(frozen=True)

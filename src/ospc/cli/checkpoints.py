@@ -13,8 +13,8 @@ from ospc.errors import FormatError, SettingError
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
-    from ospc.pooling.continuation import Earlier
-    from ospc.presets import Settings
+    from ospc.pooling.prior_calibration import PriorCalibration
+    from ospc.settings import Settings
 
 STATE_NAME = "state.ospc"
 """Name of the state in an output folder."""
@@ -49,7 +49,7 @@ class Checkpoints:
     folder: Path
     every_s: float = 5.0
     resume: bool = False
-    earlier: Earlier | None = None
+    earlier: PriorCalibration | None = None
     notes: list[str] = field(default_factory=list)
     saved: bool = False
     _next_s: float = field(default=0.0, repr=False)
@@ -166,7 +166,7 @@ def is_unfinished(place: Path) -> bool:
 
 
 def _differences(one: Settings, other: Settings) -> list[str]:
-    from ospc.presets import as_dict
+    from ospc.settings import as_dict
 
     left, right = as_dict(one), as_dict(other)
     return [f"{name} {left.get(name)} instead of {value}" for name, value in right.items() if left.get(name) != value]

@@ -67,8 +67,8 @@ def _demonstrate(out: Path, settings: SimulationSettings, interruption: Interrup
     from ospc.cli.calibration_run import Options, calibrate_into
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
-    from ospc.presets import preset
     from ospc.recording import open_recording
+    from ospc.settings import preset
 
     recording, result = out / "recording", out / "calibration"
     folder = OutputFolder.at(result)

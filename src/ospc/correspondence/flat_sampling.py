@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.registration import Registration, displacement_at
-from ospc.correspondence.sightings import Sightings
-from ospc.correspondence.view import View
+from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
 
 
@@ -20,8 +20,8 @@ class Samples:
 
     Attributes
     ----------
-    sightings
-        Two sightings for each scene point.
+    observations
+        Two observations for each scene point.
     overlap
         Share of the places asked for that the registration found again.
     radial_motion
@@ -30,7 +30,7 @@ class Samples:
         Median displacement in pixels of the frame, at places with enough structure to tell; NaN where there are none.
     """
 
-    sightings: Sightings
+    observations: Observations
     overlap: float
     radial_motion: float
     motion_px: float
@@ -51,7 +51,7 @@ class FlatSampler:
         Places nearer to the border are not used.
     max_gradient
         Largest grey gradient, in full scale per reduced pixel, of a flat place.
-    max_mismatch_px
+    max_forward_backward_error_px
         Largest distance between a place and where going there and back ends, in reduced pixels.
     max_points
         Most scene points taken from one pair, spread evenly over mean grey level and radius.
@@ -60,10 +60,12 @@ class FlatSampler:
     spacing_px: int = 8
     margin_px: int = 8
     max_gradient: float = 0.006
-    max_mismatch_px: float = 2.0
+    max_forward_backward_error_px: float = 2.0
     max_points: int = 400
 
-    def __call__(self, view0: View, view1: View, registration: Registration, group: int) -> Samples:
+    def __call__(
+        self, view0: PreprocessedFrame, view1: PreprocessedFrame, registration: Registration, group: int
+    ) -> Samples:
         """Compare two views.
 
         Parameters
@@ -77,9 +79,9 @@ class FlatSampler:
         """
         places0 = self._grid(view0)
         scale = view0.grey.shape[1] / registration.forward.shape[1]
-        displacement, mismatch = displacement_at(registration, places0, scale)
+        displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement
-        found = (mismatch < self.max_mismatch_px) & self._inside(view1, places1)
+        found = (forward_backward_error < self.max_forward_backward_error_px) & self._inside(view1, places1)
         flat = found & self._usable(view0, places0) & self._usable(view1, places1)
         position0, position1 = (normalised(v.to_frame(p), v.size) for v, p in ((view0, places0), (view1, places1)))
         radial = np.linalg.norm(position0[found], axis=1) - np.linalg.norm(position1[found], axis=1)
@@ -96,7 +98,7 @@ class FlatSampler:
             motion * view0.reduction,
         )
 
-    def _grid(self, view: View) -> FloatArray:
+    def _grid(self, view: PreprocessedFrame) -> FloatArray:
         height, width = view.grey.shape
         x, y = np.meshgrid(
             np.arange(self.margin_px, width - self.margin_px, self.spacing_px, dtype=np.float64),
@@ -104,11 +106,11 @@ class FlatSampler:
         )
         return np.stack([x.ravel(), y.ravel()], axis=1)
 
-    def _inside(self, view: View, places: FloatArray) -> BoolArray:
+    def _inside(self, view: PreprocessedFrame, places: FloatArray) -> BoolArray:
         far = np.array(view.grey.shape[::-1]) - 1 - self.margin_px
         return np.asarray(np.all((places >= self.margin_px) & (places <= far), axis=1))
 
-    def _usable(self, view: View, places: FloatArray) -> BoolArray:
+    def _usable(self, view: PreprocessedFrame, places: FloatArray) -> BoolArray:
         clipped = _at(view.clipped.view(np.uint8).astype(np.float32), places)
         return np.asarray((_at(view.gradient, places) < self.max_gradient) & (clipped == 0))
 
@@ -153,14 +155,14 @@ def _at(image: Float32Array, places: FloatArray) -> FloatArray:
     return np.asarray(values, dtype=np.float64).reshape(-1)
 
 
-def _interleaved(ends: list[tuple[View, FloatArray, FloatArray]], group: int) -> Sightings:
-    """Return the two sightings of each point one after the other."""
+def _interleaved(ends: list[tuple[PreprocessedFrame, FloatArray, FloatArray]], group: int) -> Observations:
+    """Return the two observations of each point one after the other."""
     n = len(ends[0][1])
 
     def alternate(columns: list[FloatArray]) -> FloatArray:
         return np.stack(columns, axis=1).reshape(2 * n, *columns[0].shape[1:])
 
-    return Sightings(
+    return Observations(
         grey=alternate([_at(view.grey, places) for view, places, _ in ends]),
         log_exposure=alternate([np.full(n, view.log_exposure) for view, _, _ in ends]),
         position=alternate([position for _, _, position in ends]),

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, FloatArray
-from ospc.correspondence.view import View
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.photometry.geometry import normalised, pixel_grid
 
 _LEAST_LOOKS = 8
@@ -44,7 +44,7 @@ class ImageCircle:
     looks: int = 0
     allowed: BoolArray | None = None
 
-    def watch(self, view: View, mask: BoolArray | None) -> None:
+    def watch(self, view: PreprocessedFrame, mask: BoolArray | None) -> None:
         """Look at a frame.
 
         Parameters

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
-from ospc.correspondence.view import View
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
@@ -28,15 +28,15 @@ class Registration:
     ----------
     forward
         Displacement (x, y) from each place of the first to the second, in small pixels, shape (h, w, 2).
-    mismatch
+    forward_backward_error
         How far going there and back ends from where it began, in the same pixels, shape (h, w).
     """
 
     forward: Float32Array
-    mismatch: Float32Array
+    forward_backward_error: Float32Array
 
 
-class Equaliser:
+class ExposureNormalizer:
     """Brings small images to what they would show at one exposure, without vignette, on a display's scale.
 
     Parameters
@@ -53,7 +53,7 @@ class Equaliser:
         self._vignette = vignette
         self._lift: dict[tuple[int, ...], Float32Array] = {}
 
-    def __call__(self, view: View, log_exposure: float) -> npt.NDArray[np.uint8]:
+    def __call__(self, view: PreprocessedFrame, log_exposure: float) -> npt.NDArray[np.uint8]:
         """Return the small image of a view as it would be at another exposure, shape (h, w)."""
         gain = np.exp((log_exposure - view.log_exposure) / _DISPLAY_GAMMA) * 255
         table = (self._root * gain).astype(np.float32)
@@ -91,18 +91,20 @@ class DenseRegistration:
         self._second = second
         self._there, self._back = _flow(finest=1), _flow(finest=2)
 
-    def __call__(self, view0: View, view1: View, equaliser: Equaliser) -> Registration:
+    def __call__(
+        self, view0: PreprocessedFrame, view1: PreprocessedFrame, normalizer: ExposureNormalizer
+    ) -> Registration:
         """Register two views in both directions."""
         # At the longer exposure both images clip at the same radiance, and no edge of a clipped area misleads.
         target = max(view0.log_exposure, view1.log_exposure)
-        image0, image1 = equaliser(view0, target), equaliser(view1, target)
+        image0, image1 = normalizer(view0, target), normalizer(view1, target)
         if self._second is None:
             forward, backward = self._there.calc(image0, image1, None), self._back.calc(image1, image0, None)
         else:
             returning = self._second.submit(self._back.calc, image1, image0, None)
             forward = self._there.calc(image0, image1, None)
             backward = returning.result()
-        return Registration(forward, _mismatch(forward, backward))
+        return Registration(forward, _forward_backward_error(forward, backward))
 
 
 def _flow(finest: int) -> Any:
@@ -117,7 +119,7 @@ def _flow(finest: int) -> Any:
     return flow
 
 
-def _mismatch(forward: Float32Array, backward: Float32Array) -> Float32Array:
+def _forward_backward_error(forward: Float32Array, backward: Float32Array) -> Float32Array:
     height, width = forward.shape[:2]
     there = _places(width, height) + forward
     # Outside the image there is no way back: a far displacement says so.
@@ -135,7 +137,7 @@ def _places(width: int, height: int) -> Float32Array:
 
 
 def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Return displacement, shape (n, 2), and mismatch, shape (n,), at places of the reduced image, in its pixels.
+    """Return displacement, (n, 2), and forward-backward error, (n,), at places of the reduced image, in its pixels.
 
     Parameters
     ----------
@@ -150,5 +152,9 @@ def displacement_at(registration: Registration, points: FloatArray, scale: float
         return np.empty((0, 2)), np.empty(0)
     small = ((points + 0.5) / scale - 0.5).astype(np.float32).reshape(-1, 1, 2)
     forward = cv2.remap(registration.forward, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    mismatch = cv2.remap(registration.mismatch, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return forward.reshape(-1, 2).astype(np.float64) * scale, mismatch.reshape(-1).astype(np.float64) * scale
+    forward_backward_error = cv2.remap(
+        registration.forward_backward_error, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    return forward.reshape(-1, 2).astype(np.float64) * scale, forward_backward_error.reshape(-1).astype(
+        np.float64
+    ) * scale

@@ -1,4 +1,4 @@
-"""A bounded number of sightings that stand for all there were."""
+"""A bounded number of observations that stand for all there were."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ospc.correspondence.sightings import Sightings, concatenate
+from ospc.observations import Observations, concatenate
 
 
 @dataclass
@@ -20,15 +20,15 @@ class Reservoir:
     """
 
     capacity: int
-    _parts: list[Sightings] = field(default_factory=list, repr=False)
+    _parts: list[Observations] = field(default_factory=list, repr=False)
     _halvings: int = 0
     points: int = 0
 
-    def add(self, sightings: Sightings) -> None:
-        """Add the sightings of new scene points."""
+    def add(self, observations: Observations) -> None:
+        """Add the observations of new scene points."""
         for halving in range(self._halvings):
-            sightings = _halved(sightings, halving)
-        self._append(sightings)
+            observations = _halved(observations, halving)
+        self._append(observations)
         while self.points > self.capacity:
             parts, self._parts, self.points = self._parts, [], 0
             for part in parts:
@@ -36,11 +36,11 @@ class Reservoir:
             self._halvings += 1
 
     def forget_before(self, group: int) -> None:
-        """Give up the sightings of groups with lower numbers."""
+        """Give up the observations of groups with lower numbers."""
         self._parts = [part for part in self._parts if part.group[0] >= group]
         self.points = sum(len(part.starts) for part in self._parts)
 
-    def all(self) -> Sightings:
+    def all(self) -> Observations:
         """Return all that is kept.
 
         Raises
@@ -52,19 +52,19 @@ class Reservoir:
             raise ValueError("nothing was added")
         return concatenate(self._parts)
 
-    def some(self, points: int) -> Sightings:
+    def some(self, points: int) -> Observations:
         """Return at most about so many scene points, spread evenly over all that are kept."""
         everything = self.all()
         step = max(1, -(-self.points // points))
         return everything.of_points(slice(None, None, step))
 
-    def _append(self, part: Sightings) -> None:
+    def _append(self, part: Observations) -> None:
         if len(part):
             self._parts.append(part)
             self.points += len(part.starts)
 
 
-def _halved(part: Sightings, halving: int) -> Sightings:
+def _halved(part: Observations, halving: int) -> Observations:
     """Return about half of the points; which half is drawn anew, but reproducibly, at every halving."""
     if not len(part):
         return part

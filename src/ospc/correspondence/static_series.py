@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray
-from ospc.correspondence.sightings import Sightings
+from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
 
@@ -61,7 +61,7 @@ class StaticSeries:
         """Return the number of frames kept."""
         return len(self._grey)
 
-    def sightings(self) -> Sightings:
+    def observations(self) -> Observations:
         """Return the series as scene points that each frame sees; a group is a frame.
 
         Raises
@@ -78,7 +78,7 @@ class StaticSeries:
         points, frames = grey.shape
         width, height = self._size
         places = np.stack([self._places[chosen] % width, self._places[chosen] // width], axis=1).astype(np.float64)
-        return Sightings(
+        return Observations(
             grey=grey.ravel(),
             log_exposure=np.tile(self._log_exposure, points),
             position=np.repeat(normalised(places, (width, height)), frames, axis=0),

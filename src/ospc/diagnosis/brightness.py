@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize
-from ospc.diagnosis.glimpse import Glimpse
+from ospc.diagnosis.thumbnail import Thumbnail
 from ospc.photometry.geometry import normalised, pixel_grid
 
 GREY_BINS = np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93])
@@ -86,7 +86,7 @@ class BrightnessChange:
 
 
 class Comparer:
-    """Compares frames by their glimpses.
+    """Compares frames by their thumbnails.
 
     Registration is dense inverse search (Kroeger et al. 2016) in OpenCV's implementation, on images with equalised
     histograms, so that no response and no exposure has to be known.
@@ -104,7 +104,7 @@ class Comparer:
         self._flow_back = _registration(finest_scale=1)
         self._flow.setVariationalRefinementIterations(0)
 
-    def __call__(self, first: Glimpse, second: Glimpse) -> BrightnessChange:
+    def __call__(self, first: Thumbnail, second: Thumbnail) -> BrightnessChange:
         """Compare two frames."""
         there, found = self._register(first, second)
         grey1 = _at(second.grey, there)
@@ -142,7 +142,7 @@ class Comparer:
             _samples(first, second, places[flat], there[flat], (width, height)),
         )
 
-    def _register(self, first: Glimpse, second: Glimpse) -> tuple[Float32Array, BoolArray]:
+    def _register(self, first: Thumbnail, second: Thumbnail) -> tuple[Float32Array, BoolArray]:
         """Return where every place of the first is in the second, and whether it was found there."""
         height, width = first.grey.shape
         places = _places((width, height))
@@ -222,7 +222,7 @@ def _binned(
 
 
 def _samples(
-    first: Glimpse, second: Glimpse, places: Float32Array, there: Float32Array, size: ImageSize
+    first: Thumbnail, second: Thumbnail, places: Float32Array, there: Float32Array, size: ImageSize
 ) -> PixelSamples:
     step = max(1, len(places) // _SAMPLES)
     at0, at1 = places[step // 2 :: step], there[step // 2 :: step]

@@ -11,21 +11,21 @@ from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.diagnosis.brightness import BrightnessChange, Comparer
 from ospc.diagnosis.exposures import ExposureReport, brightness_report
 from ospc.diagnosis.frame_choice import choose_runs
-from ospc.diagnosis.glimpse import Glimpse, glimpse, small_size
 from ospc.diagnosis.lag import MAX_LAG, LagEstimate, estimate_lag
-from ospc.diagnosis.lag_likelihood import Observations
+from ospc.diagnosis.lag_likelihood import BrightnessChanges
 from ospc.diagnosis.motion import AGES, motion
 from ospc.diagnosis.notes import notes
 from ospc.diagnosis.pixel_statistics import PixelStatistics
 from ospc.diagnosis.report import RecordingReport
+from ospc.diagnosis.thumbnail import Thumbnail, small_size, thumbnail
 from ospc.diagnosis.timing import timing
 from ospc.diagnosis.tone_mapping import LocalTone, local_tone
 from ospc.diagnosis.verdicts import Figures, verdicts
 from ospc.errors import FrameError, RecordingError, SettingError
 from ospc.photometry.geometry import normalised, pixel_grid
-from ospc.presets import JointSettings
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
+from ospc.settings import DefaultSettings
 
 DEFAULT_FRAMES = 240
 _FEWEST_FRAMES = 2
@@ -106,7 +106,7 @@ class _Look:
         width, height = small_size(size)
         self._radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)
         self._compare = Comparer(size)
-        self._recent: deque[Glimpse] = deque(maxlen=max(AGES) + 1)
+        self._recent: deque[Thumbnail] = deque(maxlen=max(AGES) + 1)
         self._before: Image | None = None
         self.seen = self.unreadable = self.compared = 0
         self.problem: FrameError | None = None
@@ -124,7 +124,7 @@ class _Look:
         """Look at a frame."""
         self.seen += 1
         try:
-            small = glimpse(frame)
+            small = thumbnail(frame)
         except FrameError as error:
             self.unreadable += 1
             self.problem = self.problem or error
@@ -145,7 +145,7 @@ class _Look:
             self.duplicates.append(frame.index)
         return bool(same)
 
-    def _compare_with_earlier(self, small: Glimpse) -> None:
+    def _compare_with_earlier(self, small: Thumbnail) -> None:
         ages = {small.frame - earlier.frame: earlier for earlier in self._recent}
         if 1 in ages:
             self.changes.append(self._compare(ages[1], small))
@@ -160,14 +160,14 @@ def _report(recording: Recording, look: _Look, looked_at: tuple[int, ...], max_l
             f"{recording.path}: none of the {look.seen} frames looked at can be read; the first: {look.problem}"
         )
     exposures_ms = recording.exposures_ms
-    lag = estimate_lag(Observations.of(look.changes), exposures_ms, max_lag)
+    lag = estimate_lag(BrightnessChanges.of(look.changes), exposures_ms, max_lag)
     figures = Figures(
         ExposureReport.of(exposures_ms),
         lag,
         brightness_report(lag, exposures_ms),
         pixels,
         motion([*look.changes, *look.wide_changes], recording.size),
-        JointSettings(),
+        DefaultSettings(),
         len(recording),
     )
     tone = _tone(look.changes, lag, exposures_ms)

@@ -17,7 +17,7 @@ from ospc.diagnosis.lag_decision import (
     exposure_cycle,
     flicker_columns,
 )
-from ospc.diagnosis.lag_likelihood import Fit, Observations, fit_exposures
+from ospc.diagnosis.lag_likelihood import BrightnessChanges, LagFit, fit_exposures
 from ospc.diagnosis.shifted import with_exposure_lag
 
 __all__ = ["MAX_LAG", "LagEstimate", "LagState", "estimate_lag", "with_exposure_lag"]
@@ -41,7 +41,7 @@ _CHASING_SHARE = 0.5
 _LARGEST_CHASE_LOG = 0.1
 
 
-def estimate_lag(seen: Observations, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
+def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
     """Estimate by how many frames exposures come late.
 
     Every lag is fitted to the same pairs of frames (those whose exposure is known for all lags). The most likely lag
@@ -102,7 +102,7 @@ def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
     return decide(replace(trial, fits=fits, flickers=flicker)).frames == first.frames
 
 
-def _over_longer(first: LagEstimate, trial: Trial, seen: Observations) -> LagEstimate:
+def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> LagEstimate:
     """Return what changes over several frames say where those from frame to frame settle nothing."""
     tried = (_over(step, seen, trial.log_exposure, trial.lags, trial.flickers) for step in _LONGER_STEPS)
     overs = [over for over in tried if over is not None]
@@ -117,7 +117,11 @@ def _over_longer(first: LagEstimate, trial: Trial, seen: Observations) -> LagEst
 
 
 def _unknown(
-    state: LagState, lags: IntArray, seen: Observations, fit: Fit | None = None, flicker: tuple[Flicker, ...] = ()
+    state: LagState,
+    lags: IntArray,
+    seen: BrightnessChanges,
+    fit: LagFit | None = None,
+    flicker: tuple[Flicker, ...] = (),
 ) -> LagEstimate:
     nothing = np.zeros(len(lags))
     return LagEstimate(
@@ -139,7 +143,7 @@ def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
 
 
 def _with_scatter(
-    seen: Observations, log_exposure: FloatArray, lags: IntArray, changes: FloatArray
+    seen: BrightnessChanges, log_exposure: FloatArray, lags: IntArray, changes: FloatArray
 ) -> LagEstimate | None:
     """Return the estimate that takes single exposures to be inexact; None where it is not clear, however inexact.
 
@@ -157,7 +161,7 @@ def _with_scatter(
 
 
 def _over(
-    step: int, seen: Observations, log_exposure: FloatArray, lags: IntArray, flickers: tuple[Flicker, ...]
+    step: int, seen: BrightnessChanges, log_exposure: FloatArray, lags: IntArray, flickers: tuple[Flicker, ...]
 ) -> LagEstimate | None:
     """Return the estimate from changes over several frames; None where there are too few.
 
@@ -174,8 +178,8 @@ def _over(
     return decide(Trial(longer, log_exposure, lags, changes, fits, flickers))
 
 
-def _fit_with_flicker(seen: Observations, changes: FloatArray) -> tuple[list[Fit], tuple[Flicker, ...]]:
-    """Fit every lag; where periodic changes beside the exposures make them much more likely, fit all beside these.
+def _fit_with_flicker(seen: BrightnessChanges, changes: FloatArray) -> tuple[list[LagFit], tuple[Flicker, ...]]:
+    """LagFit every lag; where periodic changes beside the exposures make them much more likely, fit all beside these.
 
     An exposure control that follows the flicker of a lamp is as periodic as the lamp, and a frame late. What it does
     at that frequency says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the
@@ -197,11 +201,11 @@ def _fit_with_flicker(seen: Observations, changes: FloatArray) -> tuple[list[Fit
     return fits, flickers
 
 
-def _likeliest(fits: list[Fit]) -> float:
+def _likeliest(fits: list[LagFit]) -> float:
     return max(fit.total for fit in fits)
 
 
-def _lines(seen: Observations, fits: list[Fit], flickers: tuple[Flicker, ...]) -> list[Flicker]:
+def _lines(seen: BrightnessChanges, fits: list[LagFit], flickers: tuple[Flicker, ...]) -> list[Flicker]:
     """Return the different frequencies that stand out in what the lags leave unexplained."""
     lines: list[Flicker] = []
     for fit in sorted(fits, key=lambda fit: -fit.total):

@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.diagnosis.flicker import Flicker, fast_part, waves, without_waves
-from ospc.diagnosis.lag_likelihood import Fit, Observations, fit_exposures
+from ospc.diagnosis.lag_likelihood import BrightnessChanges, LagFit, fit_exposures
 
 LagState = Literal[
     "determined",
@@ -86,7 +86,7 @@ class LagEstimate:
     sigmas: FloatArray
     fraction_frames: float = 0.0
     pairs: int = 0
-    fit: Fit | None = field(default=None, repr=False)
+    fit: LagFit | None = field(default=None, repr=False)
     frame: IntArray = field(default_factory=lambda: np.empty(0, np.int64), repr=False)
     flicker: tuple[Flicker, ...] = ()
 
@@ -132,11 +132,11 @@ class Trial:
         Periodic changes that were fitted beside.
     """
 
-    seen: Observations
+    seen: BrightnessChanges
     log_exposure: FloatArray
     lags: IntArray
     changes: FloatArray
-    fits: tuple[Fit, ...]
+    fits: tuple[LagFit, ...]
     flickers: tuple[Flicker, ...]
 
     @property
@@ -150,7 +150,7 @@ class Trial:
         return flicker_columns(self.seen, self.flickers)
 
 
-def flicker_columns(seen: Observations, flickers: tuple[Flicker, ...]) -> FloatArray | None:
+def flicker_columns(seen: BrightnessChanges, flickers: tuple[Flicker, ...]) -> FloatArray | None:
     """Return the columns that stand for flicker, shape (n, columns); None without."""
     return waves(seen.frame, [f.cycles_per_frame for f in flickers]) if flickers else None
 
@@ -242,7 +242,7 @@ def _at_the_end(trial: Trial, best: int) -> bool:
     return lag > USUAL_LAG and lag == int(np.abs(trial.lags).max())
 
 
-def _explained_share(fit: Fit) -> float:
+def _explained_share(fit: LagFit) -> float:
     """Return the share of the energy of all changes that the exposures explain."""
     energy = float(np.sum(fit.observed**2))
     return 1 - float(np.sum(fit.unexplained**2)) / energy if energy > 0 else 0.0

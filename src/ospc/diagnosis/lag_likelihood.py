@@ -36,7 +36,7 @@ _LARGEST_MEMORY = 0.98
 
 
 @dataclass(frozen=True)
-class Observations:
+class BrightnessChanges:
     """Changes of brightness between consecutive frames.
 
     Attributes
@@ -59,7 +59,7 @@ class Observations:
     scatter: float = 0.0
 
     @classmethod
-    def of(cls, changes: Sequence[BrightnessChange]) -> Observations:
+    def of(cls, changes: Sequence[BrightnessChange]) -> BrightnessChanges:
         """Collect the changes that rest on enough places."""
         nearest = [c for c in changes if c.frame1 == c.frame0 + 1]
         if not nearest:
@@ -76,7 +76,7 @@ class Observations:
         """Return the number of pairs."""
         return len(self.frame)
 
-    def where(self, mask: BoolArray) -> Observations:
+    def where(self, mask: BoolArray) -> BrightnessChanges:
         """Return the pairs where a mask, shape (n,), is true."""
         return replace(
             self,
@@ -108,7 +108,7 @@ class Observations:
         factor = scipy.linalg.cholesky_banded(bands, lower=True)
         return np.asarray(scipy.linalg.solve_banded((1, 0), factor, values)), np.asarray(factor[0])
 
-    def summed(self, step: int) -> Observations:
+    def summed(self, step: int) -> BrightnessChanges:
         """Return changes over several frames, as the sum of those from each to the next."""
         start = np.arange(max(len(self) - step + 1, 0))
         start = start[self.frame[start + step - 1] - self.frame[start] == step - 1]
@@ -118,7 +118,7 @@ class Observations:
         seen = weight > 0
         log_ratio = np.where(seen, self.log_ratio[parts].sum(axis=1), 0.0)
         moved = np.where(seen[..., None], self.moved[parts].sum(axis=1), 0.0)
-        summed = Observations(self.frame[start], log_ratio, weight, moved, step)
+        summed = BrightnessChanges(self.frame[start], log_ratio, weight, moved, step)
         return summed.where(weight.sum(axis=1) >= _MIN_PAIR_WEIGHT)
 
     def log_change(self, log_exposure: FloatArray, lag: int = 0) -> FloatArray:
@@ -155,13 +155,13 @@ def _coherent(change: BrightnessChange) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Fit:
+class LagFit:
     """Exposures fitted to observed changes.
 
     Attributes
     ----------
     log_likelihood
-        Of each pair that comes right after others, :attr:`Observations.driven`, shape (m,).
+        Of each pair that comes right after others, :attr:`BrightnessChanges.driven`, shape (m,).
     slopes
         d ln M/d ln e in each grey bin, shape (bins,); 0 where the exposure does not change.
     observed
@@ -189,8 +189,8 @@ class Fit:
         return self.observed - self.explained
 
 
-def fit_exposures(seen: Observations, log_change: FloatArray, nuisance: FloatArray | None = None) -> Fit:
-    """Fit changes of ln exposure to observed changes of brightness.
+def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: FloatArray | None = None) -> LagFit:
+    """LagFit changes of ln exposure to observed changes of brightness.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def fit_exposures(seen: Observations, log_change: FloatArray, nuisance: FloatArr
     limits = _FACTOR_LIMITS if seen.scatter == 0 else _SCATTERED_FACTOR_LIMITS
     memory = _LARGEST_MEMORY if seen.scatter == 0 else 0.0
     size, innovation, scale = _regress(white[:, 0], white[:, 1:], driven, limits if changing else None, memory)
-    return Fit(
+    return LagFit(
         _log_density(innovation, scale) - np.log(unit[driven]),
         slopes * (size[0] if changing else 0.0),
         observed,
@@ -221,7 +221,7 @@ def fit_exposures(seen: Observations, log_change: FloatArray, nuisance: FloatArr
     )
 
 
-def _slopes(seen: Observations, log_change: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _slopes(seen: BrightnessChanges, log_change: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return β of each bin, and a, by iterated reweighting of whole pairs."""
     robust = np.ones(len(seen))
     x = log_change[:, None]

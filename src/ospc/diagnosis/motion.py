@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import ImageSize
 from ospc.diagnosis.brightness import BrightnessChange
-from ospc.diagnosis.glimpse import small_size
+from ospc.diagnosis.thumbnail import small_size
 
 AGES = (4, 8, 16, 32)
 """Distances in frames of the pairs that are compared besides consecutive ones."""

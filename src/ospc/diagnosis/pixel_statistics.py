@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
-from ospc.diagnosis.glimpse import Glimpse
+from ospc.diagnosis.thumbnail import Thumbnail
 from ospc.recording.frame import Frame
 
 GREY_CELLS = 32
@@ -99,7 +99,7 @@ class PixelStatistics:
     _bits: int = 0
     _max_grey: int = 255
 
-    def add(self, frame: Frame, small: Glimpse, radius: FloatArray) -> None:
+    def add(self, frame: Frame, small: Thumbnail, radius: FloatArray) -> None:
         """Take a frame.
 
         Parameters

@@ -101,7 +101,7 @@ def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
 
 
 def _fit(columns: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit robustly; return the solution, the normal matrix and the weights."""
+    """LagFit robustly; return the solution, the normal matrix and the weights."""
     weight = np.ones(len(target))
     size: FloatArray = np.zeros(columns.shape[1])
     normal: FloatArray = np.eye(columns.shape[1])

@@ -12,7 +12,7 @@ from ospc.diagnosis.lag import LagEstimate
 from ospc.diagnosis.motion import MotionReport
 from ospc.diagnosis.pixel_statistics import GREY_CELLS, PixelReport
 from ospc.photometry.calibration import Verdict
-from ospc.presets import JointSettings
+from ospc.settings import DefaultSettings
 
 _WEAK_RATIO = 1.25
 _UNEXPLAINED_SHARE = 0.25
@@ -56,7 +56,7 @@ class Figures:
     brightness: BrightnessReport | None
     pixels: PixelReport
     motion: MotionReport
-    settings: JointSettings
+    settings: DefaultSettings
     frames: int
 
     @property

@@ -29,9 +29,9 @@ class ErrorModel:
         Variance of quantisation and whatever else happens to grey levels, in full scale squared.
     shot, read
         Variances of the irradiance at white that are proportional to it, and constant.
-    slip_px
+    registration_sigma_px
         Standard deviation of the registration, in pixels of the image sampled.
-    glint
+    radiance_sigma
         Standard deviation of the radiance itself, relative: surfaces are not quite Lambertian, light flickers.
     factors
         What the sum is multiplied by at certain grey levels, because cameras do more than this law knows; empty for
@@ -41,14 +41,14 @@ class ErrorModel:
     constant: float = (0.5 / 255) ** 2
     shot: float = 0.0
     read: float = 0.0
-    slip_px: float = 0.5
-    glint: float = 0.005
+    registration_sigma_px: float = 0.5
+    radiance_sigma: float = 0.005
     factors: tuple[float, ...] = ()
 
     def variance(
         self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray
     ) -> FloatArray:
-        """Return the variance of each sighting's grey level, shape (n,).
+        """Return the variance of each observation's grey level, shape (n,).
 
         Parameters
         ----------
@@ -61,8 +61,8 @@ class ErrorModel:
         gradient
             Grey gradient around the sample, shape (n,).
         """
-        carried = slope**2 * ((self.read / irradiance + self.shot) / irradiance + self.glint**2)
-        variance = self.constant + carried + (self.slip_px * gradient) ** 2
+        carried = slope**2 * ((self.read / irradiance + self.shot) / irradiance + self.radiance_sigma**2)
+        variance = self.constant + carried + (self.registration_sigma_px * gradient) ** 2
         if self.factors:
             variance = variance * np.exp(np.interp(grey, _FACTOR_GREYS, np.log(self.factors)))
         return np.asarray(variance)
@@ -72,7 +72,7 @@ class ErrorModel:
     ) -> ErrorModel:
         """Return the model that fits squared residuals in grey levels, shape (n,), already freed of their leverage.
 
-        Medians over cells of alike sightings are fitted, so outliers have no say.
+        Medians over cells of alike observations are fitted, so outliers have no say.
         """
         over = slope**2 / irradiance
         regressors = np.stack([np.ones_like(grey), over, over / irradiance, gradient**2, slope**2], axis=1)

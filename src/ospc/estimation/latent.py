@@ -1,10 +1,10 @@
-"""The radiance of every scene point, eliminated: what the sightings say given response and vignette.
+"""The radiance of every scene point, eliminated: what the observations say given response and vignette.
 
 A point of log radiance u shows h(M) = u + ln e + ln V(x), with h = ln g. Its u is the weighted mean over its
-sightings; the model is linearised not at the noisy grey levels but at those that u predicts. The rows of the linear
-system are then functions of the model and the exposures, their noise is orthogonal to that of the right-hand side,
-and the fit is not attenuated: this is the orthogonal distance in grey levels, or maximum likelihood with latent
-irradiance.
+observations. The model is linearised at the grey levels that u predicts, not at the noisy ones measured. The rows of
+the linear system are then functions of the model and the exposures, their noise is orthogonal to that of the
+right-hand side, and the fit is not attenuated: this is the orthogonal distance in grey levels, or maximum likelihood
+with latent irradiance.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.correspondence.sightings import Sightings
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.noisy_mean import mean_shift
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 
 DARKEST = 0.25 / 255
@@ -30,7 +30,7 @@ _ITERATIONS = 3
 
 @dataclass(frozen=True)
 class Latent:
-    """The sightings as the current model sees them.
+    """The observations as the current model sees them.
 
     Attributes
     ----------
@@ -38,36 +38,36 @@ class Latent:
         Index into the basis's grid of the grey level the model predicts, shape (n,).
     grey
         That grey level, shape (n,).
-    stiffness
+    log_response_slope
         dh/dM there, shape (n,).
     linear_log
         h at the measured grey level, linearised at the predicted one, shape (n,).
     precision
         One over the variance of h, shape (n,).
     weight
-        Robust weight of each sighting, shape (n,).
+        Robust weight of each observation, shape (n,).
     residual
         linear_log − ln e − ln V − u, shape (n,).
     studentised
         Residual over its standard deviation, leverage taken into account, shape (n,).
-    freedom
+    one_minus_leverage
         One minus the leverage, shape (n,).
     """
 
     index: IntArray
     grey: FloatArray
-    stiffness: FloatArray
+    log_response_slope: FloatArray
     linear_log: FloatArray
     precision: FloatArray
     weight: FloatArray
     residual: FloatArray
     studentised: FloatArray
-    freedom: FloatArray
+    one_minus_leverage: FloatArray
 
 
 @dataclass(frozen=True)
 class LatentModel:
-    """Predicts the sightings from a response, a vignette and an error model.
+    """Predicts the observations from a response, a vignette and an error model.
 
     Attributes
     ----------
@@ -78,10 +78,10 @@ class LatentModel:
     gamma
         γ on the basis's grid.
     errors
-        Error model of the sightings.
+        Error model of the observations.
     noise
-        Noise of the single pixels behind a sighting, whose clipping shifts means near black and white; None where a
-        sighting is a single pixel, so that the error model tells.
+        Noise of the single pixels behind an observation: clipping it shifts means near black and white. None where an
+        observation is a single pixel, so that the error model tells.
     trusted
         Whether the model is good enough to predict; otherwise it is linearised at the measured grey levels.
     """
@@ -93,43 +93,43 @@ class LatentModel:
     noise: NoiseModel | None
     trusted: bool
 
-    def __call__(self, sightings: Sightings, log_vignette: FloatArray, weight: FloatArray) -> Latent:
-        """Return the sightings as the model sees them.
+    def __call__(self, observations: Observations, log_vignette: FloatArray, weight: FloatArray) -> Latent:
+        """Return the observations as the model sees them.
 
         Parameters
         ----------
-        sightings
-            The sightings.
+        observations
+            The observations.
         log_vignette
-            ln V of each sighting, shape (n,).
+            ln V of each observation, shape (n,).
         weight
             Robust weights, shape (n,).
         """
-        measured = np.clip(sightings.grey, DARKEST, 1.0)
-        offset = sightings.log_exposure + log_vignette
-        state = self._linearised(measured, measured, offset, weight, sightings)
+        measured = np.clip(observations.grey, DARKEST, 1.0)
+        offset = observations.log_exposure + log_vignette
+        state = self._linearised(measured, measured, offset, weight, observations)
         if self.trusted:
             for _ in range(_ITERATIONS):
-                near = _FARTHEST / (state.stiffness * np.sqrt(state.precision))
+                near = _FARTHEST / (state.log_response_slope * np.sqrt(state.precision))
                 predicted = np.interp(state.mean + offset, self.log_response, self.basis.grid)
                 grey = np.clip(predicted, measured - near, measured + near)
-                state = self._linearised(measured, grey, offset, weight, sightings)
+                state = self._linearised(measured, grey, offset, weight, observations)
         residual = state.linear_log - offset - state.mean
-        freedom = np.clip(1 - weight * state.precision / np.maximum(state.total, 1e-300), 1e-3, 1)
+        one_minus_leverage = np.clip(1 - weight * state.precision / np.maximum(state.total, 1e-300), 1e-3, 1)
         return Latent(
             index=state.index,
             grey=state.grey,
-            stiffness=state.stiffness,
+            log_response_slope=state.log_response_slope,
             linear_log=state.linear_log,
             precision=state.precision,
             weight=weight,
             residual=residual,
-            studentised=residual * np.sqrt(state.precision / freedom),
-            freedom=freedom,
+            studentised=residual * np.sqrt(state.precision / one_minus_leverage),
+            one_minus_leverage=one_minus_leverage,
         )
 
     @cached_property
-    def _stiffness(self) -> FloatArray:
+    def _log_response_slope(self) -> FloatArray:
         return self.gamma / np.maximum(self.basis.grid, DARKEST)
 
     @cached_property
@@ -146,39 +146,46 @@ class LatentModel:
         if self.noise is not None:
             return self.noise
         grid = slice(None, None, 16)
-        slope = 1 / np.maximum(self._stiffness[grid], 1e-12)
+        slope = 1 / np.maximum(self._log_response_slope[grid], 1e-12)
         variance = self.errors.variance(self.basis.grid[grid], slope, self._irradiance[grid], np.zeros(1))
         return NoiseModel(0.0, 0.0, tuple(variance))
 
     def _linearised(
-        self, measured: FloatArray, grey: FloatArray, offset: FloatArray, weight: FloatArray, sightings: Sightings
+        self,
+        measured: FloatArray,
+        grey: FloatArray,
+        offset: FloatArray,
+        weight: FloatArray,
+        observations: Observations,
     ) -> _Linearised:
         # The grid is finer than anything that matters here: its nearest point is as good a place to linearise at.
         index = self.basis.index_of(grey)
-        level, stiffness = self.basis.grid[index], self._stiffness[index]
+        level, log_response_slope = self.basis.grid[index], self._log_response_slope[index]
         excess = measured - level
         if self.trusted:
             excess = excess - self._mean_shift[index]
-        linear_log = self.log_response[index] + stiffness * excess
-        variance = self.errors.variance(level, 1 / stiffness, self._irradiance[index], sightings.gradient)
-        precision = 1 / (variance * stiffness**2)
-        total, mean = weighted_means(linear_log - offset, weight * precision, sightings)
-        return _Linearised(index, level, stiffness, linear_log, precision, total, mean)
+        linear_log = self.log_response[index] + log_response_slope * excess
+        variance = self.errors.variance(level, 1 / log_response_slope, self._irradiance[index], observations.gradient)
+        precision = 1 / (variance * log_response_slope**2)
+        total, mean = weighted_means(linear_log - offset, weight * precision, observations)
+        return _Linearised(index, level, log_response_slope, linear_log, precision, total, mean)
 
 
 @dataclass(frozen=True)
 class _Linearised:
     index: IntArray
     grey: FloatArray
-    stiffness: FloatArray
+    log_response_slope: FloatArray
     linear_log: FloatArray
     precision: FloatArray
     total: FloatArray
     mean: FloatArray
 
 
-def weighted_means(values: FloatArray, weights: FloatArray, sightings: Sightings) -> tuple[FloatArray, FloatArray]:
-    """Return each point's sum of weights and weighted mean of values, repeated for its sightings.
+def weighted_means(
+    values: FloatArray, weights: FloatArray, observations: Observations
+) -> tuple[FloatArray, FloatArray]:
+    """Return each point's sum of weights and weighted mean of values, repeated for its observations.
 
     Parameters
     ----------
@@ -186,8 +193,8 @@ def weighted_means(values: FloatArray, weights: FloatArray, sightings: Sightings
         Shape (n,) or (n, p).
     weights
         Shape (n,).
-    sightings
-        The n sightings.
+    observations
+        The n observations.
 
     Returns
     -------
@@ -196,14 +203,14 @@ def weighted_means(values: FloatArray, weights: FloatArray, sightings: Sightings
     """
     columns = values if values.ndim == 2 else values[:, None]
     weighted = columns * weights[:, None]
-    counts = sightings.counts
+    counts = observations.counts
     if len(counts) and np.all(counts == counts[0]):
-        # Pairs, and static series, have as many sightings of each point: plain sums, no index.
+        # Pairs, and static series, have as many observations of each point: plain sums, no index.
         shape = (len(counts), counts[0])
         total = weights.reshape(shape).sum(axis=1)
         mean = weighted.reshape(*shape, -1).sum(axis=1)
     else:
-        total = np.add.reduceat(weights, sightings.starts)
-        mean = np.add.reduceat(weighted, sightings.starts, axis=0)
+        total = np.add.reduceat(weights, observations.starts)
+        mean = np.add.reduceat(weighted, observations.starts, axis=0)
     mean /= np.maximum(total, 1e-300)[:, None]
     return np.repeat(total, counts), np.repeat(mean, counts, axis=0).reshape(values.shape)

@@ -1,4 +1,4 @@
-"""The linear system of all sightings in compressed, additive form, and its solution with a prior."""
+"""The linear system of all observations in compressed, additive form, and its solution with a prior."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import nnls
 
 from ospc.arrays import FloatArray
-from ospc.estimation.prior import CANDIDATES, Prior, Roughness
+from ospc.estimation.prior import CANDIDATES, Prior, PriorHyperparameters
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class NormalEquations:
         bᵀWb.
     scatter
         Σ over the groups of the outer product of their score, shape (p, p).
-    tempering
+    information_scale
         What :attr:`matrix` is multiplied by to become information: below one, as errors within a group have common
         causes and robust weights lose some.
     """
@@ -35,45 +35,45 @@ class NormalEquations:
     vector: FloatArray
     square: float
     scatter: FloatArray
-    tempering: float = 1.0
+    information_scale: float = 1.0
 
-    def tempered(self, prior_precision: FloatArray, bread: float) -> NormalEquations:
-        """Return the equations with the tempering that the scatter between groups calls for.
+    def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
+        """Return the equations with the information_scale that the scatter between groups calls for.
 
         Parameters
         ----------
         prior_precision
             Precision of the prior, which keeps undetermined directions from having a say, shape (p, p).
-        bread
+        sandwich_factor
             Mean derivative of the influence function over the mean weight (Huber 1981, asymptotic variance).
         """
         factor = cho_factor(self.matrix + prior_precision)
         spread = np.trace(cho_solve(factor, self.scatter)) / max(np.trace(cho_solve(factor, self.matrix)), 1e-300)
-        tempering = float(bread**2 / max(spread, 1e-6))
-        return NormalEquations(self.matrix, self.vector, self.square, self.scatter, tempering)
+        information_scale = float(sandwich_factor**2 / max(spread, 1e-6))
+        return NormalEquations(self.matrix, self.vector, self.square, self.scatter, information_scale)
 
-    def posterior_precision(self, prior: Prior, roughness: Roughness) -> FloatArray:
+    def posterior_precision(self, prior: Prior, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision of the parameters given data and prior, shape (p, p)."""
-        return self.tempering * self.matrix + prior.precision(roughness)
+        return self.information_scale * self.matrix + prior.precision(hyperparameters)
 
-    def best_roughness(self, prior: Prior) -> Roughness:
-        """Return the roughness of the prior with the largest marginal likelihood (empirical Bayes)."""
-        return max(CANDIDATES, key=lambda roughness: self._log_evidence(prior, roughness))
+    def maximize_evidence(self, prior: Prior) -> PriorHyperparameters:
+        """Return the hyperparameters of the prior with the largest marginal likelihood (empirical Bayes)."""
+        return max(CANDIDATES, key=lambda hyperparameters: self._log_evidence(prior, hyperparameters))
 
-    def solve(self, prior: Prior, roughness: Roughness, floor: FloatArray) -> FloatArray:
+    def solve(self, prior: Prior, hyperparameters: PriorHyperparameters, floor: FloatArray) -> FloatArray:
         """Return the most probable parameters not below ``floor``, shape (p,): a non-negative least squares problem.
 
         Parameters
         ----------
         prior
             The prior.
-        roughness
-            Its roughness.
+        hyperparameters
+            Its hyperparameters.
         floor
             Lowest value of each parameter, −inf for none, shape (p,).
         """
-        precision = self.posterior_precision(prior, roughness)
-        target = self._target(prior, roughness)
+        precision = self.posterior_precision(prior, hyperparameters)
+        target = self._target(prior, hyperparameters)
         free = cho_solve(cho_factor(precision), target)
         if np.all(free >= floor):
             return np.asarray(free)
@@ -91,17 +91,17 @@ class NormalEquations:
         return found
 
     def misfit(self, parameters: FloatArray) -> float:
-        """Return the tempered weighted sum of squares left by parameters, shape (p,)."""
+        """Return the scaled weighted sum of squares left by parameters, shape (p,)."""
         square = self.square - 2 * self.vector @ parameters + parameters @ self.matrix @ parameters
-        return float(self.tempering * square)
+        return float(self.information_scale * square)
 
-    def _target(self, prior: Prior, roughness: Roughness) -> FloatArray:
-        return np.asarray(self.tempering * self.vector + prior.precision(roughness) @ prior.mean)
+    def _target(self, prior: Prior, hyperparameters: PriorHyperparameters) -> FloatArray:
+        return np.asarray(self.information_scale * self.vector + prior.precision(hyperparameters) @ prior.mean)
 
-    def _log_evidence(self, prior: Prior, roughness: Roughness) -> float:
-        precision, target = self.posterior_precision(prior, roughness), self._target(prior, roughness)
+    def _log_evidence(self, prior: Prior, hyperparameters: PriorHyperparameters) -> float:
+        precision, target = self.posterior_precision(prior, hyperparameters), self._target(prior, hyperparameters)
         factor = cho_factor(precision)
         mean = prior.mean
-        fit = target @ cho_solve(factor, target) - mean @ prior.precision(roughness) @ mean
+        fit = target @ cho_solve(factor, target) - mean @ prior.precision(hyperparameters) @ mean
         log_determinant = 2 * np.sum(np.log(np.diag(factor[0])))
-        return float(0.5 * (fit - log_determinant + prior.log_determinant(roughness)))
+        return float(0.5 * (fit - log_determinant + prior.log_determinant(hyperparameters)))

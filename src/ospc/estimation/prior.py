@@ -29,7 +29,7 @@ _NUGGET = 1e-6
 
 
 @dataclass(frozen=True)
-class Roughness:
+class PriorHyperparameters:
     """How much the logarithm of the local gamma wanders over the range of grey levels.
 
     Attributes
@@ -45,7 +45,7 @@ class Roughness:
 
 
 CANDIDATES = tuple(
-    Roughness(float(walk), float(drift))
+    PriorHyperparameters(float(walk), float(drift))
     for walk in np.geomspace(0.03, 10.0, 11)
     for drift in (0.3, 1.0, 3.0, 10.0, 30.0)
 )
@@ -75,30 +75,30 @@ class Prior:
         response = self.about * (1 + np.log(typical_gamma(self.knots)) - np.log(self.about))
         return np.concatenate([response, np.zeros(len(self.vignette_sigma))])
 
-    def precision(self, roughness: Roughness) -> FloatArray:
+    def precision(self, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision matrix of the parameters, shape (p, p)."""
         n, p = len(self.knots), len(self.knots) + len(self.vignette_sigma)
         matrix = np.zeros((p, p))
-        matrix[:n, :n] = _precision(n, roughness)[0] / np.outer(self.about, self.about)
+        matrix[:n, :n] = _precision(n, hyperparameters)[0] / np.outer(self.about, self.about)
         matrix[n:, n:] = np.diag(1 / self.vignette_sigma**2)
         return matrix
 
-    def log_determinant(self, roughness: Roughness) -> float:
-        """Return the part of the log determinant of the precision that depends on the roughness."""
-        return _precision(len(self.knots), roughness)[1]
+    def log_determinant(self, hyperparameters: PriorHyperparameters) -> float:
+        """Return the part of the log determinant of the precision that depends on the hyperparameters."""
+        return _precision(len(self.knots), hyperparameters)[1]
 
 
 @cache
-def _precision(knots: int, roughness: Roughness) -> tuple[FloatArray, float]:
+def _precision(knots: int, hyperparameters: PriorHyperparameters) -> tuple[FloatArray, float]:
     """Return the precision of ln γ at equidistant knots, shape (knots, knots), and its log determinant."""
     grey = np.linspace(0, 1, knots)
-    covariance = _covariance(grey, roughness) + _NUGGET * np.eye(knots)
+    covariance = _covariance(grey, hyperparameters) + _NUGGET * np.eye(knots)
     precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
     precision.setflags(write=False)
     return precision, -float(np.linalg.slogdet(covariance)[1])
 
 
-def _covariance(grey: FloatArray, roughness: Roughness) -> FloatArray:
+def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> FloatArray:
     """Return the covariance of ln γ at grey levels, shape (n,) -> (n, n): walks to both sides of the middle."""
     offset = grey - _MIDDLE
     same_side = offset[:, None] * offset > 0
@@ -109,7 +109,7 @@ def _covariance(grey: FloatArray, roughness: Roughness) -> FloatArray:
     walk = np.where(same_side, near, 0.0)
     drift = np.where(same_side, near**2 * (3 * far - near) / 6, 0.0)
     level = LEVEL_SIGMA**2 + SLOPE_SIGMA**2 * offset[:, None] * offset
-    return np.asarray(level + roughness.walk**2 * walk + roughness.drift**2 * drift + _ends(grey))
+    return np.asarray(level + hyperparameters.walk**2 * walk + hyperparameters.drift**2 * drift + _ends(grey))
 
 
 def _ends(grey: FloatArray) -> FloatArray:

@@ -74,8 +74,8 @@ class Follower:
         gave_up = ~(found & found_back)
         elsewhere = ~gave_up & (np.linalg.norm(back - places, axis=1) > self.max_return_px)
         windows = self.windows(before, places), self.windows(after, there)
-        mismatch = np.abs(windows[0] - windows[1]).mean(axis=1) / np.maximum(contrast(*windows), 1e-9)
-        different = ~gave_up & ~elsewhere & (mismatch > self.max_mismatch)
+        forward_backward_error = np.abs(windows[0] - windows[1]).mean(axis=1) / np.maximum(contrast(*windows), 1e-9)
+        different = ~gave_up & ~elsewhere & (forward_backward_error > self.max_mismatch)
         return Step(there, np.stack([gave_up, elsewhere, different]))
 
     def windows(self, image: Image, places: FloatArray) -> FloatArray:

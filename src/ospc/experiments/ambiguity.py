@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray
 from ospc.baselines.joint import JointEstimate, estimate_jointly
 from ospc.baselines.response_model import learned_model
-from ospc.baselines.tracks import GainRobustTracker, Observations
+from ospc.baselines.tracks import GainRobustTracker, TrackObservations
 from ospc.errors import FormatError, NotObservableError
 from ospc.experiments.measuring import OnProgress
 from ospc.experiments.sources import Source
@@ -80,11 +80,11 @@ def show_ambiguity(source: Source, progress: OnProgress = lambda _name, _done, _
 
 
 def _residuals(
-    seen: Observations, response: Response, vignette: Vignette, gamma: float, log_e: FloatArray
+    seen: TrackObservations, response: Response, vignette: Vignette, gamma: float, log_e: FloatArray
 ) -> tuple[float, float]:
     """Return unexplained grey levels with exposures e^γ and with exposures e, the radiances being the best for each.
 
-    Radiances are means of ln g^γ − ln V^γ − ln e over the sightings of a point.
+    Radiances are means of ln g^γ − ln V^γ − ln e over the observations of a point.
     """
     profile = np.asarray(radial_profile(vignette))
     log_v = np.log(np.interp(seen.radius, (np.arange(profile.size) + 0.5) / profile.size, profile))
@@ -96,7 +96,12 @@ def _residuals(
 
 
 def _unexplained(  # noqa: PLR0917 - one formula
-    seen: Observations, inside: BoolArray, log_g: FloatArray, log_ev: FloatArray, response: Response, gamma: float
+    seen: TrackObservations,
+    inside: BoolArray,
+    log_g: FloatArray,
+    log_ev: FloatArray,
+    response: Response,
+    gamma: float,
 ) -> float:
     counts = np.maximum(np.bincount(seen.point, weights=inside), 1)
     log_l = np.bincount(seen.point, weights=inside * (log_g - log_ev)) / counts
@@ -107,7 +112,7 @@ def _unexplained(  # noqa: PLR0917 - one formula
     return float(1.4826 * np.median(np.abs(difference)))
 
 
-def _estimate_from(seen: Observations, exponent: float) -> JointEstimate:
+def _estimate_from(seen: TrackObservations, exponent: float) -> JointEstimate:
     """Return the joint estimate that begins at the model's response nearest to a power of its mean."""
     model = learned_model()
     powered = Response.from_values(model.response(np.zeros(len(model.components))).inverse_table ** exponent)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from ospc.experiments.methods import Decoupled, Joint, Ours, Paper, SolversKnowingResponse, Timed
 from ospc.experiments.sources import Source
-from ospc.presets import PaperSettings
+from ospc.settings import PaperSettings
 
 SOLVERS = ("l2", "l1", "m-estimator")
 FEATURES = ("sift", "surf", "orb")

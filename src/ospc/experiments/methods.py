@@ -18,12 +18,12 @@ from ospc.correspondence.pair_selection import OffsetPairs
 from ospc.errors import NotObservableError, OspcError
 from ospc.estimation.polynomial_vignette import solve_vignette, vignette_rows, vignette_solver
 from ospc.formats.opening import Photometry
-from ospc.methods.sequential import SequentialMethod, feature_matcher
+from ospc.methods.paper import PaperMethod, feature_matcher
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.presets import PaperSettings
 from ospc.recording import Frame
+from ospc.settings import PaperSettings
 
 _MATCHING = (
     "features",
@@ -139,7 +139,7 @@ class Paper:
 
     def __init__(self, variants: dict[str, PaperSettings]) -> None:
         self._variants = variants
-        self._methods: dict[str, SequentialMethod] = {}
+        self._methods: dict[str, PaperMethod] = {}
         self.ratios: dict[str, ExposureRatios] = {}
 
     def push(self, frame: Frame) -> None:
@@ -150,7 +150,7 @@ class Paper:
             for name, settings in self._variants.items():
                 alike = tuple(getattr(settings, setting) for setting in _MATCHING)
                 matcher = shared.setdefault(alike, SharedMatcher(feature_matcher(settings)))
-                self._methods[name] = SequentialMethod(settings, size, frame.max_grey, matcher)
+                self._methods[name] = PaperMethod(settings, size, frame.max_grey, matcher)
         for method in self._methods.values():
             method.push(frame)
 

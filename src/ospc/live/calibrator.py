@@ -12,9 +12,9 @@ from ospc.errors import FrameError, OspcError
 from ospc.live.watch import Watch
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
-from ospc.presets import Settings
 from ospc.recording import Frame
 from ospc.recording.stream import Item, frames_of
+from ospc.settings import Settings
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from dataclasses import replace
 from ospc.calibrator import OnlineCalibrator, Status
 from ospc.errors import SettingError
 from ospc.photometry.calibration import Calibration
-from ospc.pooling.continuation import Earlier
 from ospc.pooling.pool import Pool
-from ospc.presets import JointSettings, Settings, preset
+from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame
+from ospc.settings import DefaultSettings, Settings, preset
 
 FIRST_ESTIMATE = 32
 """Frames looked at before the first estimate; the next follow at one and a half times as many each."""
@@ -54,15 +54,15 @@ class Watch:
 
     def __init__(self, settings: Settings | str = "default") -> None:
         chosen = preset(settings) if isinstance(settings, str) else settings
-        if not isinstance(chosen, JointSettings):
+        if not isinstance(chosen, DefaultSettings):
             raise SettingError(f"preset {chosen.name} cannot keep up with a camera; use the default preset")
         self._slowdown = chosen.frames_per_slowdown
         # What to pass over is decided here, before a frame is taken: those that come this far are looked at.
-        self._settings = replace(chosen, frames_per_slowdown=_EVERY_FRAME, enough_looks=_EVERY_FRAME)
+        self._settings = replace(chosen, frames_per_slowdown=_EVERY_FRAME, dense_frames=_EVERY_FRAME)
         self._calibrator = OnlineCalibrator(self._settings)
         self._looks = 0
         self._next_estimate = FIRST_ESTIMATE
-        self._known: Earlier | None = None
+        self._known: PriorCalibration | None = None
         self.latest: Calibration | None = None
         self.notes: tuple[str, ...] = ()
         self.changes = 0
@@ -125,13 +125,13 @@ class Watch:
                 self._begin_watching([self._known])
         return self.latest
 
-    def _begin_watching(self, known: list[Earlier]) -> None:
+    def _begin_watching(self, known: list[PriorCalibration]) -> None:
         """Add this segment to what is known, and begin the next."""
         summary = self._calibrator.summary()
         if summary is not None:
-            self._begin(Earlier("what was seen before", Pool.of([*(k.summary for k in known), summary])))
+            self._begin(PriorCalibration("what was seen before", Pool.of([*(k.summary for k in known), summary])))
 
-    def _begin(self, known: Earlier | None) -> None:
+    def _begin(self, known: PriorCalibration | None) -> None:
         self._known = known
         self._calibrator = OnlineCalibrator(self._settings)
         self._looks, self._next_estimate = 0, FIRST_ESTIMATE

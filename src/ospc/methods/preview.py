@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.correspondence.sightings import Sightings
-from ospc.estimation.joint_fit import JointFit
-from ospc.methods.joint_coverage import coverage_of
-from ospc.methods.joint_summary import response_of, vignette_of, vignette_sigma
+from ospc.estimation.fit import Fit
+from ospc.methods.coverage import coverage_of
+from ospc.methods.summary import response_of, vignette_of, vignette_sigma
+from ospc.observations import Observations
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
@@ -68,9 +68,9 @@ class Preview:
 
 
 def preview_of(
-    sightings: Sightings,
-    latest: Sightings | None,
-    fit: JointFit | None,
+    observations: Observations,
+    latest: Observations | None,
+    fit: Fit | None,
     *,
     size: ImageSize,
     max_grey: int,
@@ -80,7 +80,7 @@ def preview_of(
 
     Parameters
     ----------
-    sightings
+    observations
         All that was seen.
     latest
         What the latest pair of frames gave.
@@ -93,14 +93,14 @@ def preview_of(
     pairs
         Pairs of frames compared so far.
     """
-    coverage, matches = coverage_of(sightings, None, size), matches_of(latest, fit, size)
+    coverage, matches = coverage_of(observations, None, size), matches_of(latest, fit, size)
     if fit is None:
         return Preview(pairs, coverage, matches=matches)
-    response, vignette = response_of(fit, max_grey, sightings), vignette_of(fit, size)
+    response, vignette = response_of(fit, max_grey, observations), vignette_of(fit, size)
     return Preview(pairs, coverage, response, vignette, vignette_sigma(fit), matches)
 
 
-def matches_of(latest: Sightings | None, fit: JointFit | None, size: ImageSize) -> Matches | None:
+def matches_of(latest: Observations | None, fit: Fit | None, size: ImageSize) -> Matches | None:
     """Return the points of a pair of frames; None without any."""
     if latest is None or not len(latest):
         return None

@@ -20,9 +20,9 @@ _MOST_CELLS = 128
 
 @dataclass(frozen=True)
 class Coverage:
-    """Counts and residuals of sightings, each of one scene point in one frame.
+    """Counts and residuals of observations, each of one scene point in one frame.
 
-    Residuals are those of ln(g(M) / (e·V)) at a sighting against the mean over all sightings of its point: 0.01 is
+    Residuals are those of ln(g(M) / (e·V)) at an observation, against the mean over its point: 0.01 is
     one per cent of irradiance.
 
     Attributes
@@ -30,9 +30,9 @@ class Coverage:
     exposure_edges_ms
         Limits of the classes of exposure, shape (exposures + 1,).
     grey_exposure
-        Sightings by class of exposure and by grey level, in equal classes from 0 to 1, shape (exposures, greys).
+        Observations by class of exposure and by grey level, in equal classes from 0 to 1, shape (exposures, greys).
     radius_radius
-        Sightings by radius of the point where it was seen before and where it is seen now, in equal classes from
+        Observations by radius of the point where it was seen before and where it is seen now, in equal classes from
         centre to corner, shape (radii, radii).
     residual_by_grey, residual_by_radius
         :data:`QUANTILES` of the residuals in each class, shapes (greys, 3) and (radii, 3); NaN where too few are.
@@ -50,12 +50,12 @@ class Coverage:
 
     @property
     def by_grey(self) -> IntArray:
-        """Sightings by grey level, shape (greys,)."""
+        """Observations by grey level, shape (greys,)."""
         return np.asarray(self.grey_exposure.sum(axis=0))
 
     @property
     def by_radius(self) -> IntArray:
-        """Sightings by radius, shape (radii,)."""
+        """Observations by radius, shape (radii,)."""
         return np.asarray(self.radius_radius.sum(axis=0))
 
     def as_dict(self) -> dict[str, Any]:

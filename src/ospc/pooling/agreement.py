@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.joint_fit import JointFit
+from ospc.estimation.fit import Fit
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import RESPONSE, RESPONSE_PART, VIGNETTE_PART, Summary
 
@@ -197,7 +197,7 @@ def _response_rows() -> FloatArray:
     return RESPONSE.log_rows(GREYS) - RESPONSE.log_rows(np.array([_MIDDLE]))
 
 
-def _curves(fit: JointFit) -> _Curves:
+def _curves(fit: Fit) -> _Curves:
     places, vignette = _places(), fit.vignette_parameters
     # At the image centre V is 1 by convention; a centre of its own moves it by a constant that nobody can see.
     centre = np.zeros((1, 2))

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
-from ospc.methods.joint import JointMethod
-from ospc.methods.joint_state import JointState
+from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
+from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.pooling.summary import Summary, summary_of
-from ospc.presets import JointSettings, preset, with_overrides
+from ospc.settings import DefaultSettings, preset, with_overrides
 from ospc.state import container
 from ospc.state.container import Container
 from ospc.state.run import KIND as RUN_KIND
@@ -137,15 +137,15 @@ def _summary_of_run(saved: SavedRun) -> Summary:
 
 def _summary_of_checkpoint(saved: SavedRun) -> Summary | None:
     """Return the summary of a run that was stopped before its end, which has none with it yet."""
-    run, state = saved.run, saved.method(JointState)
+    run, state = saved.run, saved.method(MaximumLikelihoodState)
     if state is None:
         return None
     try:
         values = {name: str(value) for name, value in run.settings.items() if name != "preset"}
         settings = with_overrides(preset(str(run.settings.get("preset"))), values)
-        if not isinstance(settings, JointSettings):
+        if not isinstance(settings, DefaultSettings):
             raise SettingError(f"preset {settings.name} has no state")
-        method = JointMethod.from_state(settings, run.size, run.max_grey, state)
+        method = MaximumLikelihoodMethod.from_state(settings, run.size, run.max_grey, state)
     except (SettingError, ValueError) as error:
         raise FormatError(f"{saved.name}: was made by another version of this program ({error})") from None
     return summary_of(method.evidence(), run.first_frames[0], run.source, run.frames)

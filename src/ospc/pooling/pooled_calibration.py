@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.errors import SettingError
-from ospc.estimation.joint_fit import JointFit
-from ospc.methods.joint_summary import covariance_of, response_of, vignette_of, vignette_sigma
-from ospc.methods.joint_verdicts import response_verdict_of_fit, vignette_verdict
+from ospc.estimation.fit import Fit
+from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
+from ospc.methods.summary import covariance_of, response_of, vignette_of, vignette_sigma
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.noise import NoiseModel
 from ospc.pooling.agreement import Agreement, Part, agreement
 from ospc.pooling.pool import Pool
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
 from ospc.pooling.summary import VIGNETTE_PART, Summary, without_part
-from ospc.presets import JointSettings
+from ospc.settings import DefaultSettings
 from ospc.versions import versions
 
 _FREE = 1e-4
@@ -80,7 +80,7 @@ def merge(pool: Pool) -> Merged:
     return Merged(calibration, agreed)
 
 
-def fit_of(pool: Pool, agreed: Agreement) -> JointFit:
+def fit_of(pool: Pool, agreed: Agreement) -> Fit:
     """Return the fit to what the recordings of a pool agree on."""
     parts = []
     for summary in pool.summaries:
@@ -97,17 +97,17 @@ def _response_alone(summary: Summary) -> Summary:
     return without_part(summary, VIGNETTE_PART, free)
 
 
-def _response_verdict(fit: JointFit, used: Sequence[Summary]) -> Verdict:
+def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
     if not used:
         return Verdict("not identifiable", "")
     range_ms = min(s.exposure_range_ms[0] for s in used), max(s.exposure_range_ms[1] for s in used)
     return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
 
 
-def _vignette_verdict(fit: JointFit, used: Sequence[Summary], agreed: Agreement) -> Verdict:
+def _vignette_verdict(fit: Fit, used: Sequence[Summary], agreed: Agreement) -> Verdict:
     moved = [s for s in used if not agreed.differs(s, "vignette")]
     standing_still = bool(moved) and all(s.standing_still for s in moved)
-    return vignette_verdict(JointSettings(), fit, max((s.reach for s in moved), default=0.0), standing_still)
+    return vignette_verdict(DefaultSettings(), fit, max((s.reach for s in moved), default=0.0), standing_still)
 
 
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:

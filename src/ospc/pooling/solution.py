@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from ospc.arrays import FloatArray
 from ospc.estimation.error_model import ErrorModel
-from ospc.estimation.joint_fit import JointFit
+from ospc.estimation.fit import Fit
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import typical_gamma
@@ -69,7 +69,7 @@ class Information:
         return Information(self.matrix / factor, self.vector / factor, self.points, self.groups)
 
 
-def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: JointFit | None = None) -> JointFit:
+def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: Fit | None = None) -> Fit:
     """Return the most probable parameters, on one core: small matrices, which threads only slow down.
 
     Parameters
@@ -85,7 +85,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: J
         return _solve(information, vignette, start)
 
 
-def solve_with_chosen_vignette(information: Information) -> JointFit:
+def solve_with_chosen_vignette(information: Information) -> Fit:
     """Return the most probable parameters with only as many of the vignette's as the information asks for."""
     fit = solve(information)
     for simpler in _SIMPLER:
@@ -95,7 +95,7 @@ def solve_with_chosen_vignette(information: Information) -> JointFit:
     return fit
 
 
-def _solve(information: Information, vignette: VignetteBasis, start: JointFit | None) -> JointFit:
+def _solve(information: Information, vignette: VignetteBasis, start: Fit | None) -> Fit:
     p = len(RESPONSE) + len(vignette)
     equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], 0.0, np.zeros((p, p)))
     floor = np.full(p, -np.inf)
@@ -106,22 +106,22 @@ def _solve(information: Information, vignette: VignetteBasis, start: JointFit | 
     # The prior is one of ln γ, linearised where the last round ended: a few rounds settle it.
     for _ in range(_MOST_ROUNDS):
         prior = Prior(RESPONSE.knots, parameters[RESPONSE_PART], vignette.prior_sigma)
-        roughness = equations.best_roughness(prior) if start is None else start.roughness
-        found = equations.solve(prior, roughness, floor)
+        hyperparameters = equations.maximize_evidence(prior) if start is None else start.hyperparameters
+        found = equations.solve(prior, hyperparameters, floor)
         found[RESPONSE_PART] = np.clip(
             found[RESPONSE_PART], parameters[RESPONSE_PART] / 3, parameters[RESPONSE_PART] * 3
         )
         change, parameters = found - parameters, found
-        precision = equations.posterior_precision(prior, roughness)
+        precision = equations.posterior_precision(prior, hyperparameters)
         if float(change @ precision @ change) < _SETTLED:
             break
-    return JointFit(
+    return Fit(
         RESPONSE,
         vignette,
         parameters,
         cho_solve(cho_factor(precision), np.eye(p)),
         ErrorModel(),
-        roughness,
+        hyperparameters,
         0.0,
         information.points,
         information.groups,

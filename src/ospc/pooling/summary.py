@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.correspondence.sightings import Sightings
-from ospc.estimation.joint_estimator import JointEstimator
-from ospc.estimation.joint_fit import JointFit
+from ospc.estimation.fit import Fit
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.methods.joint_summary import Evidence, exposure_ratios, radial_reach
-from ospc.methods.joint_verdicts import unexplained_share
+from ospc.methods.identifiability import unexplained_share
+from ospc.methods.summary import Evidence, exposure_ratios, radial_reach
+from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 
 RESPONSE = ResponseBasis(32)
@@ -56,7 +56,7 @@ class Summary:
     estimate
         Its own estimate of the common parameters, at which the likelihood was approximated, shape (p,).
     triangle, vector
-        Lower triangle of A, row by row, and b of the approximation, shapes (p (p + 1) / 2,) and (p,), tempered for
+        Lower triangle of A, row by row, and b of the approximation, shapes (p (p + 1) / 2,) and (p,), scaled for
         errors that samples have in common.
     exposure_range_ms
         Shortest and longest exposure.
@@ -125,11 +125,11 @@ def summary_of(evidence: Evidence, first_frames: str, source: dict[str, Any], fr
     frames
         Frames pushed.
     """
-    fit, sightings = evidence.fit, evidence.sightings
-    if fit is None or sightings is None:
+    fit, observations = evidence.fit, evidence.observations
+    if fit is None or observations is None:
         return None
-    matrix, vector, estimate = _information(evidence, fit, sightings)
-    support = np.quantile(sightings.grey, _REACH_OF_SUPPORT)
+    matrix, vector, estimate = _information(evidence, fit, observations)
+    support = np.quantile(observations.grey, _REACH_OF_SUPPORT)
     return Summary(
         key=_key(first_frames, source),
         name=str(source.get("name", "live")),
@@ -143,10 +143,10 @@ def summary_of(evidence: Evidence, first_frames: str, source: dict[str, Any], fr
         triangle=triangle_of(matrix),
         vector=vector,
         exposure_range_ms=evidence.exposure_range_ms,
-        reach=0.0 if evidence.standing_still else radial_reach(sightings),
+        reach=0.0 if evidence.standing_still else radial_reach(observations),
         standing_still=evidence.standing_still,
         support=(float(support[0]), float(support[1])),
-        unexplained=unexplained_share(exposure_ratios(fit, sightings)),
+        unexplained=unexplained_share(exposure_ratios(fit, observations)),
         noise=evidence.noise,
     )
 
@@ -162,21 +162,21 @@ def _key(first_frames: str, source: dict[str, Any]) -> str:
 
 
 def _information(
-    evidence: Evidence, fit: JointFit, sightings: Sightings
+    evidence: Evidence, fit: Fit, observations: Observations
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return A, b and the estimate in the common parameters."""
-    noise = None if sightings.pixels_averaged.max() <= 1 else evidence.noise
-    estimator = JointEstimator(RESPONSE, VIGNETTE, noise)
+    noise = None if observations.pixels_averaged.max() <= 1 else evidence.noise
+    estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise)
     estimate = np.concatenate([_response_in_common(fit), _vignette_in_common(fit)])
-    equations = estimator.information(sightings, fit, estimate)
-    return equations.tempering * equations.matrix, equations.tempering * equations.vector, estimate
+    equations = estimator.information(observations, fit, estimate)
+    return equations.information_scale * equations.matrix, equations.information_scale * equations.vector, estimate
 
 
-def _response_in_common(fit: JointFit) -> FloatArray:
+def _response_in_common(fit: Fit) -> FloatArray:
     return np.interp(RESPONSE.knots, fit.response_basis.knots, fit.response_parameters)
 
 
-def _vignette_in_common(fit: JointFit) -> FloatArray:
+def _vignette_in_common(fit: Fit) -> FloatArray:
     """Return the vignette's parameters in the common model, radial terms fitted where their number differs."""
     own, given = fit.vignette_basis, fit.vignette_parameters
     common = np.zeros(len(VIGNETTE))

@@ -216,7 +216,7 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     """
     if not table.ids:
         if len(table) != len(names):
-            raise _mismatch(table, names, place, "")
+            raise _forward_backward_error(table, names, place, "")
         return tuple(names), (f"{table.source}: names no images; they are taken in the order of their names",)
     by_key = _by_key(names, place)
     found = [by_key.get(image) or by_key.get(_number(image)) for image in table.ids]
@@ -230,10 +230,10 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
             return tuple(names), (f"{table.source}: its ids are no names of images; they are matched by order",)
     detail = f"; no image for {listed(missing)}" if missing else ""
     detail += f"; no line for {listed(unused)}" if unused else ""
-    raise _mismatch(table, names, place, detail)
+    raise _forward_backward_error(table, names, place, detail)
 
 
-def _mismatch(table: FrameTable, names: Sequence[str], place: str, detail: str) -> RecordingError:
+def _forward_backward_error(table: FrameTable, names: Sequence[str], place: str, detail: str) -> RecordingError:
     same = "other images than the" if len(table) == len(names) else f"{len(table)} frames but there are"
     return RecordingError(
         f"{table.source}: lists {same} {len(names)} images in {place}{detail}; there must be one line for each image"

@@ -30,7 +30,7 @@ _STREAM_REACH = 300
 """Frames from its beginning that are taken from a recording of which each frame costs those before it."""
 
 _STILL = 0.98
-"""Share of sightings that stay in their class of radii where the camera stands still."""
+"""Share of observations that stay in their class of radii where the camera stands still."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Response and vignette of all sightings at once: robust maximum likelihood with latent irradiance.
+"""Response and vignette of all observations at once: robust maximum likelihood with latent irradiance.
 
 The first round is one convex problem, a non-negative least squares; each further round repeats it with the model
 linearised at the grey levels that the last one predicts, robust weights, an error model fitted to the residuals, and
@@ -16,15 +16,15 @@ from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.correspondence.sightings import Sightings
 from ospc.estimation.error_model import ErrorModel
-from ospc.estimation.joint_fit import JointFit
+from ospc.estimation.fit import Fit
 from ospc.estimation.latent import Latent, LatentModel, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import Prior, Roughness
+from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.robust import robust_scale
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 
 _CHUNK = 20_000
@@ -38,15 +38,15 @@ _MIN_BLOCKS = 16
 
 
 @dataclass(frozen=True)
-class JointEstimator:
-    """Fits response and vignette to sightings.
+class MaximumLikelihoodEstimator:
+    """Fits response and vignette to observations.
 
     Attributes
     ----------
     response_basis, vignette_basis
         The models.
     noise
-        Noise of single pixels, from which follows where clipping begins to bias; None where the sightings are single
+        Noise of single pixels: tells where clipping begins to bias the mean. None where the observations are single
         pixels themselves.
     rounds
         Most rounds after the convex first one; fewer where the parameters settle, to a tenth of a standard deviation
@@ -58,64 +58,66 @@ class JointEstimator:
     noise: NoiseModel | None = None
     rounds: int = 8
 
-    def fit(self, sightings: Sightings, start: JointFit | None = None) -> JointFit:
+    def fit(self, observations: Observations, start: Fit | None = None) -> Fit:
         """Fit the models, on one core: many small matrix products, which threads only slow down.
 
         Parameters
         ----------
-        sightings
+        observations
             What was seen.
         start
             An earlier fit with the same response basis to start from.
         """
         with threadpool_limits(1, user_api="blas"):
-            return self._fit(sightings, start)
+            return self._fit(observations, start)
 
-    def _fit(self, sightings: Sightings, start: JointFit | None) -> JointFit:
+    def _fit(self, observations: Observations, start: Fit | None) -> Fit:
         parameters = self._first_parameters(start)
         errors = start.errors if start else ErrorModel()
-        weight = np.ones(len(sightings))
-        roughness = start.roughness if start else Roughness(1.0, 1.0)
+        weight = np.ones(len(observations))
+        hyperparameters = start.hyperparameters if start else PriorHyperparameters(1.0, 1.0)
         for round_number in range(self.rounds + 1):
             trusted = round_number > 0 or start is not None
             model = self._latent_model(parameters, errors, trusted)
-            log_vignette = self.vignette_basis.log_value(parameters[len(self.response_basis) :], sightings.position)
-            latent = model(sightings, log_vignette, weight)
+            log_vignette = self.vignette_basis.log_value(
+                parameters[len(self.response_basis) :], observations.position
+            )
+            latent = model(observations, log_vignette, weight)
             if trusted:
-                weight, bread = self._weights(latent, model.pixel_noise)
-                errors = self._refitted(errors, latent, parameters, sightings)
+                weight, sandwich_factor = self._weights(latent, model.pixel_noise)
+                errors = self._refitted(errors, latent, parameters, observations)
             else:
-                bread = 1.0
-            equations = self._equations(sightings, latent, weight, parameters)
+                sandwich_factor = 1.0
+            equations = self._equations(observations, latent, weight, parameters)
             prior = self._prior(parameters)
-            equations = equations.tempered(prior.precision(roughness), bread)
-            roughness = equations.best_roughness(prior)
+            equations = equations.scaled(prior.precision(hyperparameters), sandwich_factor)
+            hyperparameters = equations.maximize_evidence(prior)
             previous, parameters = (
                 parameters,
-                self._limited(equations.solve(prior, roughness, self._floor()), parameters),
+                self._limited(equations.solve(prior, hyperparameters, self._floor()), parameters),
             )
-            precision = equations.posterior_precision(prior, roughness)
+            precision = equations.posterior_precision(prior, hyperparameters)
             change = parameters - previous
             if round_number > 1 and float(change @ precision @ change) < _SETTLED**2 * len(change):
                 break
-        return JointFit(
+        return Fit(
             self.response_basis,
             self.vignette_basis,
             parameters,
             cho_solve(cho_factor(precision), np.eye(len(parameters))),
             errors,
-            roughness,
+            hyperparameters,
             equations.misfit(parameters),
-            int(np.count_nonzero(np.add.reduceat(weight, sightings.starts))),
-            len(np.unique(sightings.group)),
+            int(np.count_nonzero(np.add.reduceat(weight, observations.starts))),
+            len(np.unique(observations.group)),
         )
 
-    def information(self, sightings: Sightings, fit: JointFit, about: FloatArray) -> NormalEquations:
-        """Return what the sightings say about the parameters of these models, without any prior.
+    def information(self, observations: Observations, fit: Fit, about: FloatArray) -> NormalEquations:
+        """Return what the observations say about the parameters of these models, without any prior.
 
         Parameters
         ----------
-        sightings
+        observations
             What was seen.
         fit
             Fit to them, possibly in other models: its response and its errors are relied on.
@@ -125,15 +127,15 @@ class JointEstimator:
         with threadpool_limits(1, user_api="blas"):
             own = replace(self, response_basis=fit.response_basis, vignette_basis=fit.vignette_basis)
             model = own._latent_model(fit.parameters, fit.errors, trusted=True)
-            log_vignette = fit.vignette_basis.log_value(fit.vignette_parameters, sightings.position)
-            latent = model(sightings, log_vignette, np.ones(len(sightings)))
-            latent = model(sightings, log_vignette, self._weights(latent, model.pixel_noise)[0])
-            weight, bread = self._weights(latent, model.pixel_noise)
+            log_vignette = fit.vignette_basis.log_value(fit.vignette_parameters, observations.position)
+            latent = model(observations, log_vignette, np.ones(len(observations)))
+            latent = model(observations, log_vignette, self._weights(latent, model.pixel_noise)[0])
+            weight, sandwich_factor = self._weights(latent, model.pixel_noise)
             # The other model's response may not be one of these exactly; what was seen stays what it was.
             here = self.response_basis.log_of(about[: len(self.response_basis)])
             latent = replace(latent, linear_log=latent.linear_log + (here - model.log_response)[latent.index])
-            equations = self._equations(sightings, latent, weight, about)
-            return equations.tempered(self._prior(about).precision(fit.roughness), bread)
+            equations = self._equations(observations, latent, weight, about)
+            return equations.scaled(self._prior(about).precision(fit.hyperparameters), sandwich_factor)
 
     def _prior(self, parameters: FloatArray) -> Prior:
         return Prior(
@@ -145,7 +147,7 @@ class JointEstimator:
         n = len(self.response_basis)
         return np.concatenate([np.clip(parameters[:n], previous[:n] / 3, previous[:n] * 3), parameters[n:]])
 
-    def _first_parameters(self, start: JointFit | None) -> FloatArray:
+    def _first_parameters(self, start: Fit | None) -> FloatArray:
         if start is None:
             return np.concatenate([typical_gamma(self.response_basis.knots), np.zeros(len(self.vignette_basis))])
         vignette = np.zeros(len(self.vignette_basis))
@@ -174,30 +176,30 @@ class JointEstimator:
         weight = np.where(np.abs(scaled) < _CUT / _CORE, 1 / (1 + squared) ** 2, 0.0)
         weight = np.where(_unclipped(latent, noise), weight, 0.0)
         derivative = np.where(weight > 0, (1 - 3 * squared) / (1 + squared) ** 3, 0.0)
-        bread = float(derivative.sum() / max(weight.sum(), 1e-300))
-        return weight, max(bread, 0.2)
+        sandwich_factor = float(derivative.sum() / max(weight.sum(), 1e-300))
+        return weight, max(sandwich_factor, 0.2)
 
     def _refitted(
-        self, errors: ErrorModel, latent: Latent, parameters: FloatArray, sightings: Sightings
+        self, errors: ErrorModel, latent: Latent, parameters: FloatArray, observations: Observations
     ) -> ErrorModel:
         log_response = self.response_basis.log_of(parameters[: len(self.response_basis)])
         return errors.refitted(
-            latent.residual**2 / latent.freedom / latent.stiffness**2,
+            latent.residual**2 / latent.one_minus_leverage / latent.log_response_slope**2,
             latent.grey,
-            1 / latent.stiffness,
+            1 / latent.log_response_slope,
             np.maximum(np.exp(log_response[latent.index]), 1e-12),
-            sightings.gradient,
+            observations.gradient,
         )
 
     def _equations(
-        self, sightings: Sightings, latent: Latent, weight: FloatArray, parameters: FloatArray
+        self, observations: Observations, latent: Latent, weight: FloatArray, parameters: FloatArray
     ) -> NormalEquations:
         p = len(parameters)
-        block = _blocks_of(sightings.group)
+        block = _blocks_of(observations.group)
         matrix, scores = np.zeros((p, p)), np.zeros((int(block.max()) + 1, p))
         vector, square = np.zeros(p), 0.0
-        for part in _chunks(sightings):
-            rows, target, factor, member = self._free_of_radiance(sightings, latent, weight, part, parameters)
+        for part in _chunks(observations):
+            rows, target, factor, member = self._free_of_radiance(observations, latent, weight, part, parameters)
             weighted = rows * factor[:, None]
             matrix += rows.T @ weighted
             vector += weighted.T @ target
@@ -208,14 +210,14 @@ class JointEstimator:
         return NormalEquations(matrix, vector, square, scores.T @ scores)
 
     def _free_of_radiance(
-        self, sightings: Sightings, latent: Latent, weight: FloatArray, part: slice, parameters: FloatArray
+        self, observations: Observations, latent: Latent, weight: FloatArray, part: slice, parameters: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
         """Return rows, right-hand sides, weights, and whose they are, with each point's radiance eliminated."""
-        seen = sightings.where(part)
+        seen = observations.where(part)
         rows, target = self._rows(seen, latent, part, parameters)
         factor = weight[part] * latent.precision[part]
         if np.all(seen.counts == 2):
-            # Two sightings less their weighted mean say the same twice: their difference says it once.
+            # Two observations less their weighted mean say the same twice: their difference says it once.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
             return rows[0::2] - rows[1::2], target[0::2] - target[1::2], factor, slice(0, None, 2)
@@ -223,7 +225,7 @@ class JointEstimator:
         return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
     def _rows(
-        self, seen: Sightings, latent: Latent, part: slice, parameters: FloatArray
+        self, seen: Observations, latent: Latent, part: slice, parameters: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return rows and right-hand sides of h(M) − ln V − u = ln e, linear in all parameters."""
         vignette = parameters[len(self.response_basis) :]
@@ -240,7 +242,7 @@ class JointEstimator:
 
 
 def _blocks_of(group: IntArray) -> IntArray:
-    """Return the block each sighting counts to when the spread of scores is measured, shape (n,).
+    """Return the block each observation counts to when the spread of scores is measured, shape (n,).
 
     What goes wrong in one pair of frames goes wrong in those after it, which show the same scene: groups that follow
     one another are taken together, as far as enough blocks remain to measure a spread between.
@@ -250,11 +252,11 @@ def _blocks_of(group: IntArray) -> IntArray:
     return np.asarray(number // size)
 
 
-def _chunks(sightings: Sightings) -> Iterator[slice]:
-    """Give slices of bounded length that do not cut a point's sightings apart."""
-    starts = np.append(sightings.starts, len(sightings))
+def _chunks(observations: Observations) -> Iterator[slice]:
+    """Give slices of bounded length that do not cut a point's observations apart."""
+    starts = np.append(observations.starts, len(observations))
     begin = 0
-    while begin < len(sightings):
+    while begin < len(observations):
         end = int(starts[np.searchsorted(starts, begin + _CHUNK, side="right") - 1])
         end = end if end > begin else int(starts[np.searchsorted(starts, begin, side="right")])
         yield slice(begin, end)

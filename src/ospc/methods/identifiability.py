@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.estimation.joint_fit import JointFit
+from ospc.estimation.fit import Fit
 from ospc.photometry.calibration import ExposureRatios, Verdict
-from ospc.presets import JointSettings
+from ospc.settings import DefaultSettings
 
 _SURE = 0.03
 _VAGUE = 0.2
@@ -30,8 +30,8 @@ _MOVE_RADIALLY = (
 
 
 def response_verdict(
-    settings: JointSettings,
-    fit: JointFit | None,
+    settings: DefaultSettings,
+    fit: Fit | None,
     exposure_range_ms: tuple[float, float],
     points: int,
     ratios: ExposureRatios,
@@ -69,7 +69,7 @@ def response_verdict(
     return response_verdict_of_fit(fit, exposure_range_ms, unexplained_share(ratios))
 
 
-def response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
+def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
     """Return whether a fit knows the response, given the share of changes of exposure that images do not show."""
     sigma = fit.log_response_step_sigma(0.25, 0.75)
     low, high = exposure_range_ms
@@ -87,7 +87,7 @@ def response_verdict_of_fit(fit: JointFit, exposure_range_ms: tuple[float, float
 
 
 def vignette_verdict(
-    settings: JointSettings, fit: JointFit | None, reach: float, standing_still: bool, usable_radius: float = 1.0
+    settings: DefaultSettings, fit: Fit | None, reach: float, standing_still: bool, usable_radius: float = 1.0
 ) -> Verdict:
     """Return whether the vignette is known, and what to record instead where it is not.
 

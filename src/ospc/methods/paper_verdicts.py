@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ospc.estimation.repetition import Estimates
 from ospc.photometry.calibration import Verdict
-from ospc.presets import PaperSettings
+from ospc.settings import PaperSettings
 
 
 def response_verdict(

@@ -26,7 +26,7 @@ _LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) 
 
 
 @dataclass
-class NoiseGauge:
+class NoiseEstimator:
     """Collects the variance of blocks after their structure is filtered out; the least of many is that of the noise.
 
     Attributes

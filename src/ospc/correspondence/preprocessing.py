@@ -13,7 +13,7 @@ from ospc.recording.frame import Frame
 
 
 @dataclass(frozen=True)
-class View:
+class PreprocessedFrame:
     """A frame reduced to the size at which it is compared.
 
     Attributes
@@ -54,7 +54,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class ViewMaker:
+class Preprocessor:
     """Prepares frames.
 
     Attributes
@@ -81,7 +81,7 @@ class ViewMaker:
     clip_margin_px: int = 3
     max_clipped_share: float = 0.25
 
-    def __call__(self, frame: Frame) -> View:
+    def __call__(self, frame: Frame) -> PreprocessedFrame:
         """Prepare a frame.
 
         Raises
@@ -100,7 +100,7 @@ class ViewMaker:
             cv2.Sobel(flatter, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8),
             cv2.Sobel(flatter, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8),
         )
-        return View(
+        return PreprocessedFrame(
             frame.index,
             float(np.log(frame.exposure_ms)),
             (width, height),

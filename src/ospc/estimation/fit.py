@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.error_model import ErrorModel
-from ospc.estimation.prior import Roughness
+from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 
@@ -19,7 +19,7 @@ measured on simulated recordings."""
 
 
 @dataclass(frozen=True)
-class JointFit:
+class Fit:
     """Parameters of response and vignette with their covariance.
 
     Attributes
@@ -31,15 +31,15 @@ class JointFit:
     covariance
         Their covariance, shape (p, p).
     errors
-        Error model of the sightings.
-    roughness
-        Roughness of the prior that the data chose.
+        Error model of the observations.
+    hyperparameters
+        PriorHyperparameters of the prior that the data chose.
     misfit
-        Tempered sum of squared residuals: comparable between vignette models of the same sightings.
+        Tempered sum of squared residuals: comparable between vignette models of the same observations.
     points
         Number of scene points with weight.
     groups
-        Number of groups of sightings.
+        Number of groups of observations.
     """
 
     response_basis: ResponseBasis
@@ -47,7 +47,7 @@ class JointFit:
     parameters: FloatArray
     covariance: FloatArray
     errors: ErrorModel
-    roughness: Roughness
+    hyperparameters: PriorHyperparameters
     misfit: float
     points: int
     groups: int

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ospc.correspondence.image_circle import ImageCircle
-from ospc.correspondence.partners import PartnersState
+from ospc.correspondence.keyframe_selection import KeyframeSelectorState
+from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
-from ospc.estimation.joint_fit import JointFit
-from ospc.estimation.noise_gauge import NoiseGauge
+from ospc.estimation.fit import Fit
 
 
 @dataclass(frozen=True)
-class JointState:
-    """All that :class:`~ospc.methods.joint.JointMethod` has learned.
+class MaximumLikelihoodState:
+    """All that :class:`~ospc.methods.maximum_likelihood.MaximumLikelihoodMethod` has learned.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class JointState:
     partners
         What is known of the views kept; the views themselves are made again of their frames.
     reservoir
-        The sightings.
+        The observations.
     series
         Pixels of a camera that may stand still; None once it moved.
     noise
@@ -42,11 +42,11 @@ class JointState:
 
     passed_over: int
     looks: int
-    partners: PartnersState
+    partners: KeyframeSelectorState
     reservoir: Reservoir
     series: StaticSeries | None
-    noise: NoiseGauge
-    fit: JointFit | None
+    noise: NoiseEstimator
+    fit: Fit | None
     motions: list[float]
     pairs: int
     circle: ImageCircle

@@ -10,26 +10,26 @@ import numpy as np
 from ospc.arrays import ImageSize
 from ospc.correspondence.flat_sampling import FlatSampler, Samples
 from ospc.correspondence.image_circle import ImageCircle
-from ospc.correspondence.partners import Partners, PartnersState
-from ospc.correspondence.registration import DenseRegistration, Equaliser
+from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
+from ospc.correspondence.noise_estimation import NoiseEstimator
+from ospc.correspondence.preprocessing import PreprocessedFrame, Preprocessor
+from ospc.correspondence.registration import DenseRegistration, ExposureNormalizer
 from ospc.correspondence.reservoir import Reservoir
-from ospc.correspondence.sightings import Sightings
 from ospc.correspondence.static_series import StaticSeries
-from ospc.correspondence.view import View, ViewMaker
-from ospc.estimation.joint_estimator import JointEstimator
-from ospc.estimation.joint_fit import JointFit
-from ospc.estimation.noise_gauge import NoiseGauge
+from ospc.estimation.fit import Fit
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
-from ospc.methods.joint_state import JointState
-from ospc.methods.joint_summary import Evidence, response_of, summarise
+from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Progress, check_size
 from ospc.methods.preview import Preview, preview_of
+from ospc.methods.summary import Evidence, response_of, summarise
+from ospc.observations import Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.noise import NoiseModel
-from ospc.presets import JointSettings
 from ospc.recording.frame import Frame
+from ospc.settings import DefaultSettings
 
 _FIRST_REFINEMENT = 16
 _LAST_FORGOTTEN = 32
@@ -77,7 +77,7 @@ class Schedule:
             self._looks += 1
 
 
-class JointMethod:
+class MaximumLikelihoodMethod:
     """The preset ``default``.
 
     Parameters
@@ -90,36 +90,36 @@ class JointMethod:
         Largest grey value of the frames.
     """
 
-    def __init__(self, settings: JointSettings, size: ImageSize, max_grey: int) -> None:
+    def __init__(self, settings: DefaultSettings, size: ImageSize, max_grey: int) -> None:
         check_size(size)
         self._settings = settings
         self._size = size
         self._max_grey = max_grey
-        self._schedule = Schedule(settings.frames_per_slowdown, settings.enough_looks)
-        self._make_view = ViewMaker(settings.longest_side_px, settings.smoothing_px)
-        self._partners = Partners(settings.views, settings.max_log_ratio)
+        self._schedule = Schedule(settings.frames_per_slowdown, settings.dense_frames)
+        self._make_view = Preprocessor(settings.longest_side_px, settings.smoothing_px)
+        self._partners = KeyframeSelector(settings.views, settings.max_log_ratio)
         self._second = ThreadPoolExecutor(1, "ospc-second")
         self._register = DenseRegistration(self._second)
-        self._equaliser = Equaliser()
+        self._normalizer = ExposureNormalizer()
         self._sample = FlatSampler(
             spacing_px=settings.grid_spacing_px,
             max_gradient=settings.max_gradient,
-            max_mismatch_px=settings.max_mismatch_px,
+            max_forward_backward_error_px=settings.max_forward_backward_error_px,
             max_points=settings.points_per_pair,
         )
         self._reservoir = Reservoir(settings.max_points)
         self._series: StaticSeries | None = StaticSeries(points=settings.series_pixels)
-        self._noise = NoiseGauge(max_grey)
+        self._noise = NoiseEstimator(max_grey)
         self._circle = ImageCircle()
         self._basis = ResponseBasis(settings.response_intervals)
-        self._fit: JointFit | None = None
-        self._latest: Sightings | None = None
+        self._fit: Fit | None = None
+        self._latest: Observations | None = None
         self._motions: list[float] = []
         self._response_spread: float | None = None
         self._pairs = 0
         self._log_exposures = (np.inf, -np.inf)
         self._evidence: Evidence | None = None
-        self._to_recall: PartnersState | None = None
+        self._to_recall: KeyframeSelectorState | None = None
 
     def push(self, frame: Frame) -> None:
         """Take the next frame; most often it is not even decoded."""
@@ -152,11 +152,11 @@ class JointMethod:
 
     def preview(self) -> Preview | None:
         """Return what is known without a new fit; None before anything was seen."""
-        sightings = self._sightings()
-        if sightings is None:
+        observations = self._observations()
+        if observations is None:
             return None
         return preview_of(
-            sightings, self._latest, self._fit, size=self._size, max_grey=self._max_grey, pairs=self._pairs
+            observations, self._latest, self._fit, size=self._size, max_grey=self._max_grey, pairs=self._pairs
         )
 
     def calibration(self) -> Calibration:
@@ -169,9 +169,9 @@ class JointMethod:
             self._evidence = self._new_evidence()
         return self._evidence
 
-    def state(self) -> JointState:
+    def state(self) -> MaximumLikelihoodState:
         """Return all that was learned; to be used before the next frame is pushed."""
-        return JointState(
+        return MaximumLikelihoodState(
             passed_over=self._schedule._wait,
             looks=self._schedule._looks,
             partners=self._partners.state() if self._to_recall is None else self._to_recall,
@@ -186,7 +186,9 @@ class JointMethod:
         )
 
     @classmethod
-    def from_state(cls, settings: JointSettings, size: ImageSize, max_grey: int, state: JointState) -> JointMethod:
+    def from_state(
+        cls, settings: DefaultSettings, size: ImageSize, max_grey: int, state: MaximumLikelihoodState
+    ) -> MaximumLikelihoodMethod:
         """Go on from a state; frames :attr:`wanted` should be given to :meth:`recall` before the next is pushed.
 
         Raises
@@ -196,7 +198,7 @@ class JointMethod:
         """
         method = cls(settings, size, max_grey)
         method._schedule = Schedule(
-            settings.frames_per_slowdown, settings.enough_looks, state.passed_over, state.looks
+            settings.frames_per_slowdown, settings.dense_frames, state.passed_over, state.looks
         )
         method._partners.restore(state.partners)
         method._reservoir, method._series, method._noise = state.reservoir, state.series, state.noise
@@ -218,19 +220,23 @@ class JointMethod:
             self._partners.recall(self._make_view(frame), self._to_recall)
 
     def _new_evidence(self) -> Evidence:
-        sightings = self._sightings()
+        observations = self._observations()
         changes = self._log_exposures[1] - self._log_exposures[0]
-        enough = sightings is not None and len(sightings.starts) >= self._settings.min_points
+        enough = observations is not None and len(observations.starts) >= self._settings.min_points
         fit = None
-        if sightings is not None and enough and changes >= self._settings.min_log_exposure_change:
+        if observations is not None and enough and changes >= self._settings.min_log_exposure_change:
             fit = fit_with_chosen_vignette(
-                sightings, self._response_basis(), self._widest_vignette(), self._pixel_noise(), self._settings.rounds
+                observations,
+                self._response_basis(),
+                self._widest_vignette(),
+                self._pixel_noise(),
+                self._settings.rounds,
             )
         return Evidence(
             size=self._size,
             max_grey=self._max_grey,
             noise=self._noise.model(),
-            sightings=sightings,
+            observations=observations,
             fit=fit,
             exposure_range_ms=(float(np.exp(self._log_exposures[0])), float(np.exp(self._log_exposures[1]))),
             standing_still=self._standing_still,
@@ -240,7 +246,7 @@ class JointMethod:
 
     # What push does besides comparing.
 
-    def _look_at(self, frame: Frame) -> View:
+    def _look_at(self, frame: Frame) -> PreprocessedFrame:
         # Black pixels tell nothing about noise, and masked ones must not.
         image = frame.image if frame.mask is None else np.where(frame.mask, frame.image, 0)
         # Two looks at one image that do not need each other, and both leave the interpreter to others.
@@ -250,10 +256,10 @@ class JointMethod:
         self._circle.watch(view, frame.mask)
         return view
 
-    def _compare(self, view: View) -> None:
+    def _compare(self, view: PreprocessedFrame) -> None:
         partner = self._partners.choose(view)
         if partner is not None:
-            registration = self._register(partner, view, self._equaliser)
+            registration = self._register(partner, view, self._normalizer)
             samples = self._sample(partner, view, registration, self._pairs)
             self._partners.learn(partner, samples)
             self._keep(samples)
@@ -275,8 +281,8 @@ class JointMethod:
         self._pairs += 1
         if np.isfinite(samples.motion_px):
             self._motions = [*self._motions, samples.motion_px][-200:]
-        self._reservoir.add(samples.sightings)
-        self._latest = samples.sightings
+        self._reservoir.add(samples.observations)
+        self._latest = samples.observations
         if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
             self._refine()
             # Early pairs were registered with a vignette not yet known, which draws registration a little to where
@@ -285,24 +291,24 @@ class JointMethod:
                 self._reservoir.forget_before(min(self._pairs // 4, _LAST_FORGOTTEN))
 
     def _refine(self) -> None:
-        """Improve the equalisation that registration relies on, with a quick fit to some of the sightings."""
+        """Improve the equalisation that registration relies on, with a quick fit to some of the observations."""
         if self._reservoir.points < self._settings.min_points:
             return
         some = self._reservoir.some(_REFINEMENT_POINTS)
         rounds = self._settings.rounds if self._fit is None else _REFINEMENT_ROUNDS
-        estimator = JointEstimator(
+        estimator = MaximumLikelihoodEstimator(
             self._basis, VignetteBasis(self._settings.radial_terms), self._noise.model(), rounds
         )
         self._rely_on(estimator.fit(some, self._fit))
 
-    def _rely_on(self, fit: JointFit) -> None:
+    def _rely_on(self, fit: Fit) -> None:
         """Equalise frames by a fit from now on."""
         self._fit = fit
         spread = response_of(fit, self._max_grey).inverse_sigma
         self._response_spread = None if spread is None else float(spread.max())
         reliable = fit.vignette_sigma_at_corner < 0.05
         vignette = fit.vignette_basis.vignette(fit.vignette_parameters, self._size)
-        self._equaliser = Equaliser(response_of(fit, 255), vignette if reliable else None)
+        self._normalizer = ExposureNormalizer(response_of(fit, 255), vignette if reliable else None)
 
     # What the frames seen so far amount to.
 
@@ -314,15 +320,19 @@ class JointMethod:
     def _series_stands_in(self) -> bool:
         return self._standing_still and self._series is not None
 
-    def _sightings(self) -> Sightings | None:
+    def _observations(self) -> Observations | None:
         if self._series is not None and self._series_stands_in:
-            return self._series.sightings()
+            return self._series.observations()
         return self._lit(self._reservoir.all()) if self._reservoir.points else None
 
-    def _lit(self, sightings: Sightings) -> Sightings:
-        """Return the sightings without those of a surround that never sees light, which looks alike in all frames."""
-        seen = self._circle.sees(sightings.position)
-        return sightings if seen is None else sightings.of_points(np.logical_and.reduceat(seen, sightings.starts))
+    def _lit(self, observations: Observations) -> Observations:
+        """Return the observations without those of a surround that never sees light: it is alike in all frames."""
+        seen = self._circle.sees(observations.position)
+        return (
+            observations
+            if seen is None
+            else observations.of_points(np.logical_and.reduceat(seen, observations.starts))
+        )
 
     def _response_basis(self) -> ResponseBasis:
         return ResponseBasis(self._settings.series_intervals) if self._series_stands_in else self._basis

@@ -101,13 +101,13 @@ class PaperSettings:
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for images of a size and bit depth."""
-        from ospc.methods.sequential import SequentialMethod
+        from ospc.methods.paper import PaperMethod
 
-        return SequentialMethod(self, size, max_grey)
+        return PaperMethod(self, size, max_grey)
 
 
 @dataclass(frozen=True)
-class JointSettings:
+class DefaultSettings:
     """The default method: dense registration, flat sampling, one robust maximum likelihood for everything.
 
     Attributes
@@ -115,7 +115,7 @@ class JointSettings:
     frames_per_slowdown
         After so many compared pairs, one more frame is passed over between looks: the work grows with the square
         root of a recording's length.
-    enough_looks
+    dense_frames
         Beyond so many looks, pauses grow with the fourth power of their number: what all comparisons have in common,
         and no further one takes away, is then the larger error.
     views
@@ -130,7 +130,7 @@ class JointSettings:
         Distance between places asked for.
     max_gradient
         Largest grey gradient of a flat place, in full scale per pixel.
-    max_mismatch_px
+    max_forward_backward_error_px
         Largest distance between a place and where registration there and back ends.
     points_per_pair
         Most scene points taken from a pair.
@@ -138,7 +138,7 @@ class JointSettings:
         Most scene points kept in all.
     response_intervals, series_intervals
         Intervals between the knots of the response, for a moving camera and for one that stands still, whose many
-        sightings of each point resolve more.
+        observations of each point resolve more.
     radial_terms
         Radial terms of ln V.
     rounds
@@ -156,14 +156,14 @@ class JointSettings:
     """
 
     frames_per_slowdown: int = 60
-    enough_looks: int = 150
+    dense_frames: int = 150
     views: int = 20
     max_log_ratio: float = 1.2
     longest_side_px: int = 800
     smoothing_px: float = 1.5
     grid_spacing_px: int = 8
     max_gradient: float = 0.006
-    max_mismatch_px: float = 2.0
+    max_forward_backward_error_px: float = 2.0
     points_per_pair: int = 400
     max_points: int = 60_000
     response_intervals: int = 32
@@ -184,25 +184,25 @@ class JointSettings:
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for images of a size and bit depth."""
-        from ospc.methods.joint import JointMethod
+        from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 
-        return JointMethod(self, size, max_grey)
+        return MaximumLikelihoodMethod(self, size, max_grey)
 
 
 @dataclass(frozen=True)
-class FastSettings(JointSettings):
+class FastSettings(DefaultSettings):
     """The default method with half the looks and a third of the points: errors about half as large again."""
 
     frames_per_slowdown: int = 20
-    enough_looks: int = 80
+    dense_frames: int = 80
     max_points: int = 20_000
 
     name = "fast"
 
 
-Settings: TypeAlias = PaperSettings | JointSettings
+Settings: TypeAlias = PaperSettings | DefaultSettings
 
-_PRESETS: dict[str, Settings] = {"default": JointSettings(), "fast": FastSettings(), "paper": PaperSettings()}
+_PRESETS: dict[str, Settings] = {"default": DefaultSettings(), "fast": FastSettings(), "paper": PaperSettings()}
 
 
 def preset(name: str) -> Settings:

@@ -8,21 +8,21 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.flat_sampling import Samples
-from ospc.correspondence.view import View
+from ospc.correspondence.preprocessing import PreprocessedFrame
 
 _AGES = 16
 
 
 @dataclass
 class _Kept:
-    view: View
+    view: PreprocessedFrame
     order: int
     uses: int = 0
 
 
 @dataclass(frozen=True)
-class PartnersState:
-    """What :class:`Partners` knows, with views named by their frames instead of held.
+class KeyframeSelectorState:
+    """What :class:`KeyframeSelector` knows, with views named by their frames instead of held.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class PartnersState:
 
 
 @dataclass
-class Partners:
+class KeyframeSelector:
     """Keeps recent views, at ages that grow geometrically, and chooses among them.
 
     What a comparison is worth is known before it is made: exposures are given, and overlap and radial motion after so
@@ -70,7 +70,7 @@ class Partners:
     _motion: FloatArray = field(default_factory=lambda: np.minimum(0.01 * 2.0 ** np.arange(_AGES), 0.3), repr=False)
     _trials: FloatArray = field(default_factory=lambda: np.full(_AGES, 1.5), repr=False)
 
-    def choose(self, view: View) -> View | None:
+    def choose(self, view: PreprocessedFrame) -> PreprocessedFrame | None:
         """Return the view to compare a new one with; None where there is none yet."""
         if not self._kept:
             return None
@@ -80,14 +80,14 @@ class Partners:
         best.uses += 1
         return best.view
 
-    def learn(self, view0: View, samples: Samples) -> None:
+    def learn(self, view0: PreprocessedFrame, samples: Samples) -> None:
         """Take note of what comparing the newest view with an earlier one gave."""
         age = self._age_class(next((k.order for k in self._kept if k.view is view0), self._seen))
         self._trials[age] += 1
         self._overlap[age] += (samples.overlap - self._overlap[age]) / self._trials[age]
         self._motion[age] += (samples.radial_motion - self._motion[age]) / self._trials[age]
 
-    def add(self, view: View) -> None:
+    def add(self, view: PreprocessedFrame) -> None:
         """Keep a view, and drop one that is hardly missed if there are too many."""
         self._kept.append(_Kept(view, self._seen))
         self._seen += 1
@@ -98,11 +98,11 @@ class Partners:
             step = np.log(np.append(ages[0] * 1.5, ages[:-2])) - np.log(ages[1:])
             del self._kept[int(np.argmin(step[: self.capacity // 2]))]
 
-    def state(self) -> PartnersState:
+    def state(self) -> KeyframeSelectorState:
         """Return all that is known, to be continued by :meth:`restore` and :meth:`recall`."""
         columns = [(k.view.frame, k.order, k.uses) for k in self._kept]
         frames, orders, uses = np.array(columns, dtype=np.int64).reshape(-1, 3).T
-        return PartnersState(
+        return KeyframeSelectorState(
             frames,
             orders,
             uses,
@@ -113,7 +113,7 @@ class Partners:
             self._trials.copy(),
         )
 
-    def restore(self, state: PartnersState) -> None:
+    def restore(self, state: KeyframeSelectorState) -> None:
         """Go on from a state, without the views themselves.
 
         Raises
@@ -127,13 +127,13 @@ class Partners:
         self._kept, self._seen, self._choices = [], state.seen, state.choices
         self._overlap, self._motion, self._trials = (table.copy() for table in tables)
 
-    def recall(self, view: View, state: PartnersState) -> None:
+    def recall(self, view: PreprocessedFrame, state: KeyframeSelectorState) -> None:
         """Keep a view again as it was kept when the state was taken; of another frame than those it is ignored."""
         for number in np.flatnonzero(state.frames == view.frame):
             self._kept.append(_Kept(view, int(state.orders[number]), int(state.uses[number])))
         self._kept.sort(key=lambda kept: kept.order)
 
-    def _worth(self, kept: _Kept, view: View, for_response: bool) -> float:
+    def _worth(self, kept: _Kept, view: PreprocessedFrame, for_response: bool) -> float:
         age = self._age_class(kept.order)
         change = min(abs(kept.view.log_exposure - view.log_exposure), self.max_log_ratio)
         gain = change**2 if for_response else self._motion[age] ** 2 + 0.01 * change**2

@@ -1,4 +1,4 @@
-"""The default estimator on sightings made from the model: right, unbiased, monotone whatever happens, and honest."""
+"""The default estimator on observations made from the model: right, unbiased, monotone and honest."""
 
 from __future__ import annotations
 
@@ -9,26 +9,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.correspondence.sightings import Sightings
-from ospc.estimation.joint_estimator import JointEstimator
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.quadratic_response import solve_kkt
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
-from ospc.methods.joint_summary import response_of, vignette_of
+from ospc.methods.summary import response_of, vignette_of
+from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.simulation.responses import RESPONSES
-from synthetic_sightings import NONE, POLYNOMIAL, SIZE, Camera, reordered
+from synthetic_observations import NONE, POLYNOMIAL, SIZE, Camera, reordered
 
 NOISE = NoiseModel(1e-5, 0.0)
 GAMMA = Response.gamma(2.0, 2041)
 
 
-def fitted(sightings, radial=4, intervals=32, **vignette):
-    return JointEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE).fit(sightings)
+def fitted(observations, radial=4, intervals=32, **vignette):
+    return MaximumLikelihoodEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE).fit(
+        observations
+    )
 
 
 def log_step(curve, low=0.25, high=0.75):
@@ -77,14 +79,14 @@ def test_a_tenth_of_outliers_changes_next_to_nothing():
 
 
 def test_points_seen_many_times_are_used_as_a_whole():
-    # Four sightings of a point: two pairs of one scene point joined.
+    # Four observations of a point: two pairs of one scene point joined.
     random = np.random.default_rng(3)
     n, log_exposure = 1500, np.log(10) + np.array([-0.9, -0.3, 0.3, 0.9])
     place = random.uniform(-1, 1, (n, 4, 2)) * np.array(SIZE) / np.hypot(*SIZE)
     irradiance = np.exp(random.normal(-1.8, 0.7, (n, 1)) + log_exposure - np.log(10))
     grey = GAMMA(irradiance * POLYNOMIAL.at_normalised(place))
     group = np.arange(n) // 50
-    made = Sightings(
+    made = Observations(
         grey=np.clip(grey + random.normal(0, 0.003, grey.shape), 0, 1).ravel(),
         log_exposure=np.tile(log_exposure, n),
         position=place.reshape(-1, 2),
@@ -117,18 +119,18 @@ def test_only_as_rich_a_vignette_is_chosen_as_the_data_ask_for():
 # Unbiased.
 
 
-def naive_step(sightings):
+def naive_step(observations):
     """Return what the paper's estimator, with noisy grey values in its matrix, makes of the same pairs."""
-    ratio = np.exp(sightings.log_exposure[::2] - sightings.log_exposure[1::2])
+    ratio = np.exp(observations.log_exposure[::2] - observations.log_exposure[1::2])
     powers = np.arange(3)
-    rows = sightings.grey[::2, None] ** powers - ratio[:, None] * sightings.grey[1::2, None] ** powers
+    rows = observations.grey[::2, None] ** powers - ratio[:, None] * observations.grey[1::2, None] ** powers
     low, high = np.polynomial.polynomial.polyval([0.25, 0.75], solve_kkt(rows.T @ rows))
     return float(np.log(high / low))
 
 
 def test_noise_does_not_flatten_the_response_even_with_little_change_of_exposure():
     # Ratios up to 8 %, which move a grey level by less than the noise of 3/255 does.
-    faint = Camera(GAMMA, NONE, read=(3 / 255) ** 2, shot=0.0, slip_px=0.0, log_ratio=0.08)
+    faint = Camera(GAMMA, NONE, read=(3 / 255) ** 2, shot=0.0, registration_sigma_px=0.0, log_ratio=0.08)
     draws = [faint.pairs(seed, points=300) for seed in range(8)]
     fits = [fitted(s, 0, 16) for s in draws]
     truth = log_step(GAMMA)
@@ -144,7 +146,7 @@ def test_where_the_prior_does_not_pull_nothing_else_does():
     grey = np.linspace(0, 1, 4097)[1:]
     log_g = 1.3 * (typical_gamma(0) * np.log(grey) + (typical_gamma(1) - typical_gamma(0)) * (grey - 1))
     truth = Response.from_values(np.concatenate([[0.0], np.exp(log_g)]))
-    camera = Camera(truth, NONE, read=(3 / 255) ** 2, shot=0.0, slip_px=0.0, log_ratio=0.08)
+    camera = Camera(truth, NONE, read=(3 / 255) ** 2, shot=0.0, registration_sigma_px=0.0, log_ratio=0.08)
     steps = [log_step(fitted(camera.pairs(seed, points=200), 0, 16)) for seed in range(10)]
     assert abs(np.mean(steps) - log_step(truth)) < 3 * np.std(steps, ddof=1) / np.sqrt(10)
 
@@ -232,14 +234,14 @@ def test_mirroring_the_images_mirrors_the_vignette(sign):
     assert log_step(plain) == pytest.approx(log_step(other), abs=0.1 * plain.log_response_step_sigma(0.25, 0.75))
 
 
-def test_the_same_sightings_give_the_same_fit_bit_for_bit():
+def test_the_same_observations_give_the_same_fit_bit_for_bit():
     one, other = fitted(SOME), fitted(SOME)
     np.testing.assert_array_equal(one.parameters, other.parameters)
     np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
 def test_a_fit_may_start_from_another_and_ends_at_the_same():
-    estimator = JointEstimator(ResponseBasis(32), VignetteBasis(4), NOISE)
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(4), NOISE)
     first = estimator.fit(SOME)
     again = estimator.fit(SOME, first)
     assert log_step(again) == pytest.approx(log_step(first), abs=0.003)
@@ -252,8 +254,8 @@ values = st.one_of(st.sampled_from([0.0, 1.0, 0.5, 1 / 255]), st.floats(0, 1))
 
 
 @st.composite
-def nasty_sightings(draw):
-    """Draw sightings that nothing real would make."""
+def nasty_observations(draw):
+    """Draw observations that nothing real would make."""
     points = draw(st.integers(3, 60))
     seen = draw(st.integers(2, 4))
     n = points * seen
@@ -265,7 +267,7 @@ def nasty_sightings(draw):
     if draw(st.booleans()):
         # The brighter, the shorter the exposure: the opposite of any response.
         exposures = -5 * grey
-    return Sightings(
+    return Observations(
         grey=grey,
         log_exposure=exposures.astype(float),
         position=random.uniform(-0.7, 0.7, (n, 2)) * draw(st.sampled_from([0.0, 1e-6, 1.0])),
@@ -277,9 +279,9 @@ def nasty_sightings(draw):
     )
 
 
-@given(nasty_sightings(), st.booleans())
-def test_a_response_increases_strictly_and_deviations_are_finite_whatever_was_seen(sightings, free_centre):
-    fit = fitted(sightings, 2, 16, free_centre=free_centre)
+@given(nasty_observations(), st.booleans())
+def test_a_response_increases_strictly_and_deviations_are_finite_whatever_was_seen(observations, free_centre):
+    fit = fitted(observations, 2, 16, free_centre=free_centre)
     assert np.all(np.isfinite(fit.parameters))
     assert np.all(np.diff(fit.response_basis.log_of(fit.response_parameters)) > 0)
     for max_grey in (255, 4095):

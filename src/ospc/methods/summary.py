@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.correspondence.sightings import Sightings
-from ospc.estimation.joint_fit import JointFit
-from ospc.methods.joint_coverage import coverage_of
-from ospc.methods.joint_verdicts import response_verdict, vignette_verdict
+from ospc.estimation.fit import Fit
+from ospc.methods.coverage import coverage_of
+from ospc.methods.identifiability import response_verdict, vignette_verdict
+from ospc.observations import Observations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
-from ospc.presets import JointSettings
+from ospc.settings import DefaultSettings
 
 _MAX_LEVELS = 4096
 _BLACK, _WHITE = 1.5 / 255, 253.5 / 255
@@ -31,10 +31,10 @@ class Evidence:
         Of the frames.
     noise
         Noise of single pixels.
-    sightings
+    observations
         What was seen; None if nothing.
     fit
-        Fit to the sightings; None where they do not allow one.
+        Fit to the observations; None where they do not allow one.
     exposure_range_ms
         Shortest and longest exposure.
     standing_still
@@ -48,20 +48,20 @@ class Evidence:
     size: ImageSize
     max_grey: int
     noise: NoiseModel
-    sightings: Sightings | None
-    fit: JointFit | None
+    observations: Observations | None
+    fit: Fit | None
     exposure_range_ms: tuple[float, float]
     standing_still: bool
     pairs: int
     usable_radius: float = 1.0
 
 
-def summarise(evidence: Evidence, settings: JointSettings) -> Calibration:
+def summarise(evidence: Evidence, settings: DefaultSettings) -> Calibration:
     """Return the calibration that the evidence amounts to; parts that it does not determine are None."""
-    fit, sightings = evidence.fit, evidence.sightings
-    ratios = ExposureRatios.none() if fit is None or sightings is None else exposure_ratios(fit, sightings)
-    reach = 0.0 if sightings is None or evidence.standing_still else radial_reach(sightings)
-    points = 0 if sightings is None else len(sightings.starts)
+    fit, observations = evidence.fit, evidence.observations
+    ratios = ExposureRatios.none() if fit is None or observations is None else exposure_ratios(fit, observations)
+    reach = 0.0 if observations is None or evidence.standing_still else radial_reach(observations)
+    points = 0 if observations is None else len(observations.starts)
     verdicts = {
         "response": response_verdict(settings, fit, evidence.exposure_range_ms, points, ratios),
         "vignette": vignette_verdict(settings, fit, reach, evidence.standing_still, evidence.usable_radius),
@@ -69,7 +69,7 @@ def summarise(evidence: Evidence, settings: JointSettings) -> Calibration:
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
     return Calibration(
         size=evidence.size,
-        response=response_of(fit, evidence.max_grey, sightings) if fit is not None and response_known else None,
+        response=response_of(fit, evidence.max_grey, observations) if fit is not None and response_known else None,
         vignette=vignette_of(fit, evidence.size, evidence.usable_radius)
         if fit is not None and vignette_known
         else None,
@@ -82,11 +82,11 @@ def summarise(evidence: Evidence, settings: JointSettings) -> Calibration:
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
         counts={"pairs": evidence.pairs, "samples": points},
         advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
-        coverage=None if sightings is None else coverage_of(sightings, fit, evidence.size),
+        coverage=None if observations is None else coverage_of(observations, fit, evidence.size),
     )
 
 
-def response_of(fit: JointFit, max_grey: int, sightings: Sightings | None = None) -> Response:
+def response_of(fit: Fit, max_grey: int, observations: Observations | None = None) -> Response:
     """Return the response of a fit, one level for each grey value up to 12 bits, with ±1σ."""
     levels = min(max_grey + 1, _MAX_LEVELS)
     grey = np.linspace(0, 1, levels)
@@ -96,8 +96,8 @@ def response_of(fit: JointFit, max_grey: int, sightings: Sightings | None = None
     table = np.maximum(np.where(grey > 0, table, 0.0), np.arange(levels) * 1e-12)
     log_sigma = fit.log_response_sigma(grey)
     support = (0.0, 1.0)
-    if sightings is not None:
-        support = tuple(np.quantile(sightings.grey, [0.002, 0.998]).tolist())
+    if observations is not None:
+        support = tuple(np.quantile(observations.grey, [0.002, 0.998]).tolist())
     return Response.from_values(
         table,
         inverse_sigma=table / table[-1] * log_sigma,
@@ -107,45 +107,45 @@ def response_of(fit: JointFit, max_grey: int, sightings: Sightings | None = None
             "name": "local gamma",
             "knots": fit.response_basis.knots.tolist(),
             "coefficients": fit.response_parameters.tolist(),
-            "prior_walk": fit.roughness.walk,
-            "prior_drift": fit.roughness.drift,
+            "prior_walk": fit.hyperparameters.walk,
+            "prior_drift": fit.hyperparameters.drift,
         },
     )
 
 
-def vignette_of(fit: JointFit, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
+def vignette_of(fit: Fit, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
     """Return the vignette of a fit, up to the radius that the usable part of the image reaches."""
     return fit.vignette_basis.vignette(fit.vignette_parameters, size, usable_radius)
 
 
-def vignette_sigma(fit: JointFit) -> FloatArray:
+def vignette_sigma(fit: Fit) -> FloatArray:
     """Return the standard deviation of the profile at :data:`PROFILE_RADII`, shape (51,)."""
     along = np.stack([PROFILE_RADII, PROFILE_RADII], axis=1) / np.sqrt(2)
     value = np.exp(fit.vignette_basis.log_value(fit.vignette_parameters, along))
     return np.asarray(value * fit.log_vignette_sigma(PROFILE_RADII))
 
 
-def radial_reach(sightings: Sightings) -> float:
+def radial_reach(observations: Observations) -> float:
     """Return the radial displacement, in half diagonals, that a tenth of the scene points exceed."""
-    radius = np.linalg.norm(sightings.position, axis=1)
-    starts = sightings.starts
+    radius = np.linalg.norm(observations.position, axis=1)
+    starts = observations.starts
     reach = np.maximum.reduceat(radius, starts) - np.minimum.reduceat(radius, starts)
     return float(np.quantile(reach, 0.9))
 
 
-def exposure_ratios(fit: JointFit, sightings: Sightings) -> ExposureRatios:
+def exposure_ratios(fit: Fit, observations: Observations) -> ExposureRatios:
     """Return the exposure ratio of every pair of frames: the median over its scene points."""
     log_g = np.interp(
-        sightings.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters)
-    ) - fit.vignette_basis.log_value(fit.vignette_parameters, sightings.position)
-    exposed = (sightings.grey > _BLACK) & (sightings.grey < _WHITE)
-    # Each sighting against the one before of the same point: a pair, or neighbours in a static series.
-    later = np.flatnonzero((np.diff(sightings.point) == 0) & exposed[1:] & exposed[:-1]) + 1
+        observations.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters)
+    ) - fit.vignette_basis.log_value(fit.vignette_parameters, observations.position)
+    exposed = (observations.grey > _BLACK) & (observations.grey < _WHITE)
+    # Each observation against the one before of the same point: a pair, or neighbours in a static series.
+    later = np.flatnonzero((np.diff(observations.point) == 0) & exposed[1:] & exposed[:-1]) + 1
     if not len(later):
         return ExposureRatios.none()
     observed = log_g[later - 1] - log_g[later]
-    metadata = sightings.log_exposure[later - 1] - sightings.log_exposure[later]
-    frames = np.stack([sightings.frame[later - 1], sightings.frame[later]], axis=1)
+    metadata = observations.log_exposure[later - 1] - observations.log_exposure[later]
+    frames = np.stack([observations.frame[later - 1], observations.frame[later]], axis=1)
     pairs, member = np.unique(frames, axis=0, return_inverse=True)
     member = member.reshape(-1)
     order = np.argsort(member, kind="stable")
@@ -158,7 +158,7 @@ def exposure_ratios(fit: JointFit, sightings: Sightings) -> ExposureRatios:
     )
 
 
-def covariance_of(fit: JointFit, response: bool, vignette: bool) -> dict[str, dict[str, object]]:
+def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[str, object]]:
     """Return the parameters' names and their covariance for the parts that are known, as a calibration keeps them."""
     n = len(fit.response_basis)
     found: dict[str, dict[str, object]] = {}

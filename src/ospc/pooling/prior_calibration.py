@@ -10,7 +10,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, SettingError
-from ospc.estimation.prior import Prior, Roughness
+from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.vignette import LogVignette
@@ -34,7 +34,7 @@ _GIVEN_UP_SIGMA = 0.005
 
 
 @dataclass(frozen=True)
-class Earlier:
+class PriorCalibration:
     """What was known of a camera before; make one with :meth:`open`.
 
     Attributes
@@ -49,7 +49,7 @@ class Earlier:
     pool: Pool
 
     @classmethod
-    def open(cls, path: str | Path) -> Earlier:
+    def open(cls, path: str | Path) -> PriorCalibration:
         """Read what was known of a camera from a state, of one recording or merged, or from a calibration.
 
         Parameters
@@ -226,8 +226,8 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
     if coefficients.shape != (len(RESPONSE),) or covariance.shape != (len(RESPONSE), len(RESPONSE)):
         raise ValueError("another number of knots")
     prior = Prior(RESPONSE.knots, coefficients, np.empty(0))
-    roughness = Roughness(float(model["prior_walk"]), float(model["prior_drift"]))
-    information = np.linalg.inv(covariance).astype(np.float64) - prior.precision(roughness)
+    hyperparameters = PriorHyperparameters(float(model["prior_walk"]), float(model["prior_drift"]))
+    information = np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters)
     return coefficients, _positive(information)
 
 

@@ -1,12 +1,12 @@
-"""What sightings cover, and how far they are from a fit."""
+"""What observations cover, and how far they are from a fit."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
-from ospc.correspondence.sightings import Sightings
-from ospc.estimation.joint_fit import JointFit
+from ospc.estimation.fit import Fit
+from ospc.observations import Observations
 from ospc.photometry.coverage import QUANTILES, Coverage
 from ospc.photometry.geometry import half_diagonal
 
@@ -16,24 +16,24 @@ _FEWEST = 10
 _BLACK, _WHITE = 1.5 / 255, 253.5 / 255
 
 
-def coverage_of(sightings: Sightings, fit: JointFit | None, size: ImageSize) -> Coverage:
-    """Return the tables of a report: counts of sightings and, where there is a fit, their residuals.
+def coverage_of(observations: Observations, fit: Fit | None, size: ImageSize) -> Coverage:
+    """Return the tables of a report: counts of observations and, where there is a fit, their residuals.
 
     Parameters
     ----------
-    sightings
+    observations
         What was seen.
     fit
-        Fit to the sightings; None where they do not allow one.
+        Fit to the observations; None where they do not allow one.
     size
         Width and height of the frames in pixels.
     """
-    radius = np.linalg.norm(sightings.position, axis=1)
+    radius = np.linalg.norm(observations.position, axis=1)
     ring = np.clip((radius * _RADII).astype(np.int64), 0, _RADII - 1)
-    grey = np.clip((sightings.grey * _GREYS).astype(np.int64), 0, _GREYS - 1)
-    edges = _exposure_edges(sightings.log_exposure)
-    exposure = np.clip(np.searchsorted(edges, sightings.log_exposure, "right") - 1, 0, len(edges) - 2)
-    later = np.flatnonzero(np.diff(sightings.point) == 0) + 1
+    grey = np.clip((observations.grey * _GREYS).astype(np.int64), 0, _GREYS - 1)
+    edges = _exposure_edges(observations.log_exposure)
+    exposure = np.clip(np.searchsorted(edges, observations.log_exposure, "right") - 1, 0, len(edges) - 2)
+    later = np.flatnonzero(np.diff(observations.point) == 0) + 1
     counted = (
         np.exp(edges),
         _counts(exposure, grey, (len(edges) - 1, _GREYS)),
@@ -41,9 +41,9 @@ def coverage_of(sightings: Sightings, fit: JointFit | None, size: ImageSize) -> 
     )
     if fit is None:
         return Coverage(*counted)
-    residual = _residuals(sightings, fit)
+    residual = _residuals(observations, fit)
     rows = max(1, round(_COLUMNS * size[1] / size[0]))
-    by_place = _quantiles(residual, _place(sightings, size, rows), rows * _COLUMNS)
+    by_place = _quantiles(residual, _place(observations, size, rows), rows * _COLUMNS)
     return Coverage(
         *counted,
         _quantiles(residual, grey, _GREYS),
@@ -64,21 +64,23 @@ def _counts(first: IntArray, second: IntArray, shape: tuple[int, int]) -> IntArr
     return np.bincount(first * shape[1] + second, minlength=shape[0] * shape[1]).reshape(shape)
 
 
-def _residuals(sightings: Sightings, fit: JointFit) -> FloatArray:
-    """Return the residual of each sighting; NaN where it is clipped, or alone."""
-    log_g = np.interp(sightings.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters))
+def _residuals(observations: Observations, fit: Fit) -> FloatArray:
+    """Return the residual of each observation; NaN where it is clipped, or alone."""
+    log_g = np.interp(observations.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters))
     log_radiance = (
-        log_g - fit.vignette_basis.log_value(fit.vignette_parameters, sightings.position) - sightings.log_exposure
+        log_g
+        - fit.vignette_basis.log_value(fit.vignette_parameters, observations.position)
+        - observations.log_exposure
     )
-    exposed = (sightings.grey > _BLACK) & (sightings.grey < _WHITE)
-    count = np.add.reduceat(exposed.astype(np.float64), sightings.starts)
-    total = np.add.reduceat(np.where(exposed, log_radiance, 0.0), sightings.starts)
+    exposed = (observations.grey > _BLACK) & (observations.grey < _WHITE)
+    count = np.add.reduceat(exposed.astype(np.float64), observations.starts)
+    total = np.add.reduceat(np.where(exposed, log_radiance, 0.0), observations.starts)
     mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
-    return np.where(exposed, log_radiance - np.repeat(mean, sightings.counts), np.nan)
+    return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 
 
-def _place(sightings: Sightings, size: ImageSize, rows: int) -> IntArray:
-    pixel = sightings.position * half_diagonal(size) + (np.array(size) - 1) / 2
+def _place(observations: Observations, size: ImageSize, rows: int) -> IntArray:
+    pixel = observations.position * half_diagonal(size) + (np.array(size) - 1) / 2
     cell = np.clip((pixel / np.array(size) * (_COLUMNS, rows)).astype(np.int64), 0, (_COLUMNS - 1, rows - 1))
     return np.asarray(cell[:, 1] * _COLUMNS + cell[:, 0])
 

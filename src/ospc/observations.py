@@ -12,8 +12,8 @@ from ospc.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
-class Sightings:
-    """Scene points seen several times; the sightings of a point follow one another.
+class Observations:
+    """Scene points seen several times; the observations of a point follow one another.
 
     Attributes
     ----------
@@ -46,38 +46,38 @@ class Sightings:
     group: IntArray
 
     def __len__(self) -> int:
-        """Return the number of sightings."""
+        """Return the number of observations."""
         return len(self.grey)
 
     @cached_property
     def starts(self) -> IntArray:
-        """Index of the first sighting of each point, shape (points,)."""
+        """Index of the first observation of each point, shape (points,)."""
         return np.flatnonzero(np.diff(self.point, prepend=-1))
 
     @cached_property
     def counts(self) -> IntArray:
-        """Number of sightings of each point, shape (points,)."""
+        """Number of observations of each point, shape (points,)."""
         return np.diff(self.starts, append=len(self))
 
-    def of_points(self, chosen: Any) -> Sightings:
-        """Return the sightings of some points, by a mask, shape (points,), or indices into :attr:`starts`."""
+    def of_points(self, chosen: Any) -> Observations:
+        """Return the observations of some points, by a mask, shape (points,), or indices into :attr:`starts`."""
         mask = np.zeros(len(self.starts), bool)
         mask[chosen] = True
         return self.where(np.repeat(mask, self.counts))
 
-    def where(self, mask: Any) -> Sightings:
-        """Return the sightings where a mask, shape (n,), is true."""
-        return Sightings(*(getattr(self, f.name)[mask] for f in fields(self)))
+    def where(self, mask: Any) -> Observations:
+        """Return the observations where a mask, shape (n,), is true."""
+        return Observations(*(getattr(self, f.name)[mask] for f in fields(self)))
 
 
-def concatenate(parts: list[Sightings]) -> Sightings:
-    """Join sightings of different scene points, which are numbered anew."""
+def concatenate(parts: list[Observations]) -> Observations:
+    """Join observations of different scene points, which are numbered anew."""
     offset, points = 0, []
     for part in parts:
         _, number = np.unique(part.point, return_inverse=True)
         points.append(number + offset)
         offset += int(number[-1]) + 1 if len(number) else 0
     joined = {
-        f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Sightings) if f.name != "point"
+        f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Observations) if f.name != "point"
     }
-    return Sightings(**joined, point=np.concatenate(points))
+    return Observations(**joined, point=np.concatenate(points))

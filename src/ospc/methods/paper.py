@@ -17,12 +17,12 @@ from ospc.estimation.polynomial_vignette import solve_vignette, vignette_rows, v
 from ospc.estimation.quadratic_response import Positivity, polynomial_response, response_rows, solve_response
 from ospc.estimation.repetition import Estimates
 from ospc.methods.method import Progress, check_size
-from ospc.methods.sequential_verdicts import response_verdict, vignette_verdict
+from ospc.methods.paper_verdicts import response_verdict, vignette_verdict
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.presets import PaperSettings
 from ospc.recording.frame import Frame
+from ospc.settings import PaperSettings
 
 
 def feature_matcher(settings: PaperSettings) -> FeatureMatcher:
@@ -36,7 +36,7 @@ def feature_matcher(settings: PaperSettings) -> FeatureMatcher:
     )
 
 
-class SequentialMethod:
+class PaperMethod:
     """The preset ``paper``.
 
     Parameters
@@ -107,7 +107,7 @@ class SequentialMethod:
         """Return the averages of the accepted estimates; an open window counts only where no full one did."""
         return self._with_open_windows_closed()._summary()
 
-    def _with_open_windows_closed(self) -> SequentialMethod:
+    def _with_open_windows_closed(self) -> PaperMethod:
         """Return a copy whose open windows made their estimates, so that being asked changes nothing here."""
         closed = copy.copy(self)
         closed._responses, closed._vignettes = copy.deepcopy((self._responses, self._vignettes))

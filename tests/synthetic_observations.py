@@ -1,4 +1,4 @@
-"""Sightings made straight from the model of a camera, so that the truth is known and nothing else disturbs."""
+"""Observations made straight from the model of a camera, so that the truth is known and nothing else disturbs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.correspondence.sightings import Sightings
+from ospc.observations import Observations
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 
@@ -25,10 +25,10 @@ class Camera:
         The truth.
     read, shot
         Variance of a sampled grey level at black, and its growth to white, in full scale squared.
-    slip_px
+    registration_sigma_px
         Standard deviation of the registration in pixels; gradients are up to 0.006 per pixel.
     outliers
-        Share of sightings whose grey level is arbitrary.
+        Share of observations whose grey level is arbitrary.
     log_ratio
         Largest |ln k| of a pair; pairs are spread evenly up to it.
     spread
@@ -41,14 +41,14 @@ class Camera:
     vignette: LogVignette = POLYNOMIAL
     read: float = (0.4 / 255) ** 2
     shot: float = (0.8 / 255) ** 2
-    slip_px: float = 0.2
+    registration_sigma_px: float = 0.2
     outliers: float = 0.0
     log_ratio: float = 1.0
     spread: float = 0.8
     metadata_error: float = 0.0
 
-    def pairs(self, seed: int, groups: int = 40, points: int = 150) -> Sightings:
-        """Return pairs of sightings, so many to a pair of frames, that are exposed in both."""
+    def pairs(self, seed: int, groups: int = 40, points: int = 150) -> Observations:
+        """Return pairs of observations, so many to a pair of frames, that are exposed in both."""
         random = np.random.default_rng(seed)
         n = groups * points
         group = np.repeat(np.arange(groups), points)
@@ -61,14 +61,14 @@ class Camera:
         attenuation = self.vignette.at_normalised(place)
         grey = self.response(np.exp(log_radiance[:, None] + log_exposure) * attenuation)
         gradient = random.uniform(0, 0.006, (n, 2))
-        deviation = np.sqrt(self.read + self.shot * grey + (self.slip_px * gradient) ** 2)
+        deviation = np.sqrt(self.read + self.shot * grey + (self.registration_sigma_px * gradient) ** 2)
         noisy = grey + deviation * random.standard_normal((n, 2))
         astray = random.random((n, 2)) < self.outliers
         noisy = np.where(astray, random.uniform(0.05, 0.95, (n, 2)), noisy)
         log_exposure[:, 1] += (self.metadata_error * random.standard_normal(groups))[group]
         # Chosen by the truth: to choose by the noisy values would be to choose by their noise.
         exposed = np.all((grey > 4 / 255) & (grey < 0.985), axis=1)
-        return Sightings(
+        return Observations(
             grey=np.clip(noisy, 0, 1)[exposed].ravel(),
             log_exposure=log_exposure[exposed].ravel(),
             position=place[exposed].reshape(-1, 2),
@@ -80,7 +80,7 @@ class Camera:
         )
 
 
-def reordered(sightings: Sightings, order: np.ndarray) -> Sightings:
-    """Return pairs of sightings with their points in another order."""
+def reordered(observations: Observations, order: np.ndarray) -> Observations:
+    """Return pairs of observations with their points in another order."""
     index = (2 * order[:, None] + [0, 1]).ravel()
-    return replace(sightings.where(index), point=np.repeat(np.arange(len(order)), 2))
+    return replace(observations.where(index), point=np.repeat(np.arange(len(order)), 2))

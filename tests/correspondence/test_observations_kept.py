@@ -1,4 +1,4 @@
-"""Sightings: joined, chosen, thinned out and kept in bounds, and pixels of a camera that stands still."""
+"""Observations: joined, chosen, thinned out and kept in bounds, and pixels of a camera that stands still."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.correspondence.reservoir import Reservoir
-from ospc.correspondence.sightings import Sightings, concatenate
 from ospc.correspondence.static_series import StaticSeries
+from ospc.observations import Observations, concatenate
 from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
 
 counts = st.lists(st.integers(1, 4), min_size=1, max_size=12)
 
 
-def sightings(counts, group=0, start=0):
-    """Return scene points with so many sightings each, whose grey level says which they are."""
+def observations(counts, group=0, start=0):
+    """Return scene points with so many observations each, whose grey level says which they are."""
     point = np.repeat(np.arange(len(counts)), counts) + start
     n = len(point)
     tag = group + np.arange(n) / 1e6
-    return Sightings(
+    return Observations(
         grey=tag,
         log_exposure=tag + 1,
         position=np.stack([tag, -tag], axis=1),
@@ -36,21 +36,21 @@ def sightings(counts, group=0, start=0):
 
 
 def assert_same(a, b):
-    for f in fields(Sightings):
+    for f in fields(Observations):
         np.testing.assert_array_equal(getattr(a, f.name), getattr(b, f.name))
 
 
 @given(counts, st.integers(0, 5))
-def test_the_sightings_of_a_point_follow_one_another(counts, start):
-    made = sightings(counts, start=start)
+def test_the_observations_of_a_point_follow_one_another(counts, start):
+    made = observations(counts, start=start)
     assert len(made) == sum(counts)
     np.testing.assert_array_equal(made.starts, np.cumsum([0, *counts[:-1]]))
     np.testing.assert_array_equal(made.counts, counts)
 
 
 @given(counts, st.data())
-def test_points_are_chosen_with_all_their_sightings(counts, data):
-    made = sightings(counts)
+def test_points_are_chosen_with_all_their_observations(counts, data):
+    made = observations(counts)
     mask = np.array(data.draw(st.lists(st.booleans(), min_size=len(counts), max_size=len(counts))))
     chosen = made.of_points(mask)
     np.testing.assert_array_equal(chosen.grey, made.grey[np.isin(made.point, np.flatnonzero(mask))])
@@ -61,7 +61,7 @@ def test_points_are_chosen_with_all_their_sightings(counts, data):
 
 @given(st.lists(counts, min_size=1, max_size=5))
 def test_joined_points_stay_different_points(many):
-    parts = [sightings(c, group, start=7 * group) for group, c in enumerate(many)]
+    parts = [observations(c, group, start=7 * group) for group, c in enumerate(many)]
     joined = concatenate(parts)
     np.testing.assert_array_equal(joined.counts, [n for c in many for n in c])
     np.testing.assert_array_equal(joined.grey, np.concatenate([p.grey for p in parts]))
@@ -75,7 +75,7 @@ def test_joined_points_stay_different_points(many):
 def filled(capacity, parts, points=50):
     reservoir = Reservoir(capacity)
     for group in range(parts):
-        reservoir.add(sightings([2] * points, group))
+        reservoir.add(observations([2] * points, group))
         assert reservoir.points <= capacity
         assert reservoir.points == len(reservoir.all().starts)
     return reservoir
@@ -86,7 +86,7 @@ def test_a_reservoir_never_holds_more_than_it_may_and_only_what_it_was_given(cap
     kept = filled(capacity, parts)
     if kept.points == 0:
         return
-    everything = concatenate([sightings([2] * 50, group) for group in range(parts)])
+    everything = concatenate([observations([2] * 50, group) for group in range(parts)])
     inside = np.isin(everything.grey, kept.all().grey)
     expected = everything.where(inside)
     assert_same(replace(kept.all(), point=expected.point), expected)
@@ -150,7 +150,7 @@ def series(count, max_grey=255, **settings):
 
 @pytest.mark.parametrize("max_grey", [255, 4095])
 def test_a_series_holds_what_each_frame_shows_at_one_place(max_grey):
-    made = series(8, max_grey, pixels=600, points=150).sightings()
+    made = series(8, max_grey, pixels=600, points=150).observations()
     by_index = {frame.index: frame for frame in still_frames(8, max_grey)}
     assert np.all(made.counts == 8)
     np.testing.assert_array_equal(made.frame.reshape(-1, 8), np.tile(sorted(by_index), (150, 1)))
@@ -169,7 +169,7 @@ def test_a_series_holds_what_each_frame_shows_at_one_place(max_grey):
 def test_a_series_keeps_a_bounded_number_of_frames_evenly_spaced(count, most):
     made = series(count, frames=most, pixels=20, points=5)
     assert 1 <= len(made) <= most
-    kept = np.unique(made.sightings().frame)
+    kept = np.unique(made.observations().frame)
     if len(kept) > 1:
         assert kept[0] == 0
         assert len(np.unique(np.diff(kept))) == 1
@@ -178,21 +178,21 @@ def test_a_series_keeps_a_bounded_number_of_frames_evenly_spaced(count, most):
 
 
 def test_points_are_spread_over_brightness_and_seen_well_twice():
-    made = series(8, pixels=1200, points=100).sightings()
+    made = series(8, pixels=1200, points=100).observations()
     grey = made.grey.reshape(100, 8)
     exposed = (grey > 1.5 / 255) & (grey < 253.5 / 255)
     assert np.all(exposed.sum(axis=1) >= 2)
     level = np.log(grey.sum(axis=1))
-    everything = series(8, pixels=1200, points=1200).sightings()
+    everything = series(8, pixels=1200, points=1200).observations()
     levels = np.log(everything.grey.reshape(-1, 8).sum(axis=1))
     share = [np.histogram(v, bins=4, range=(levels.min(), levels.max()))[0] / len(v) for v in (level, levels)]
     assert np.ptp(share[0]) < 0.6 * np.ptp(share[1])
 
 
 def test_two_cameras_that_see_the_same_give_the_same():
-    assert_same(series(9, pixels=100, points=30).sightings(), series(9, pixels=100, points=30).sightings())
+    assert_same(series(9, pixels=100, points=30).observations(), series(9, pixels=100, points=30).observations())
 
 
 def test_a_series_without_frames_has_nothing_to_say():
     with pytest.raises(ValueError, match="no frame"):
-        StaticSeries().sightings()
+        StaticSeries().observations()

@@ -20,7 +20,7 @@ _CLIP_MARGIN_PX = 2
 
 
 @dataclass(frozen=True)
-class Glimpse:
+class Thumbnail:
     """A small image of a frame.
 
     Attributes
@@ -47,7 +47,7 @@ class Glimpse:
     equalised: npt.NDArray[np.uint8]
 
 
-def glimpse(frame: Frame) -> Glimpse:
+def thumbnail(frame: Frame) -> Thumbnail:
     """Reduce a frame.
 
     Raises
@@ -69,7 +69,7 @@ def glimpse(frame: Frame) -> Glimpse:
     near = cv2.dilate(clipped, np.ones((side, side), np.uint8))
     # The square root keeps dark images from falling into a handful of levels before they are spread out.
     levels = cv2.convertScaleAbs(np.sqrt(small), alpha=255.0)
-    return Glimpse(
+    return Thumbnail(
         frame.index,
         np.asarray(grey, dtype=np.float32),
         np.asarray(cv2.GaussianBlur(small, (0, 0), _SURROUND_PX), dtype=np.float32),
