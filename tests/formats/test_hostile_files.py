@@ -15,8 +15,7 @@ from ospc.formats.export import ExportSettings, export
 from ospc.formats.lensfun import read_lensfun
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.formats.radial import Optics
-from ospc.formats.repair import repair
-from ospc.formats.validation import validate
+from ospc.formats.validation import repair, validate
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 

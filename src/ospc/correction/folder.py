@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, OspcError, SettingError
-from ospc.formats.dso import MOST_VALUES, write_pcalib, write_times, write_vignette
+from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.files import read_bytes, read_text, write_bytes, write_text
+from ospc.formats.rules_pcalib import MOST_VALUES
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 

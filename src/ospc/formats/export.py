@@ -9,13 +9,14 @@ from typing import Literal, TypeAlias
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.formats.adobe import write_lcp
-from ospc.formats.dso import FEWEST_VALUES, write_pcalib, write_vignette
+from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.hugin import EmorBasis, write_pto
 from ospc.formats.lensfun import write_lensfun
 from ospc.formats.opencv import write_opencv
 from ospc.formats.opening import Photometry
 from ospc.formats.radial import Optics
 from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
+from ospc.formats.rules_pcalib import FEWEST_VALUES
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette, Vignette
 
