@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from ospc.errors import OspcError
 from ospc.evaluation.trajectory import read_trajectory
 from ospc.formats.export import ExportSettings, export
-from ospc.formats.lensfun import read_lensfun
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.formats.radial import Optics
 from ospc.formats.validation import repair, validate
@@ -42,13 +41,10 @@ def read(place: Path) -> None:
         for program in ("dso", "mono"):
             checked = validate([place], program)
         repair(checked.files[0])
-    if place.name == "a.xml":
-        for entry in read_lensfun(place):
-            entry.vignette((16, 12))
-    elif place.name == "poses.txt":
+    if place.name == "poses.txt":
         read_trajectory(place)
     elif place.name not in ("times.txt", "camera.txt"):
-        open_photometry(place)
+        open_photometry(place, (16, 12))
 
 
 edits = st.lists(

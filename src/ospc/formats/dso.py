@@ -101,7 +101,7 @@ def read_vignette(path: str | Path) -> RasterVignette:
     FormatError
         If it is not a PNG, damaged, not grey, or black.
     """
-    _, image = read_png(path)
+    image = read_png(path)
     if image.ndim != 2:
         raise FormatError(
             f"{path}: has {image.shape[2]} channels, a vignette has one; 'ospc validate --repair' writes a grey copy"

@@ -21,12 +21,12 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette, Vignette
 
 Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]
-"""Where a calibration can go."""
+"""Programs that a calibration can be written for."""
 
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """What some programs need to know besides the calibration.
+    """What some programs need besides the calibration.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class ExportSettings:
     lensfun_model
         ``pa`` for radii in half diagonals, ``acm`` for focal lengths.
     emor
-        For hugin's response.
+        Base curves for hugin's response.
     values
         Number of grey levels in pcalib.txt.
     """
@@ -55,7 +55,7 @@ class Exported:
     files
         Paths.
     notes
-        What a user should know: residuals of fits, parts the format cannot hold, parts that are not known.
+        Residuals of fits, and parts that are unknown or that the format cannot hold.
     """
 
     files: tuple[Path, ...]
@@ -75,7 +75,7 @@ def adapted(
     photometry
         As calibrated.
     crop
-        Column, row, width and height of the part that is left.
+        Column, row, width and height of the part that is kept.
     size
         Width and height after scaling.
     binning
@@ -84,8 +84,8 @@ def adapted(
     Raises
     ------
     SettingError
-        If the part is not inside the image, nothing is left of it, scaling changes the aspect ratio, or the
-        size of the images is unknown.
+        If the part is not inside the image, nothing is left of it, scaling changes the aspect ratio, or the size of
+        the images is unknown.
     """
     if crop is None and size is None and binning == 1:
         return photometry
@@ -111,7 +111,7 @@ def as_calibration(photometry: Photometry) -> Calibration:
     if photometry.calibration is not None:
         return photometry.calibration
     if photometry.size is None:
-        raise SettingError(f"{photometry.name}: does not say for which image size it is; add the vignette")
+        raise SettingError(f"{photometry.name}: does not state the image size; add the vignette")
     return Calibration(
         photometry.size, photometry.response, photometry.vignette, source={"imported_from": photometry.name}
     )
@@ -125,48 +125,46 @@ def export(
     Parameters
     ----------
     photometry
-        What is known.
+        The calibration.
     program
-        Where it goes.
+        The program that will read it.
     out
-        A folder for ``dso``, which holds two files; the file for all others.
+        A folder for ``dso``, which has two files; a file for all others.
     settings
         What the program needs besides.
 
     Raises
     ------
     NotObservableError
-        If nothing the program can take is known.
+        If no part that the program can take is known.
     SettingError
-        If the program needs something that ``settings`` lack.
+        If ``settings`` lack something that the program needs.
     FormatError
         If the format cannot hold it, or a file cannot be written.
     """
     chosen = settings or ExportSettings()
     place = Path(out)
-    if program == "dso":
-        return _to_dso(photometry, place, chosen)
-    if program == "json":
-        return _to_json(photometry, place)
-    if program == "opencv":
-        if photometry.response is None and photometry.vignette is None:
-            raise NotObservableError(f"{photometry.name}: knows neither response nor vignette")
-        write_opencv(place, photometry.response, photometry.vignette)
-        return Exported((place,), _unknown(photometry))
-    if program == "hugin":
-        return _to_hugin(photometry, place, chosen)
-    vignette = _vignette(photometry, program)
-    if program == "lensfun":
-        fit = write_lensfun(vignette, place, chosen.optics, chosen.lensfun_model)
-    else:
-        fit = write_lcp(vignette, place, chosen.optics)
-    left_out = () if photometry.response is None else (f"{program} has no response; only the vignette was written",)
-    return Exported((place,), _notes(fit.note, *left_out))
+    match program:
+        case "dso":
+            return _to_dso(photometry, place, chosen)
+        case "json":
+            return _to_json(photometry, place)
+        case "hugin":
+            return _to_hugin(photometry, place, chosen)
+        case "opencv":
+            _check_known(photometry)
+            write_opencv(place, photometry.response, photometry.vignette)
+            return Exported((place,), _unknown(photometry))
+        case "lensfun":
+            fit = write_lensfun(_vignette(photometry, program), place, chosen.optics, chosen.lensfun_model)
+        case "adobe":
+            fit = write_lcp(_vignette(photometry, program), place, chosen.optics)
+    left_out = "" if photometry.response is None else f"{program} has no response; only the vignette was written"
+    return Exported((place,), _notes(fit.note, left_out))
 
 
 def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> Exported:
-    if photometry.response is None and photometry.vignette is None:
-        raise NotObservableError(f"{photometry.name}: knows neither response nor vignette")
+    _check_known(photometry)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -181,41 +179,41 @@ def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> E
 
 def _to_json(photometry: Photometry, place: Path) -> Exported:
     calibration = as_calibration(photometry)
-    try:
-        calibration.save(place)
-    except OSError as error:
-        raise FormatError(f"{place}: cannot be written ({error.strerror})") from None
+    calibration.save(place)
     beside = (place.with_suffix(".vignette.npz"),) if isinstance(calibration.vignette, RasterVignette) else ()
     return Exported((place, *beside), _unknown(photometry))
 
 
 def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> Exported:
-    if photometry.vignette is None and (photometry.response is None or settings.emor is None):
+    response, emor = photometry.response, settings.emor
+    if photometry.vignette is None and (response is None or emor is None):
         raise NotObservableError(
-            f"{photometry.name}: knows no vignette, and a response goes to hugin only with the base curves emor.txt"
+            f"{photometry.name}: has no vignette, and a response can only be written with the base curves emor.txt; "
+            f"add --emor"
         )
-    size = photometry.size
-    if size is None:
-        raise SettingError(f"{photometry.name}: does not say for which image size it is; add the vignette")
-    fit, residual = write_pto(place, photometry.vignette, photometry.response, settings.emor, size)
-    notes = [] if fit is None else [fit.note]
+    size = as_calibration(photometry).size
+    fit, residual = write_pto(place, photometry.vignette, response, emor, size)
+    about_response = ""
     if residual is not None:
-        notes.append(
-            f"response fitted by five EMoR coefficients: residual {residual:.2g} of f in the root mean square"
-        )
-    elif photometry.response is not None:
-        notes.append("the response was not written: hugin's model needs the base curves emor.txt")
-    return Exported((place,), _notes(*notes, *_unknown(photometry)))
+        about_response = f"response fitted by five EMoR coefficients: residual {residual:.2g} in the root mean square"
+    elif response is not None:
+        about_response = "the response was not written: hugin's model needs the base curves emor.txt"
+    return Exported((place,), _notes("" if fit is None else fit.note, about_response, *_unknown(photometry)))
+
+
+def _check_known(photometry: Photometry) -> None:
+    if photometry.response is None and photometry.vignette is None:
+        raise NotObservableError(f"{photometry.name}: has neither a response nor a vignette")
 
 
 def _vignette(photometry: Photometry, program: str) -> Vignette:
     if photometry.vignette is None:
-        raise NotObservableError(f"{photometry.name}: knows no vignette, and {program} takes nothing else")
+        raise NotObservableError(f"{photometry.name}: has no vignette, and {program} takes nothing else")
     return photometry.vignette
 
 
 def _unknown(photometry: Photometry) -> tuple[str, ...]:
-    """Return sentences about what is not known, with the remedy where the calibration has one."""
+    """Return sentences about unknown parts, with the remedy if the calibration has one."""
     notes: list[str] = []
     for name in ("response", "vignette"):
         if getattr(photometry, name) is None:

@@ -17,7 +17,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError
 from ospc.formats.files import read_text, write_text
-from ospc.formats.png import MOST_PIXELS
+from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 

@@ -153,7 +153,7 @@ def _connected_to_border(zeros: BoolArray) -> BoolArray:
 
 
 VIGNETTE: Format[Image] = Format(
-    read=lambda path: read_png(path)[1],
+    read=read_png,
     write=lambda image, path: write_png(path, image),
     rules=(
         Rule(_size_is_known),

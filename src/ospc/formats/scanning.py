@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.errors import FormatError
 
 _STREAM_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)", re.ASCII)
 _SCANF_ITEM = {
@@ -48,3 +50,20 @@ def scanned(line: str, conversions: str) -> list[float]:
         values.append(float(match.group(1)))
         position = match.end()
     return values
+
+
+def finite_number(text: str | None, name: str) -> float:
+    """Return a number from a file; the text may be None for one that is missing.
+
+    Raises
+    ------
+    FormatError
+        If it is missing, or not a finite number.
+    """
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise FormatError(f"{name} is {'missing' if text is None else repr(text[:30])}, not a number")
+    return value

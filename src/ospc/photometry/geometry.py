@@ -6,6 +6,9 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 
+MOST_PIXELS = 2**27
+"""Images with more pixels are refused: twice the largest sensor in ordinary use."""
+
 
 def half_diagonal(size: ImageSize) -> float:
     """Return the distance in pixels from the image centre to the centre of a corner pixel."""
