@@ -12,10 +12,10 @@ from xml.etree.ElementTree import Element, SubElement, register_namespace
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.formats.files import write_text
-from ospc.formats.radial import Optics, RadialFit, fit_radial, image_size, rescaled
+from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled
 from ospc.formats.safe_xml import local_name, read_xml, write_xml
 from ospc.formats.scanning import finite_number
-from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.geometry import half_diagonal, image_size
 from ospc.photometry.vignette import Vignette
 
 _NAMESPACES = {

@@ -17,9 +17,9 @@ import scipy.optimize
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
 from ospc.formats.files import read_text, write_text
-from ospc.formats.radial import RadialFit, fit_radial, image_size
+from ospc.formats.radial import RadialFit, fit_radial
 from ospc.formats.scanning import finite_number
-from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.geometry import half_diagonal, image_size
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 

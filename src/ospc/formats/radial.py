@@ -10,7 +10,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError
-from ospc.photometry.geometry import MOST_PIXELS, half_diagonal, normalised
+from ospc.photometry.geometry import half_diagonal, image_size, normalised
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
     LogVignette,
@@ -162,19 +162,6 @@ class Optics:
         if self.focal_px is not None and self.crop_factor is not None:
             return self.focal_ratio(size) * FULL_FRAME_HALF_DIAGONAL_MM / self.crop_factor
         raise SettingError("this format needs the focal length in millimetres, or in pixels with the crop factor")
-
-
-def image_size(width: float, height: float) -> ImageSize:
-    """Return the width and height that a file states, in whole pixels.
-
-    Raises
-    ------
-    FormatError
-        If an image cannot have this size.
-    """
-    if not (min(width, height) >= 2 and width * height <= MOST_PIXELS):
-        raise FormatError(f"states the image size {width:g}x{height:g}; at most {MOST_PIXELS} pixels are read")
-    return int(width), int(height)
 
 
 def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialFit:
