@@ -37,6 +37,9 @@ _STRAIGHT = 1e-5
 _LIMITED_RANGE = (16, 20)
 """Grey levels below 16 and above 235 are unused in limited-range video (ITU-R BT.601): 16 and 20 of them."""
 
+_LIMITED_TOLERANCE = 2
+"""Grey levels by which straight ends may differ from that: extrapolation extends them by one or two."""
+
 
 @dataclass(frozen=True)
 class PcalibText:
@@ -280,8 +283,10 @@ def _of_full_range(table: PcalibText, _context: Context) -> Finding | None:
     if values.size != FEWEST_VALUES or not _increases(table.values):
         return None
     bends = np.flatnonzero(np.abs(np.diff(values, 2)) > _STRAIGHT * (values[-1] - values[0]))
-    # A bend at index i is one at grey level i + 1.
-    if not bends.size or bends[0] + 1 != _LIMITED_RANGE[0] or values.size - 2 - bends[-1] != _LIMITED_RANGE[1]:
+    if not bends.size:
+        return None
+    straight = np.array([bends[0] + 1, values.size - 2 - bends[-1]])  # levels before the first bend, after the last
+    if np.abs(straight - _LIMITED_RANGE).max() > _LIMITED_TOLERANCE:
         return None
     return Finding(
         "warning",
