@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -17,11 +17,14 @@ from ospc.formats.opening import Photometry
 from ospc.formats.radial import Optics
 from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
 from ospc.formats.rules_pcalib import FEWEST_VALUES
-from ospc.photometry.calibration import Calibration
+from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.vignette import RasterVignette, Vignette
 
 Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]
 """Programs that a calibration can be written for."""
+
+_VALUES_OF_DEEP_IMAGES = (1024, 4096, 16384, 65536)
+"""A pcalib.txt for images of 10, 12, 14 or 16 bits has one value per grey level."""
 
 
 @dataclass(frozen=True)
@@ -100,21 +103,52 @@ def adapted(
     return Photometry(photometry.name, calibration.response, calibration.vignette, whole)
 
 
-def as_calibration(photometry: Photometry) -> Calibration:
-    """Return the photometry as a calibration.
+def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_grey: int | None = None) -> Calibration:
+    """Return the photometry as a calibration that states where it comes from.
+
+    Parameters
+    ----------
+    photometry
+        From any file.
+    size
+        Width and height of the images, if the photometry does not state them.
+    max_grey
+        Largest grey value of the images; by default that of the calibration or of the table.
 
     Raises
     ------
     SettingError
-        If the size of the images is unknown.
+        If the size of the images is unknown, or contradicts the photometry.
+    FormatError
+        If the photometry has neither a response nor a vignette.
     """
+    response, known = photometry.response, photometry.size or size
+    if known is None:
+        raise SettingError(f"{photometry.name}: does not state the image size; add the vignette, or --size")
+    if size not in (None, known):
+        raise SettingError(
+            f"{photometry.name}: is for images of {known[0]}x{known[1]} pixels; leave out --size, then scale the "
+            f"result with 'ospc export --size'"
+        )
     if photometry.calibration is not None:
-        return photometry.calibration
-    if photometry.size is None:
-        raise SettingError(f"{photometry.name}: does not state the image size; add the vignette")
+        return replace(photometry.calibration, max_grey=max_grey or photometry.calibration.max_grey)
+    if response is None and photometry.vignette is None:
+        raise FormatError(f"{photometry.name}: holds neither response nor vignette")
+    deep = response is not None and response.inverse_table.size in _VALUES_OF_DEEP_IMAGES
     return Calibration(
-        photometry.size, photometry.response, photometry.vignette, source={"imported_from": photometry.name}
+        known,
+        response,
+        photometry.vignette,
+        {part: _verdict(part, photometry) for part in ("response", "vignette")},
+        max_grey=max_grey or (response.inverse_table.size - 1 if deep and response is not None else 255),
+        source={"imported_from": photometry.name},
     )
+
+
+def _verdict(part: str, photometry: Photometry) -> Verdict:
+    if getattr(photometry, part) is None:
+        return Verdict("not identifiable", f"{photometry.name} does not hold it", "calibrate from a recording")
+    return Verdict("identifiable", f"imported from {photometry.name}, which states no uncertainty")
 
 
 def export(

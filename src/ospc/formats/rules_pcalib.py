@@ -133,32 +133,15 @@ def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, 
     return PcalibText(table.first_line), f"all after the first line dropped, beginning with {extra[0][:30]!r}"
 
 
-def _separated_by_spaces(table: PcalibText, _context: Context) -> Finding | None:
-    values, rest = table.scanned
-    if not rest.startswith((",", ";")):
-        return None
-    return Finding(
-        "warning" if values.size >= FEWEST_VALUES else "error",
-        f"values are separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}",
-        f"stops reading there, with {values.size} values",
-        "separate the values by spaces",
-    )
-
-
-def _separate_by_spaces(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
-    first, *others = table.text.split("\n", 1)
-    return PcalibText("\n".join([" ".join(_words(first)), *others])), "commas or semicolons replaced by spaces"
-
-
 def _only_numbers(table: PcalibText, _context: Context) -> Finding | None:
     values, rest = table.scanned
-    if not rest or rest.startswith((",", ";")):
+    if not rest:
         return None
     return Finding(
         "warning" if values.size >= FEWEST_VALUES else "error",
-        f"the first line holds only numbers; {rest.split()[0][:20]!r} stands in place {values.size + 1}",
+        f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}",
         f"stops reading there, with {values.size} values",
-        "write the values alone on the first line",
+        "write only the values on the first line, separated by spaces",
     )
 
 
@@ -166,8 +149,8 @@ def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText
     """Interpolate values such as nan, drop other words, and drop all text after a complete table."""
     words = _words(table.first_line)
     numbers = [_number(word) for word in words]
+    changes = ["commas or semicolons replaced by spaces"] if re.search("[,;]", table.first_line) else []
     end = next((i for i, number in enumerate(numbers) if number is None), len(words))
-    changes = []
     if FEWEST_VALUES <= end < len(words):  # a remark, including any numbers in it
         changes.append(f"text after value {end} dropped: {' '.join(words[end:])[:30]!r}")
         words, numbers = words[:end], numbers[:end]
@@ -333,7 +316,6 @@ PCALIB: Format[PcalibText] = Format(
     write=lambda table, path: write_text(path, table.text),
     rules=(
         Rule(_one_line, _put_on_one_line),
-        Rule(_separated_by_spaces, _separate_by_spaces),
         Rule(_only_numbers, _keep_numbers_only),
         Rule(_enough_values),
         Rule(_strictly_increasing, _make_increasing),

@@ -97,19 +97,11 @@ def neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
 
 
 def _lines_fit(times: TimesText, _context: Context) -> Finding | None:
-    lengths = [len(line) for line in times.text.split("\n")]
-    if max(lengths) <= _LONGEST_LINE:
+    number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > _LONGEST_LINE), None)
+    if number is None:
         return None
-    number = next(i for i, length in enumerate(lengths, start=1) if length > _LONGEST_LINE)
     rule = f"lines of up to {_LONGEST_LINE} characters; line {number} is longer"
     return Finding("error", rule, "stops reading there", "shorten the line")
-
-
-def _shorten_lines(times: TimesText, _context: Context) -> tuple[TimesText, str]:
-    shorter = times.with_rows([row.words[:3] for row in times.rows])
-    if max(map(len, shorter.text.split("\n"))) > _LONGEST_LINE:
-        raise FormatError(f"a number has more than {_LONGEST_LINE} characters; {_WRITE_ANEW}")
-    return shorter, "comments, further columns and superfluous white space dropped"
 
 
 def _separated_by_spaces(times: TimesText, _context: Context) -> Finding | None:
@@ -319,7 +311,7 @@ TIMES: Format[TimesText] = Format(
     read=lambda path: TimesText(read_text(path)),
     write=_write,
     rules=(
-        Rule(_lines_fit, _shorten_lines),
+        Rule(_lines_fit),
         Rule(_separated_by_spaces, _separate_by_spaces),
         Rule(_lines_have_stamps, _drop_lines_without_stamp),
         Rule(_has_lines),
