@@ -146,14 +146,14 @@ def _response_from_dict(content: dict[str, Any]) -> Response:
     table = _array(content["inverse_table"], "inverse_table", (None,))
     if table.size > LARGEST_GREY + 1:
         raise FormatError(f"inverse_table has {table.size} values, more than there are grey levels")
-    sigmas = (
+    inverse_sigma, log_sigma = (
         None if content[name] is None else _array(content[name], name, table.shape)
         for name in ("inverse_sigma", "log_sigma")
     )
     low, high = _array(content["support"], "support", (2,), high=1.0).tolist()
     if low > high:
         raise FormatError(f"support ends at {high}, before it begins at {low}")
-    return Response(table, *sigmas, (low, high), dict(content["model"].items()))
+    return Response(table, inverse_sigma, log_sigma, (low, high), dict(content["model"].items()))
 
 
 def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> Vignette:
