@@ -40,7 +40,15 @@ def read(place: Path) -> None:
     if place.name in PARAMETER_FILES:
         for program in ("dso", "mono"):
             checked = validate([place], program)
-        repair(checked.files[0])
+            proposed = any("--repair" in finding.remedy for finding in checked.findings)
+            try:
+                repaired = repair(checked.files[0], program)
+            except OspcError:
+                assert not proposed
+                raise
+            assert bool(repaired.changes) == proposed
+            assert not repaired.changes or validate([repaired.path], program).valid
+            assert repaired.changes or checked.valid
     if place.name == "poses.txt":
         read_trajectory(place)
     elif place.name not in ("times.txt", "camera.txt"):

@@ -129,6 +129,14 @@ def test_lines_of_missing_images_are_dropped_and_exposures_filled(tmp_path):
     assert float(rows[11][2]) == pytest.approx(np.sqrt(4 * 2))
 
 
+def test_numbers_that_do_not_fit_32_bits_are_missing(tmp_path):
+    images(tmp_path, [f"{i:05d}.png" for i in range(20)])
+    exposures = ["1e-60" if i == 3 else "1e60" if i == 9 else "2" for i in range(20)]
+    place = tmp_path / "times.txt"
+    place.write_text("nan nan nan\n" + "".join(f"{i} {i} {e}\n" for i, e in enumerate(exposures)))
+    assert {line.split()[2] for line in mended(place).path.read_text().splitlines()} == {"2"}
+
+
 def test_names_and_commas_are_made_numbers_and_spaces(tmp_path):
     images(tmp_path, ["a.png", "b.png"])
     place = tmp_path / "times.txt"

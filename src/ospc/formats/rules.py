@@ -84,13 +84,13 @@ class Rule(Generic[Document]):
     ----------
     check
         Returns a finding if a document breaks the rule, else None.
-    mend
+    repair
         Returns a document that keeps the rule, and a sentence about what was changed. Raises FormatError, without
         the file's name, if content would have to be invented. None if the rule has no repair.
     """
 
     check: Callable[[Document, Context], Finding | None]
-    mend: Callable[[Document, Context], tuple[Document, str]] | None = None
+    repair: Callable[[Document, Context], tuple[Document, str]] | None = None
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Format(Generic[Document]):
     write
         Writes a document.
     rules
-        Checked independently of each other, mended in this order.
+        Checked independently of each other, repaired in this order.
     """
 
     read: Callable[[Path], Document]
@@ -123,14 +123,14 @@ class Format(Generic[Document]):
             return (Finding("error", reason, UNCORRECTED[context.program], file=str(path)),)
         broken = [(rule, finding) for rule in self.rules if (finding := rule.check(document, context)) is not None]
         try:
-            repairable = bool(self._mended(document, context)[1])
+            repairable = bool(self._repaired(document, context)[1])
         except FormatError:
             repairable = False
         return tuple(
             replace(
                 finding,
                 remedy=", or ".join(filter(None, (finding.remedy, _REPAIR)))
-                if repairable and rule.mend is not None and finding.severity != "note"
+                if repairable and rule.repair is not None and finding.severity != "note"
                 else finding.remedy,
                 file=str(path),
             )
@@ -140,7 +140,7 @@ class Format(Generic[Document]):
     def repaired(self, path: Path, context: Context) -> tuple[Document, tuple[str, ...]]:
         """Return a document that breaks no rule with an error, and what was changed, one sentence each.
 
-        Notes alone do not call for a repair: they are mended only along with something more serious.
+        Notes alone do not call for a repair: they are repaired only along with something more serious.
 
         Raises
         ------
@@ -149,20 +149,20 @@ class Format(Generic[Document]):
         """
         document = self.read(path)
         try:
-            return self._mended(document, context)
+            return self._repaired(document, context)
         except FormatError as error:
             raise FormatError(f"{path}: {error}") from None
 
-    def _mended(self, document: Document, context: Context) -> tuple[Document, tuple[str, ...]]:
+    def _repaired(self, document: Document, context: Context) -> tuple[Document, tuple[str, ...]]:
         found = [(rule, rule.check(document, context)) for rule in self.rules]
-        serious = any(rule.mend and finding and finding.severity != "note" for rule, finding in found)
+        serious = any(rule.repair and finding and finding.severity != "note" for rule, finding in found)
         changes: list[str] = []
         for rule in self.rules:
             finding = rule.check(document, context)
             if finding is None or (finding.severity == "note" and not serious):
                 continue
-            if rule.mend is not None:
-                document, change = rule.mend(document, context)
+            if rule.repair is not None:
+                document, change = rule.repair(document, context)
                 changes.append(change)
             elif finding.severity == "error":
                 raise FormatError("; ".join(filter(None, (finding.rule, finding.remedy))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -78,8 +79,9 @@ class TimesText:
 
     @property
     def exposures_ms(self) -> FloatArray:
-        """Exposures as DSO takes them, shape (lines,)."""
-        return np.asarray(self.scanned[:, 2])
+        """Exposures as DSO stores them, in 32 bits, shape (lines,)."""
+        with np.errstate(over="ignore", under="ignore"):
+            return self.scanned[:, 2].astype(np.float32).astype(np.float64)
 
     def with_rows(self, rows: list[list[str]]) -> TimesText:
         """Return a text with other lines."""
@@ -282,7 +284,8 @@ def _has_commas(row: _Row) -> bool:
 
 
 def _has_stamp(row: _Row) -> bool:
-    return len(row.words) >= 2 and bool(scanned(row.words[1], "f"))
+    stamp = scanned(row.words[1], "f") if len(row.words) >= 2 else []
+    return bool(stamp) and math.isfinite(stamp[0])
 
 
 def _is_whole(word: str) -> bool:
