@@ -13,7 +13,7 @@ from ospc.errors import ExposureError, FormatError, MissingExtraError, OspcError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.files import read_text
 from ospc.formats.opening import Photometry
-from ospc.formats.rules_pcalib import MOST_VALUES
+from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording

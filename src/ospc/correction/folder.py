@@ -17,7 +17,7 @@ from ospc.arrays import ImageSize
 from ospc.errors import FormatError, OspcError, SettingError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.files import read_bytes, read_text, write_bytes, write_text
-from ospc.formats.rules_pcalib import MOST_VALUES
+from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,11 +14,8 @@ from ospc.formats.dso import LARGEST_ID, write_times
 from ospc.formats.files import read_text
 from ospc.formats.rules import Context, Finding, Format, Rule
 from ospc.formats.scanning import scanned
+from ospc.formats.times_lines import LONGEST_LINE, Row, TimesText, neighbour_filled
 
-_LONGEST_LINE = 999
-"""Characters that fit the line buffers of the programs."""
-
-_WORD = re.compile(r"\S+", re.ASCII)
 _WHOLE_NUMBER = re.compile(r"[+-]?\d+", re.ASCII)
 
 _PLAUSIBLE_MS = (0.05, 2000.0)
@@ -41,68 +35,11 @@ _LAYOUT = "every line is 'id stamp[s] exposure[ms]'"
 _WRITE_ANEW = "write times.txt again from the recording's source"
 
 
-class _Row(NamedTuple):
-    number: int  # of the line, from 1
-    words: list[str]
-
-
-@dataclass(frozen=True)
-class TimesText:
-    """The text of a times.txt, as the programs read it.
-
-    Attributes
-    ----------
-    text
-        The whole file.
-    """
-
-    text: str
-
-    @cached_property
-    def rows(self) -> tuple[_Row, ...]:
-        """The words of every line, without comments and blank lines."""
-        lines = enumerate(self.text.split("\n"), start=1)
-        split = (_Row(number, _WORD.findall(line)) for number, line in lines)
-        return tuple(row for row in split if row.words and not row.words[0].startswith("#"))
-
-    @cached_property
-    def scanned(self) -> FloatArray:
-        """Ids, stamps in s and exposures in ms as DSO takes them, shape (lines, 3); a missing exposure is 0."""
-        values: list[list[float]] = []
-        for line in self.text.split("\n"):
-            if len(line) > _LONGEST_LINE:
-                break
-            row = scanned(line, "dff")
-            if len(row) >= 2:
-                values.append([*row, 0.0][:3])
-        return np.array(values, dtype=np.float64).reshape(-1, 3)
-
-    @property
-    def exposures_ms(self) -> FloatArray:
-        """Exposures as DSO stores them, in 32 bits, shape (lines,)."""
-        with np.errstate(over="ignore", under="ignore"):
-            return self.scanned[:, 2].astype(np.float32).astype(np.float64)
-
-    def with_rows(self, rows: list[list[str]]) -> TimesText:
-        """Return a text with other lines."""
-        return TimesText("".join(" ".join(words) + "\n" for words in rows))
-
-
-def neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
-    """Return the exposures after DSO has replaced each zero by the mean of its positive neighbours, in order."""
-    filled = exposures_ms.copy()
-    for i in np.flatnonzero(filled == 0):
-        neighbours = [filled[j] for j in (i - 1, i + 1) if 0 <= j < filled.size and filled[j] > 0]
-        if neighbours:
-            filled[i] = float(np.mean(neighbours))
-    return filled
-
-
 def _lines_fit(times: TimesText, _context: Context) -> Finding | None:
-    number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > _LONGEST_LINE), None)
+    number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > LONGEST_LINE), None)
     if number is None:
         return None
-    rule = f"lines of up to {_LONGEST_LINE} characters; line {number} is longer"
+    rule = f"lines of up to {LONGEST_LINE} characters; line {number} is longer"
     return Finding("error", rule, "stops reading there", "shorten the line")
 
 
@@ -279,11 +216,11 @@ def _stamps_are_in_seconds(times: TimesText, _context: Context) -> Finding | Non
     return Finding("warning", rule, effect, "convert them")
 
 
-def _has_commas(row: _Row) -> bool:
+def _has_commas(row: Row) -> bool:
     return any("," in word or ";" in word for word in row.words)
 
 
-def _has_stamp(row: _Row) -> bool:
+def _has_stamp(row: Row) -> bool:
     stamp = scanned(row.words[1], "f") if len(row.words) >= 2 else []
     return bool(stamp) and math.isfinite(stamp[0])
 
@@ -292,7 +229,7 @@ def _is_whole(word: str) -> bool:
     return _WHOLE_NUMBER.fullmatch(word) is not None
 
 
-def _first_of(rows: list[_Row]) -> str:
+def _first_of(rows: list[Row]) -> str:
     return f"{len(rows)} are not, first line {rows[0].number}: {' '.join(rows[0].words)[:40]!r}"
 
 
