@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import ExposureError, FormatError, MissingExtraError, OspcError, SettingError
-from ospc.formats.dso import MOST_VALUES, write_pcalib, write_times, write_vignette
+from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.files import read_text
 from ospc.formats.opening import Photometry
+from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording

@@ -8,7 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 from ospc.cli.compare import command
+from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.formats.lensfun import write_lensfun
+from ospc.formats.radial import Optics
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 
@@ -47,6 +50,24 @@ def test_json(folders, tmp_path):
     assert content["unaligned"]["exponent"] == 1
     assert content["gamma_aligned"]["exponent"] == pytest.approx(2 / 1.8, rel=0.02)
     assert content["gamma_aligned"]["response_rmse"] < content["unaligned"]["response_rmse"]
+
+
+def test_lensfun_takes_the_image_size_from_the_other_file(folders, tmp_path):
+    vignette = PolynomialVignette((64, 48), (-0.3, 0.0, 0.0))
+    write_lensfun(vignette, tmp_path / "lens.xml", Optics(focal_mm=4.0, crop_factor=6.0, aperture=2.0))
+    lens = str(tmp_path / "lens.xml")
+    for pair in ((lens, folders[1]), (folders[1], lens)):
+        assert json.loads(run(*pair, "--json"))["unaligned"]["vignette_pixel_rmse"] < 1e-5
+    result = CliRunner().invoke(command, [lens, lens])
+    assert isinstance(result.exception, SettingError)
+
+
+def test_a_file_of_another_kind_is_not_sent_to_the_repair(folders, tmp_path):
+    for name, text in (("lens.txt", "<lensdatabase/>"), ("notes.md", "0 1 2"), ("empty.txt", "")):
+        (tmp_path / name).write_text(text)
+        result = CliRunner().invoke(command, [str(tmp_path / name), folders[0]])
+        assert isinstance(result.exception, FormatError)
+        assert "--repair" not in str(result.exception)
 
 
 def test_plot(folders, tmp_path):

@@ -257,12 +257,12 @@ def test_an_interrupted_run_leaves_no_recording_and_can_be_repeated(made, calibr
     monkeypatch.setattr("ospc.correction.recording.correct_recording", interrupted)
     result = run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8")
     assert result.exit_code == 130
-    assert "not finished" in result.output
+    assert "unfinished" in result.output
     assert json.loads((tmp_path / "out" / "correction.json").read_text())["finished"] is False
     with pytest.raises(RecordingError):
         open_recording(tmp_path / "out")
     monkeypatch.undo()
-    assert run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8", "--force").exit_code == 0
+    assert run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8").exit_code == 0
     assert len(open_recording(tmp_path / "out")) == 6
 
 

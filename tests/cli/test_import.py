@@ -9,6 +9,8 @@ from click.testing import CliRunner
 from ospc.cli.main import cli
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.formats.lensfun import write_lensfun
+from ospc.formats.radial import Optics
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, PolynomialVignette
@@ -41,7 +43,7 @@ def test_it_says_where_everything_is_from_and_claims_no_uncertainty(files, tmp_p
     calibration = Calibration.load(tmp_path / "c.json")
     assert (calibration.size, calibration.max_grey, calibration.complete) == (SIZE, 255, True)
     assert calibration.response.inverse_sigma is None
-    assert "nothing about its uncertainty" in calibration.verdicts["response"].reason
+    assert "no uncertainty" in calibration.verdicts["response"].reason
     assert "pcalib.txt" in calibration.source["imported_from"]
     np.testing.assert_allclose(calibration.response.inverse_table, np.linspace(0, 1, 256) ** 2.2, atol=1e-8)
 
@@ -70,6 +72,16 @@ def test_a_folder_and_a_calibration_are_taken_whole(files, tmp_path):
     assert (again.counts, again.max_grey) == ({"pairs": 7}, 4095)
 
 
+def test_lensfun_states_no_size_and_needs_it(tmp_path):
+    vignette = PolynomialVignette(SIZE, (-0.3, 0.1, -0.05))
+    write_lensfun(vignette, tmp_path / "lens.xml", Optics(focal_mm=4.0, crop_factor=6.0, aperture=2.0))
+    refused = run("import", tmp_path / "lens.xml", "-o", tmp_path / "c.json")
+    assert isinstance(refused.exception, SettingError)
+    assert "--size" in str(refused.exception)
+    assert run("import", tmp_path / "lens.xml", "--size", "64x48", "-o", tmp_path / "c.json").exit_code == 0
+    assert Calibration.load(tmp_path / "c.json").vignette == vignette
+
+
 @pytest.mark.parametrize(
     ("values", "options", "max_grey"),
     [(256, [], 255), (4096, [], 4095), (65536, [], 65535), (256, ["--max-grey", 4095], 4095)],
@@ -85,8 +97,8 @@ def test_what_does_not_make_a_calibration_is_refused(files, tmp_path):
     out = tmp_path / "c.json"
     cases = [
         ((pcalib,), SettingError, "image size"),
-        ((pcalib, pcalib), FormatError, "one is to hold"),
-        ((tmp_path, vignette), FormatError, "one is to hold"),
+        ((pcalib, pcalib), FormatError, "one has to hold"),
+        ((tmp_path, vignette), FormatError, "one has to hold"),
         ((pcalib, vignette, "--size", "32x24"), SettingError, "64x48"),
         ((tmp_path / "no.txt",), FormatError, "no such file"),
     ]

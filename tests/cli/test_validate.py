@@ -52,7 +52,7 @@ def test_repair_that_would_invent_is_reported(tmp_path):
     (tmp_path / "pcalib.txt").write_text("1 2 3")
     result = run(tmp_path / "pcalib.txt", "--repair")
     assert result.exit_code == 1
-    assert "not mended: " in result.output
+    assert "not repaired: " in result.output
 
 
 def test_json_holds_everything(falling):

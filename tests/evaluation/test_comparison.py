@@ -99,7 +99,7 @@ def test_sources_that_hold_nothing_are_refused(folder, tmp_path):
     for source, reason in (
         (tmp_path / "empty", "holds no"),
         (tmp_path / "nowhere.txt", "no such file"),
-        (f"{folder / 'pcalib.txt'},{folder / 'pcalib.txt'}", "of a pair"),
+        (f"{folder / 'pcalib.txt'},{folder / 'pcalib.txt'}", "one has to hold"),
     ):
         with pytest.raises(FormatError, match=reason):
             open_photometry(source)

@@ -12,11 +12,9 @@ from hypothesis import strategies as st
 from ospc.errors import OspcError
 from ospc.evaluation.trajectory import read_trajectory
 from ospc.formats.export import ExportSettings, export
-from ospc.formats.lensfun import read_lensfun
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.formats.radial import Optics
-from ospc.formats.repair import repair
-from ospc.formats.validation import validate
+from ospc.formats.validation import repair, validate
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 
@@ -42,14 +40,19 @@ def read(place: Path) -> None:
     if place.name in PARAMETER_FILES:
         for program in ("dso", "mono"):
             checked = validate([place], program)
-        repair(checked.files[0])
-    if place.name == "a.xml":
-        for entry in read_lensfun(place):
-            entry.vignette((16, 12))
-    elif place.name == "poses.txt":
+            proposed = any("--repair" in finding.remedy for finding in checked.findings)
+            try:
+                repaired = repair(checked.files[0], program)
+            except OspcError:
+                assert not proposed
+                raise
+            assert bool(repaired.changes) == proposed
+            assert not repaired.changes or validate([repaired.path], program).valid
+            assert repaired.changes or checked.valid
+    if place.name == "poses.txt":
         read_trajectory(place)
     elif place.name not in ("times.txt", "camera.txt"):
-        open_photometry(place)
+        open_photometry(place, (16, 12))
 
 
 edits = st.lists(

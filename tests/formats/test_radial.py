@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.errors import FormatError, SettingError
-from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled, vignette_of
+from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
 
@@ -28,7 +28,7 @@ def test_a_map_of_a_polynomial_gives_it_back(v1, v2, v3):
     polynomial = PolynomialVignette(SIZE, (v1, v2, v3))
     fit = fit_radial(RasterVignette(polynomial.image() * np.float32(0.7)))
     assert fit.worst < 1e-5
-    assert np.abs(vignette_of(fit).image() - polynomial.image()).max() < 1e-5
+    assert np.abs(fit.vignette().image() - polynomial.image()).max() < 1e-5
 
 
 def test_fit_is_the_least_squares_and_states_its_residual():
@@ -49,7 +49,7 @@ def test_own_centre_is_kept_on_demand():
     own, image_centre = fit_radial(vignette, about_its_centre=True), fit_radial(vignette)
     assert own.centre == (0.2, -0.1)
     assert own.rms < 0.001 < image_centre.rms
-    back = vignette_of(own).image()
+    back = own.vignette().image()
     expected = vignette.image() / vignette.image().max()
     assert np.abs(back - expected).max() < 0.003
 
@@ -65,7 +65,25 @@ def test_polynomials_that_reach_zero_are_no_vignettes():
         with pytest.raises(FormatError, match="not positive"):
             fit_radial(PolynomialVignette(SIZE, coefficients))
         with pytest.raises(FormatError, match="not positive"):
-            vignette_of(RadialFit(SIZE, coefficients, (0.1, 0.0)))
+            RadialFit(SIZE, coefficients, (0.1, 0.0))
+
+
+@given(
+    st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3),
+    st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 2),
+    st.tuples(*[st.integers(-5, 10**9)] * 2),
+    st.floats(min_value=5e-324),
+)
+def test_any_numbers_are_a_positive_vignette_or_refused(coefficients, centre, size, unit):
+    try:
+        fit = RadialFit(size, rescaled(coefficients, unit), centre)
+    except FormatError:
+        return
+    if size[0] * size[1] <= 10_000:
+        image = fit.vignette().image()
+        assert image.shape == size[::-1]
+        assert np.all(np.isfinite(image))
+        assert image.min() >= 0
 
 
 @given(coefficient, coefficient, coefficient, st.floats(0.3, 5))

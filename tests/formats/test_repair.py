@@ -1,4 +1,4 @@
-"""A mended copy passes the rules, stays near the original, says what changed, and the original is untouched."""
+"""A repaired copy keeps the rules and stays near the original; it names its changes; the original is untouched."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ from hypothesis import strategies as st
 
 from ospc.errors import FormatError
 from ospc.formats.dso import read_pcalib, read_vignette
-from ospc.formats.repair import Repair, repair
-from ospc.formats.validation import ParameterFile, kind_of, validate
+from ospc.formats.validation import ParameterFile, Repair, kind_of, repair, validate
 
 COUNTING = " ".join(map(str, range(256)))
 
 
 def mended(path: Path, program="mono", size=None) -> Repair:
     before = path.read_bytes()
-    result = repair(ParameterFile(path, kind_of(path)), size)
+    result = repair(ParameterFile(path, kind_of(path)), program, size)
     assert path.read_bytes() == before
     if result.changes:
         assert result.path == path.with_name(f"{path.stem}.repaired{path.suffix}")
         assert validate([result.path], program, size).valid
-        again = repair(ParameterFile(result.path, kind_of(path)), size)
+        again = repair(ParameterFile(result.path, kind_of(path)), program, size)
         assert again.changes == ()
     else:
         assert not result.path.exists()
@@ -41,7 +40,7 @@ def mended(path: Path, program="mono", size=None) -> Repair:
         (COUNTING + "\nscale: 1.0\n", "after the first line"),
         (COUNTING.replace(" ", "\n"), "256 lines put on one line"),
         (COUNTING.replace(" ", ", "), "commas"),
-        (COUNTING.replace(" 100 ", " nan "), "1 values that are no numbers interpolated"),
+        (COUNTING.replace(" 100 ", " nan "), "1 values that are not finite interpolated"),
         (" ".join(str(i / 64) for i in range(65536 // 4)), "16384 values resampled to 256"),
     ],
 )
@@ -74,10 +73,10 @@ def test_any_noisy_curve_becomes_valid_and_moves_no_further_than_the_noise(tmp_p
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        (" ".join(map(str, range(255))), "255 values"),
+        (" ".join(map(str, range(255))), "there are 255"),
         (" ".join(map(str, range(256, 0, -1))), "falls from 256 to 1"),
         ("nan " + COUNTING, "an end"),
-        ("", "0 values"),
+        ("", "there are 0"),
     ],
 )
 def test_content_is_not_invented(tmp_path, text, reason):
@@ -109,7 +108,7 @@ def test_vignette_is_resized_only_where_the_field_of_view_can_be_the_same(tmp_pa
     assert small.size == (64, 48)
     assert np.abs(small.image() - large.image().reshape(48, 2, 64, 2).mean(axis=(1, 3))).max() < 1e-3
     with pytest.raises(FormatError, match="aspect"):
-        repair(ParameterFile(place, "vignette"), (64, 64))
+        repair(ParameterFile(place, "vignette"), size=(64, 64))
 
 
 def images(folder: Path, names: list[str]) -> None:
@@ -130,6 +129,14 @@ def test_lines_of_missing_images_are_dropped_and_exposures_filled(tmp_path):
     assert float(rows[11][2]) == pytest.approx(np.sqrt(4 * 2))
 
 
+def test_numbers_that_do_not_fit_32_bits_are_missing(tmp_path):
+    images(tmp_path, [f"{i:05d}.png" for i in range(20)])
+    exposures = ["1e-60" if i == 3 else "1e60" if i == 9 else "2" for i in range(20)]
+    place = tmp_path / "times.txt"
+    place.write_text("nan nan nan\n" + "".join(f"{i} {i} {e}\n" for i, e in enumerate(exposures)))
+    assert {line.split()[2] for line in mended(place).path.read_text().splitlines()} == {"2"}
+
+
 def test_names_and_commas_are_made_numbers_and_spaces(tmp_path):
     images(tmp_path, ["a.png", "b.png"])
     place = tmp_path / "times.txt"
@@ -143,7 +150,8 @@ def test_names_and_commas_are_made_numbers_and_spaces(tmp_path):
         ("0 0.1 1\n", "nothing says which line"),
         ("0 0.1 0\n1 0.2 1\n", "1 of 2 exposures are missing"),
         ("0.5 33.3\n0.6 33.3\n", "2 of 2 exposures are missing"),
-        ("hello\n", "no line"),
+        ("hello\n", "there is none"),
+        ("0 0,1 1\n1 0,2 2\n", "decimal points"),
     ],
 )
 def test_times_are_not_invented(tmp_path, text, reason):

@@ -89,6 +89,36 @@ def test_tables_that_are_taken_but_not_as_meant(tmp_path, text, complaint):
     assert any(severity == "warning" and complaint in rule for severity, rule in found(place))
 
 
+def limited_range(straight_below=16, straight_above=235):
+    """A response measured between two grey levels, with straight lines beyond them."""
+    levels = np.arange(256)
+    curve = levels.astype(float) ** 2
+    low, high = straight_below, straight_above
+    curve[:low] = curve[low] + (curve[low + 1] - curve[low]) * (levels[:low] - low)
+    curve[high:] = curve[high] + (curve[high] - curve[high - 1]) * (levels[high:] - high)
+    return Response.from_values(curve)
+
+
+def test_a_curve_that_limited_range_video_left_behind_is_doubted(tmp_path):
+    place = write_pcalib(limited_range(), tmp_path / "pcalib.txt")
+    ((severity, rule),) = found(place)
+    assert severity == "warning"
+    assert "limited-range" in rule
+
+
+@pytest.mark.parametrize(
+    "response",
+    [
+        Response.gamma(1.0),
+        Response.gamma(2.2),
+        limited_range(40, 200),
+        Response(np.interp(np.arange(256), [0, 88, 188, 255], [0, 0.068, 0.464, 1])),
+    ],
+)
+def test_other_curves_with_straight_parts_are_not_doubted(tmp_path, response):
+    assert found(write_pcalib(response, tmp_path / "pcalib.txt")) == []
+
+
 def test_black_level_is_noted(tmp_path):
     place = tmp_path / "pcalib.txt"
     place.write_text(" ".join(str(i + 16) for i in range(256)))
@@ -137,8 +167,8 @@ def test_broken_picture_is_a_finding_and_does_not_stop_the_others(folder):
         ("0 0.0 1\n1 0.1 2\n", "2 lines for 3 files"),
         ("", "there is none"),
         ("0.png 0.0 1\n1.png 0.1 2\n2.png 0.2 3\n", "3 are not, first line 1: '0.png 0.0 1'"),
-        ("0,0.0,1\n1,0.1,2\n2,0.2,3\n", "with an integer id"),
-        ("0.5 1\n0.6 2\n0.7 3\n", "in 3 lines, first in line 1, they are not"),
+        ("0,0.0,1\n1,0.1,2\n2,0.2,3\n", "separated by spaces; 3 are not, first line 1: '0,0.0,1'"),
+        ("0.5 1\n0.6 2\n0.7 3\n", "with an integer id; 3 are not, first line 1: '0.5 1'"),
         ("0 0.0\n1 0.1\n2 0.2\n", "a zero exposure has a positive neighbour; 3 of 3"),
         ("0 0.0 1\n1 0.1 -2\n2 0.2 nan\n", "2 of 3 are, first in row 2, negative or not a number"),
         ("0 0.0 1\n" + " " * 1000 + "1 0.1 2\n2 0.2 2\n", "line 2 is longer"),

@@ -6,6 +6,7 @@ import json
 import shutil
 import zipfile
 from dataclasses import fields, replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.errors import FormatError
-from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration, ExposureRatios, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration, ExposureRatios, State, Verdict
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
@@ -191,7 +192,10 @@ def test_a_file_without_end_is_not_read(saved):
 
 
 DAMAGE = st.sampled_from(
-    [None, 0, -1, 7, 1e300, 10**400, True, "", "x", [], [1], [None, None], ["a", 2], [[1], [2]], {}, {"name": 1}]
+    [
+        *(None, 0, -1, -5, 7, 0.5, 200_000, 1e300, -1e300, 1e-300, 10**400, True, "", "x", "<script>"),
+        *([], [1], [0.5] * 4, [1e300] * 51, [None, None], ["a", 2], [[1], [2]], {}, {"name": 1}),
+    ]
 )
 
 
@@ -230,8 +234,64 @@ def test_damage_anywhere_is_refused_by_name_or_harmless(data, vignette, remove, 
     if refusal:
         assert str(place) in refusal
     else:
-        assert loaded.response is None or np.all(np.diff(loaded.response.inverse_table) > 0)
-        assert loaded.vignette is None or loaded.vignette.size == SIZE
+        check_usable(loaded)
+
+
+def check_usable(loaded):
+    """Everything that a calibration is used for works."""
+    image = np.full(loaded.size[::-1], loaded.max_grey // 2, np.uint8 if loaded.max_grey < 256 else np.uint16)
+    if max(loaded.size) < 1000:
+        corrected = loaded.correct(image, 3.0, assume_missing=True)
+        assert corrected.shape == image.shape
+    if loaded.response is not None:
+        loaded.warp_exposure(image, 1.0, 2.0)
+        assert 0 <= loaded.response.support[0] <= loaded.response.support[1] <= 1
+    if loaded.noise is not None:
+        variance = loaded.noise.variance(np.linspace(0, 1, 9))
+        assert np.all((variance >= 0) & (variance <= 2))
+    assert loaded.vignette is None or loaded.vignette.size == loaded.size
+    assert loaded.vignette_sigma is None or loaded.vignette_sigma.shape == PROFILE_RADII.shape
+    assert all(verdict.state in get_args(State) for verdict in loaded.verdicts.values())
+    assert np.all(np.isfinite(loaded.exposure_ratios.log_residual))
+    assert 1 <= loaded.max_grey <= 65535
+    json.dumps(loaded.as_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "complaint"),
+    [
+        (["size"], [200_000, 200_000], "image size"),
+        (["max_grey"], -5, "max_grey"),
+        (["max_grey"], 255.5, "max_grey"),
+        (["vignette", "profile_sigma"], [0.1] * 50, "profile_sigma"),
+        (["vignette", "profile_sigma", 3], 1e300, "profile_sigma"),
+        (["vignette", "model", "coefficients", 0], 1e300, "coefficients"),
+        (["vignette", "model", "coefficients", 0], 1e6, "vignette"),
+        (["vignette", "model", "non_radial"], [0.1], "non_radial"),
+        (["response", "log_sigma"], [0.1] * 255, "log_sigma"),
+        (["response", "inverse_table"], np.linspace(0, 1, 65537).tolist(), "grey levels"),
+        (["response", "support"], [0.8, 0.2], "support"),
+        (["noise", "read_variance"], -1.0, "read_variance"),
+        (["noise", "table"], [1e-4, 1e300], "noise table"),
+        (["exposure_ratios", "samples"], [1], "samples"),
+        (["exposure_ratios", "estimated", 0], 0.0, "estimated"),
+        (["covariance", "vignette", "matrix"], [[1e-4]], "covariance"),
+        (["verdicts", "response", "state"], '"><script>', "verdict"),
+        (["advice"], [3], "text"),
+        (["counts", "pairs"], -1, "pairs"),
+    ],
+)
+def test_impossible_values_are_refused_when_the_file_is_loaded(saved, path, value, complaint):
+    content = json.loads(saved.read_text())
+    *holders, last = path
+    holder = content
+    for step in holders:
+        holder = holder[step]
+    holder[last] = value
+    saved.write_text(json.dumps(content))
+    with pytest.raises(FormatError, match=complaint) as refusal:
+        Calibration.load(saved)
+    assert str(saved) in str(refusal.value)
 
 
 def write_zip(place, content):

@@ -94,7 +94,7 @@ def test_what_cannot_be_started_from_is_refused_by_name(tmp_path):
         PriorCalibration.open(made_up(response=False, vignette=False).save(tmp_path / "a.json"))
     with pytest.raises(FormatError, match="no calibration of the default method"):
         PriorCalibration.open(made_up().save(tmp_path / "b.json"))
-    forged = replace(made_up(), covariance={"response": {"matrix": [[0.0]]}})
+    forged = replace(made_up(), covariance={"response": {"parameters": ["c0"], "matrix": [[0.0]]}})
     with pytest.raises(FormatError, match="no calibration of the default method"):
         PriorCalibration.open(forged.save(tmp_path / "c.json"))
     with pytest.raises(FormatError, match="there is no such"):

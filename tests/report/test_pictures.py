@@ -35,8 +35,8 @@ def labels(axes):
 def test_every_picture_is_drawn(tmp_path, name, with_truth, max_grey):
     truth = Photometry("truth", Response.gamma(2.1), PolynomialVignette(SIZE, (-0.2, 0.0, 0.0)))
     place = write_picture(name, calibration(max_grey=max_grey), tmp_path / name, truth if with_truth else None)
-    header, image = read_png(place)
-    assert header.width >= 640
+    image = read_png(place)
+    assert image.shape[1] >= 640
     assert np.ptp(image) > 200
 
 

@@ -41,10 +41,6 @@ class ResponseModel:
     mean: FloatArray
     components: FloatArray
 
-    def truncated(self, count: int) -> ResponseModel:
-        """Return the model with the first ``count`` components only."""
-        return ResponseModel(self.mean, self.components[:count])
-
     def curve(self, coefficients: npt.ArrayLike) -> FloatArray:
         """Return f at the equidistant irradiances, shape (1024,), forced to increase."""
         raw = self.mean + np.asarray(coefficients, dtype=np.float64) @ self.components

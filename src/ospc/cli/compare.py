@@ -18,27 +18,28 @@ _ROWS = {
     "vignette_pixel_rmse": "vignette, RMSE over all pixels",
 }
 _FREEDOMS = (
-    "Scale is free, for it cannot be observed: g(0) = 0, g(255) = 1, V = 1 at the centre; "
-    "the shape has the best scale s of its own."
+    "Scale is free, because it cannot be observed: g(0) = 0, g(255) = 1, V = 1 at the centre; "
+    "the shape is compared after the best scale s."
 )
 
 
 @click.command("compare")
 @click.argument("a")
 @click.argument("b")
-@click.option("--gamma", is_flag=True, help="Add the figures after aligning one exponent γ: g^γ and V^γ.")
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw both into this picture (extra 'plots').")
+@click.option("--gamma", is_flag=True, help="Add the figures after the best common exponent γ: g^γ and V^γ.")
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw both into this file (extra 'plots').")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def command(a: str, b: str, gamma: bool, plot: Path | None, as_json: bool) -> None:
-    """Compare calibration A with B, which is taken for the truth.
+    """Compare calibration A with B, which is taken as the truth.
 
     Each is a calibration.json, a pcalib.txt, a vignette.png, a pair 'pcalib.txt,vignette.png', a folder with them, or
-    a .pto, .lcp or OpenCV .yml file.
+    a file of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml). A file that does not state the image size
+    takes it from the other one.
     """
     from ospc.evaluation.comparison import aligning_exponent, compare
-    from ospc.formats.opening import open_photometry
+    from ospc.formats.opening import open_both
 
-    first, second = open_photometry(a), open_photometry(b)
+    first, second = open_both(a, b)
     results = [compare(first, second)]
     if gamma:
         results.append(compare(first, second, aligning_exponent(first, second)))
@@ -92,4 +93,4 @@ def _print_table(a: str, b: str, results: list[Comparison]) -> None:
     console.print(table)
     console.print(_FREEDOMS)
     if len(results) > 1:
-        console.print("The second column raises response and vignette of the first to one common exponent besides.")
+        console.print("The second column raises response and vignette of the first to one common exponent.")

@@ -1,4 +1,4 @@
-"""``ospc correct``: a recording with response and vignette taken out of its images."""
+"""``ospc correct``: correct the images of a recording for response and vignette."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ INTERRUPTED = 130
     type=click.Choice(["irradiance", "grey8", "grey16"]),
     default="irradiance",
     show_default=True,
-    help="32-bit float TIFF, or PNG of 8 or 16 bit; all linear in the light.",
+    help="32-bit float TIFF, or PNG of 8 or 16 bit; all linear in the irradiance.",
 )
 @click.option("--normalise-exposure", is_flag=True, help="Bring all images to one exposure.")
 @click.option(
     "--reference-ms",
     type=float,
     metavar="MS",
-    help="That exposure. By default 1 ms for irradiance, so that it is radiance per ms; for grey16 the shortest of "
-    "the recording; for grey8 the median.",
+    help="That exposure. By default 1 ms for irradiance, which makes it radiance per ms; the shortest of the "
+    "recording for grey16; the median for grey8.",
 )
 @click.option(
     "--white",
@@ -44,11 +44,11 @@ INTERRUPTED = 130
 )
 @click.option("--mask-saturated", is_flag=True, help="Make saturated pixels NaN, or the largest grey value.")
 @click.option(
-    "--assume-missing", is_flag=True, help="Take a response that is unknown for linear, a vignette for none."
+    "--assume-missing", is_flag=True, help="Take an unknown response as linear, and an unknown vignette as none."
 )
-@click.option("--kind", help="Kind of recording, instead of recognising it (tum_mono, euroc, …).")
+@click.option("--kind", help="Kind of recording (tum_mono, euroc, …); by default recognised.")
 @click.option("--force", is_flag=True, help="Replace an earlier corrected recording in OUT.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("-q", "--quiet", is_flag=True, help="Print only errors.")
 def command(
     *,
     path: Path,
@@ -59,14 +59,14 @@ def command(
     quiet: bool,
     **options: Any,
 ) -> None:
-    r"""Take response and vignette out of the images of RECORDING.
+    r"""Correct the images of RECORDING for response and vignette.
 
-    CALIBRATION is a calibration.json or its folder, a pcalib.txt and vignette.png as 'pcalib.txt,vignette.png', a
-    folder with them, or a .pto, .lcp or OpenCV .yml file.
+    CALIBRATION is a calibration.json or its folder, a pair 'pcalib.txt,vignette.png', a folder with these, or a file
+    of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml).
 
-    OUT becomes a recording of its own: images/, times.txt with the exposures that the images have now, camera.txt as
-    it was, and correction.json, which says what was done. Beside 8- and 16-bit images there are a linear pcalib.txt
-    and a vignette.png of none, which are true of them.
+    OUT becomes a recording: images/, times.txt with the exposures of the corrected images, the original camera.txt,
+    and correction.json, which describes the correction. With 8- and 16-bit images come a linear pcalib.txt and a
+    constant vignette.png that are valid for them.
 
     Do this before any undistortion, rectification or scaling, never after it.
 
@@ -75,7 +75,7 @@ def command(
       0    written
       1    error
       2    wrong usage
-      130  interrupted; OUT holds a part of the images and no times.txt
+      130  interrupted; OUT holds part of the images and no times.txt
     """
     from ospc.correction.folder import CorrectedFolder
     from ospc.correction.recording import correct_recording
@@ -84,27 +84,27 @@ def command(
     from ospc.recording import open_recording
 
     settings = CorrectionSettings(**options)
-    photometry = open_photometry(calibration)
     recording = open_recording(path, kind)
+    photometry = open_photometry(calibration, recording.size)
     folder = CorrectedFolder.at(out, recording.path, force=force)
     try:
         with progress_bar("correcting", len(recording), visible=not quiet and sys.stderr.isatty()) as progress:
             result = correct_recording(recording, photometry, folder, settings, progress)
     except KeyboardInterrupt:
-        click.echo(f"ospc: interrupted; {out} is not finished", err=True)
+        click.echo(f"ospc: interrupted; {out} is unfinished", err=True)
         sys.exit(INTERRUPTED)
     if not quiet:
-        _say(result)
+        _report(result)
 
 
 def warn_of_assumed(parts: tuple[str, ...]) -> None:
-    """Say which parts of a calibration are unknown and were assumed to be the identity, on standard error."""
+    """Print on standard error which parts of a calibration are unknown and taken to be the identity."""
     for part in parts:
         means = {"response": "linear", "vignette": "none"}[part]
-        click.echo(f"warning: the {part} is unknown and taken to be {means}", err=True)
+        click.echo(f"warning: the {part} is unknown and taken as {means}", err=True)
 
 
-def _say(result: Corrected) -> None:
+def _report(result: Corrected) -> None:
     warn_of_assumed(result.assumed)
     if result.skipped:
         shown = "; ".join(result.reasons[:3])

@@ -1,4 +1,4 @@
-"""``ospc export``: a calibration for another program."""
+"""``ospc export``: write a calibration for another program."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
         return None
     match = re.fullmatch(r"(\d{1,6}),(\d{1,6}),([1-9]\d{0,5})[x×]([1-9]\d{0,5})", value)
     if match is None:
-        raise click.BadParameter(f"{value!r} is no part of an image; write X,Y,WIDTHxHEIGHT, such as 64,32,1024x768")
+        raise click.BadParameter(f"{value!r} is no crop; write X,Y,WIDTHxHEIGHT, such as 64,32,1024x768")
     x, y, width, height = (int(group) for group in match.groups())
     return x, y, width, height
 
@@ -28,17 +28,17 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
     "program",
     type=click.Choice(["dso", "lensfun", "hugin", "opencv", "adobe", "json"]),
     required=True,
-    help="Program that shall read it.",
+    help="Program that will read it.",
 )
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="File to write; a folder for dso.")
-@click.option("--crop", metavar="X,Y,WxH", callback=_parse_crop, help="For images of which only this part is used.")
+@click.option("--crop", metavar="X,Y,WxH", callback=_parse_crop, help="For images cropped to this part.")
 @click.option(
     "--bin",
     "binning",
     metavar="N",
     type=click.IntRange(min=1),
     default=1,
-    help="For images in which blocks of NxN pixels are averaged, after the crop.",
+    help="For images binned by averaging blocks of NxN pixels, after the crop.",
 )
 @click.option("--size", metavar="WxH", callback=parse_size, help="For images scaled to this size, after the crop.")
 @click.option("--values", default=256, show_default=True, help="Grey levels in pcalib.txt (dso).")
@@ -75,9 +75,9 @@ def command(
     """Write CALIBRATION for another program.
 
     CALIBRATION is a calibration.json or its folder, a pcalib.txt, a vignette.png, a pair 'pcalib.txt,vignette.png',
-    or a .pto, .lcp or OpenCV .yml file. Writes pcalib.txt and vignette.png (dso), a database file (lensfun, .xml), a
-    project to be used as a template (hugin, .pto), a file storage (opencv, .yml), a lens profile (adobe, .lcp), or
-    calibration.json. What a format cannot hold, and the residual of what had to be fitted, is said.
+    or a file of hugin (.pto), Adobe (.lcp) or OpenCV (.yml). Writes pcalib.txt and vignette.png (dso), a database
+    file (lensfun, .xml), a project for use as a template (hugin, .pto), a file storage (opencv, .yml), a lens profile
+    (adobe, .lcp), or calibration.json. Reports what the format cannot hold, and the residuals of fits.
     """
     from ospc.formats.export import ExportSettings, adapted, export
     from ospc.formats.hugin import read_emor

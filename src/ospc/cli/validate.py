@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from ospc.formats.repair import Repair
-    from ospc.formats.validation import Validation
+    from ospc.formats.validation import Repair, Validation
 
 _COLOURS = {"error": "red", "warning": "yellow", "note": "blue"}
 
@@ -22,7 +21,7 @@ def parse_size(_ctx: click.Context, _param: click.Parameter, value: str | None) 
         return None
     match = re.fullmatch(r"([1-9]\d{0,5})[x×]([1-9]\d{0,5})", value)
     if match is None:
-        raise click.BadParameter(f"{value!r} is no size; write WIDTHxHEIGHT, such as 640x480")
+        raise click.BadParameter(f"{value!r} is not a size; write WIDTHxHEIGHT, such as 640x480")
     return int(match.group(1)), int(match.group(2))
 
 
@@ -34,28 +33,27 @@ def parse_size(_ctx: click.Context, _param: click.Parameter, value: str | None) 
     type=click.Choice(["dso", "mono"]),
     default="dso",
     show_default=True,
-    help="Whose rules: DSO and its descendants, or the TUM monocular data set's own tools.",
+    help="Apply the rules of DSO and its descendants, or of the TUM monocular data set's own tools.",
 )
-@click.option("--size", metavar="WxH", callback=parse_size, help="Size of the images; else taken from camera.txt.")
-@click.option("--repair", "mend", is_flag=True, help="Write a mended copy <name>.repaired.<ext> of what needs it.")
+@click.option("--size", metavar="WxH", callback=parse_size, help="Size of the images; by default that in camera.txt.")
+@click.option("--repair", "mend", is_flag=True, help="Write repaired copies <name>.repaired.<ext>.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 def command(files: tuple[Path, ...], program: Any, size: tuple[int, int] | None, mend: bool, as_json: bool) -> None:
-    """Check pcalib.txt, vignette.png, times.txt and camera.txt, or the folders that hold them.
+    """Check pcalib.txt, vignette.png, times.txt and camera.txt, or folders that hold them.
 
-    Says what the program that reads the files would do with them, and what to do about it. The exit code is 0 if all
-    files are valid, warnings and notes included; 1 if one is not or cannot be read; 2 if the command is misused.
+    Reports what the program that reads the files would do with them, and what to do about it. The exit code is 0 if
+    all files are valid, even with warnings and notes; 1 if a file is invalid or unreadable; 2 for wrong usage.
     """
-    from ospc.errors import FormatError
-    from ospc.formats.repair import repair
-    from ospc.formats.validation import validate
+    from ospc.errors import OspcError
+    from ospc.formats.validation import repair, validate
 
     result = validate(files, program, size)
     repairs: list[Repair] = []
     failures: list[str] = []
     for file in result.files if mend else ():
         try:
-            repairs.append(repair(file, size))
-        except FormatError as error:
+            repairs.append(repair(file, program, result.size))
+        except OspcError as error:
             failures.append(str(error))
     if as_json:
         _print_json(result, repairs, failures)
@@ -96,10 +94,10 @@ def _print_text(result: Validation, repairs: list[Repair], failures: list[str]) 
                 click.echo(f"    remedy: {finding.remedy}")
     for repair in repairs:
         if repair.changes:
-            click.echo(f"{repair.path}: mended copy of {repair.source.name}")
+            click.echo(f"{repair.path}: repaired copy of {repair.source.name}")
             for change in repair.changes:
                 click.echo(f"  {change}")
         else:
-            click.echo(f"{repair.source}: nothing to mend")
+            click.echo(f"{repair.source}: nothing to repair")
     for failure in failures:
-        click.echo(f"not mended: {failure}")
+        click.echo(f"not repaired: {failure}")

@@ -1,1 +1,1 @@
-"""Whole recordings with response and vignette taken out of them."""
+"""Removes response and vignette from whole recordings."""

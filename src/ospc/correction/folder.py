@@ -15,28 +15,33 @@ import numpy.typing as npt
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, OspcError, SettingError
-from ospc.formats.dso import MOST_VALUES, write_pcalib, write_times, write_vignette
+from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.files import read_bytes, read_text, write_bytes, write_text
+from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 
 NOTE = "correction.json"
-"""Says what was done; every folder written here has it, from before the first image on."""
+"""Describes the correction; every output folder has it, written before the first image."""
 
 SCHEMA = "ospc-correction/1"
 
 _IMAGE = re.compile(r"\d{5,}\.(png|tiff)")
 _PARAMETERS = ("pcalib.txt", "pcalib_16bit.txt", "vignette.png")
 _GEOMETRY = ("camera.txt", "groundtruthSync.txt")
+
 _PNG_COMPRESSION = 1
+"""zlib level from 0 to 9; higher ones take several times as long for files a few per cent smaller."""
+
 _TIFF_UNCOMPRESSED = 1
+"""Value of the TIFF tag Compression."""
 
 
 @dataclass(frozen=True)
 class CorrectedFolder:
-    """A folder that a corrected recording can be written to; make one with :meth:`at`.
+    """A folder for a corrected recording; make one with :meth:`at`.
 
-    ``times.txt`` comes last: a folder without it is not finished, and nothing opens it as a recording.
+    ``times.txt`` is written last: a folder without it is unfinished, and nothing opens it as a recording.
 
     Attributes
     ----------
@@ -48,28 +53,28 @@ class CorrectedFolder:
 
     @classmethod
     def at(cls, path: str | Path, recording: Path, *, force: bool = False) -> CorrectedFolder:
-        """Check a folder before the work begins; nothing is changed yet.
+        """Check a folder before the work begins, without changing anything.
 
         Parameters
         ----------
         path
-            A new or empty folder.
+            A new or empty folder, or one that an interrupted correction left unfinished.
         recording
-            The recording that is corrected; its own folder is refused.
+            The recording to correct; its own folder is refused.
         force
-            Whether an earlier corrected recording will do, too; it is then replaced.
+            Whether a finished corrected recording may be replaced, too.
 
         Raises
         ------
         SettingError
-            If it is none of these, or cannot be used.
+            If the folder is none of these, or cannot be used.
         """
         place = Path(path)
         try:
             if place.resolve() in (recording.resolve(), (recording / "images").resolve()):
-                raise SettingError(f"{place}: holds the recording itself; choose another folder for the output")
+                raise SettingError(f"{place}: holds the recording itself; choose another output folder")
             if place.exists() and not place.is_dir():
-                raise SettingError(f"{place}: is a file; name a folder for the output")
+                raise SettingError(f"{place}: is a file; choose a folder for the output")
             if place.is_dir() and any(place.iterdir()):
                 _check_replaceable(place, force)
         except OSError as error:
@@ -77,7 +82,7 @@ class CorrectedFolder:
         return cls(place)
 
     def begin(self, note: dict[str, Any]) -> None:
-        """Make the folder, remove an earlier corrected recording from it, and write the note.
+        """Create the folder, remove an earlier corrected recording from it, and write the note.
 
         Raises
         ------
@@ -93,12 +98,12 @@ class CorrectedFolder:
         self.write_note(note)
 
     def write_note(self, note: dict[str, Any]) -> None:
-        """Write what was done, or is being done."""
+        """Write the description of the correction."""
         content = {"schema": SCHEMA, **note}
         write_text(self.path / NOTE, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
     def write_image(self, index: int, image: npt.NDArray[np.generic]) -> None:
-        """Write the image of a frame; several threads may do so at the same time.
+        """Write the image of a frame; safe to call from several threads.
 
         Raises
         ------
@@ -115,7 +120,7 @@ class CorrectedFolder:
         place = self.path / "images" / f"{index:05d}{suffix}"
         done, coded = cv2.imencode(suffix, image, options)
         if not done:
-            raise SettingError(f"{place}: the image cannot be coded")
+            raise SettingError(f"{place}: the image cannot be encoded")
         try:
             with place.open("wb") as file:
                 file.write(coded.data)
@@ -123,7 +128,7 @@ class CorrectedFolder:
             raise SettingError(f"{place}: cannot be written ({error.strerror}); free some space") from None
 
     def write_linear_parameters(self, size: ImageSize, max_grey: int) -> None:
-        """Write the response and vignette that the images have now: linear, and none."""
+        """Write the response and vignette of the corrected images: linear, and 1 everywhere."""
         linear = Response(np.linspace(0.0, 1.0, 256), model={"name": "linear"})
         write_pcalib(linear, self.path / "pcalib.txt")
         if max_grey > 255:
@@ -131,14 +136,14 @@ class CorrectedFolder:
         write_vignette(RasterVignette(np.ones((size[1], size[0]), np.float32)), self.path / "vignette.png")
 
     def copy_geometry(self, recording: Path) -> list[str]:
-        """Copy camera.txt and groundtruthSync.txt, which the correction leaves true, and return what there was."""
+        """Copy camera.txt and groundtruthSync.txt, which stay valid, and return the names of those that exist."""
         copied = []
         for name in _GEOMETRY:
             if (recording / name).is_file():
                 try:
                     write_bytes(self.path / name, read_bytes(recording / name))
                 except OspcError:
-                    continue  # a convenience: the images do not depend on it
+                    continue  # optional: the images do not depend on it
                 copied.append(name)
         return copied
 
@@ -150,18 +155,17 @@ class CorrectedFolder:
 def _check_replaceable(place: Path, force: bool) -> None:
     try:
         note = json.loads(read_text(place / NOTE))
-        ours = isinstance(note, dict) and note.get("schema") == SCHEMA
     except (FormatError, ValueError, RecursionError):
-        ours = False
-    if not ours:
-        raise SettingError(f"{place}: holds something else than a corrected recording; choose another folder")
-    if not force:
+        note = None
+    if not isinstance(note, dict) or note.get("schema") != SCHEMA:
+        raise SettingError(f"{place}: holds something other than a corrected recording; choose another folder")
+    if note.get("finished") is not False and not force:
         raise SettingError(f"{place}: holds an earlier corrected recording; choose another folder, or add --force")
 
 
 def _written_before(place: Path) -> list[Path]:
-    """Return the files of an earlier corrected recording; others in the folder are not ours to remove."""
+    """Return the files of an earlier corrected recording; all others stay."""
     images = place / "images"
     numbered = [p for p in images.iterdir() if _IMAGE.fullmatch(p.name)] if images.is_dir() else []
-    # times.txt first: what is half removed must not look like a recording.
+    # times.txt first: a half-removed recording must not look like a whole one.
     return [p for name in ("times.txt", *_PARAMETERS, *_GEOMETRY) if (p := place / name).is_file()] + numbered

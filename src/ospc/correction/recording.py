@@ -21,25 +21,26 @@ from ospc.recording import Frame, Recording, identity
 
 _DEFAULT = CorrectionSettings()
 _REASONS_KEPT = 20
+"""Reasons for unreadable frames that are kept; thousands of equal ones help nobody."""
 
 
 def corrector_for(recording: Recording, photometry: Photometry, *, assume_missing: bool = False) -> Corrector:
-    """Return what corrects the images of a recording.
+    """Return the corrector for the images of a recording.
 
     Raises
     ------
     SettingError
         If the vignette is for images of another size.
     NotObservableError
-        If response or vignette is unknown and that is not to be assumed away.
+        If response or vignette is unknown and not assumed to be the identity.
     """
     for part, means in (("response", "linear"), ("vignette", "none")):
         if getattr(photometry, part) is None and not assume_missing:
             verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(part)
             reason = "" if verdict is None else f" ({verdict.reason})"
             raise NotObservableError(
-                f"{photometry.name}: knows no {part}{reason}; give a calibration that does, or add --assume-missing "
-                f"to take it for {means}"
+                f"{photometry.name}: has no {part}{reason}; give a calibration that has one, or add --assume-missing "
+                f"to take it as {means}"
             )
     if photometry.vignette is not None and photometry.vignette.size != recording.size:
         raise SettingError(
@@ -55,37 +56,37 @@ def correct_recording(
     settings: CorrectionSettings = _DEFAULT,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Corrected:
-    """Write a recording with response and vignette taken out of its images.
+    """Write a recording whose images are corrected for response and vignette.
 
-    Images are read one by one, corrected and written in a few threads; no more than a few are in memory.
+    Images are read one by one, and corrected and written by a few threads; only a few are in memory at a time.
 
     Parameters
     ----------
     recording
-        What to correct.
+        The recording to correct.
     photometry
-        Its camera's response and vignette.
+        Response and vignette of its camera.
     folder
-        Where to.
+        The output folder.
     settings
-        What to write.
+        The kind of output.
     progress
-        Called with the number of frames done and of all frames.
+        Called with the number of frames done and the number of all frames.
 
     Returns
     -------
     Corrected
-        What was written. ``correction.json`` in the folder says the same and more. For ``grey8`` and ``grey16`` there
-        are also pcalib.txt and vignette.png of what the images are now: linear and without vignette.
+        What was written; ``correction.json`` in the folder has the same and more. ``grey8`` and ``grey16`` also get
+        a pcalib.txt and a vignette.png that describe the corrected images: linear, without vignette.
 
     Raises
     ------
     SettingError
         If the calibration is for images of another size, or the folder cannot be written.
     NotObservableError
-        If response or vignette is unknown and that is not to be assumed away.
+        If response or vignette is unknown and not assumed to be the identity.
     RecordingError
-        If not one image can be read.
+        If no image can be read.
     """
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
     reference_ms = settings.reference_for(recording.exposures_ms)
@@ -131,7 +132,7 @@ def _finish(
     note: dict[str, Any],
     settings: CorrectionSettings,
 ) -> None:
-    """Write what goes beside the images; times.txt last."""
+    """Write the files beside the images, times.txt last."""
     frames = list(result.frames)
     if settings.limit is not None:
         folder.write_linear_parameters(recording.size, settings.limit)
@@ -152,7 +153,7 @@ def _finish(
 
 @dataclass(frozen=True)
 class _Written:
-    """What the image of a frame came to: how many pixels were saturated, how many more the output cannot hold."""
+    """One written frame: how many pixels were saturated, and how many others exceed the range of the output."""
 
     index: int
     saturated: int
@@ -187,7 +188,7 @@ class _Work:
 
 
 def _readable(recording: Recording, reasons: list[str]) -> Iterator[tuple[Frame, Image]]:
-    """Give the frames that can be read with their images, and keep why others cannot."""
+    """Yield the readable frames with their images, and collect the reasons for the others."""
     for frame in recording:
         try:
             image = frame.image

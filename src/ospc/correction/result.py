@@ -1,4 +1,4 @@
-"""What a corrected recording is, in words and figures."""
+"""Describes a corrected recording in words and figures."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from ospc.formats.opening import Photometry
 from ospc.recording import Recording
 
 _WIDE = 4.0
-"""Ratio of exposures that costs two of eight bits."""
+"""Ratio of exposures above which 8-bit output at one scale loses two of its bits."""
 
 
 @dataclass(frozen=True)
 class Corrected:
-    """What became of a recording.
+    """The outcome of a correction.
 
     Attributes
     ----------
     path
-        The folder written.
+        The folder that was written.
     formula
-        What every pixel holds, as a sentence.
+        The meaning of a pixel value, as a sentence.
     frames
-        Indices of the frames written, shape (n,): also their numbers in times.txt and their file names.
+        Indices of the written frames; also their numbers in times.txt and their file names.
     exposures_ms
-        Exposures that the images have now, shape (n,).
+        Exposures of the corrected images, shape (frames,).
     skipped
         Number of frames that could not be read.
     reasons
-        Why, for the first of them.
+        Why, for the first few of them.
     saturated
         Share of the pixels that were saturated.
     clipped
-        Share of the pixels that were not, but are brighter than the output can hold.
+        Share of the other pixels that exceed the range of the output.
     assumed
-        Names of the parts of the calibration that are unknown and were taken to be the identity.
+        Names of the unknown parts of the calibration, which were taken to be the identity.
     notes
-        What a user should know besides.
+        Further remarks for the user.
     """
 
     path: Path
@@ -58,7 +58,7 @@ class Corrected:
 
 
 def formula_of(settings: CorrectionSettings, reference_ms: float | None) -> str:
-    """Return what every pixel holds, as a sentence."""
+    """Return the meaning of a pixel value, as a sentence."""
     if reference_ms is None:
         light = "irradiance e·L = g(M)/V"
     elif reference_ms == 1 and settings.limit is None:
@@ -74,7 +74,7 @@ def formula_of(settings: CorrectionSettings, reference_ms: float | None) -> str:
 
 
 def notes_on(recording: Recording, photometry: Photometry, settings: CorrectionSettings) -> Iterator[str]:
-    """Give what a user should know before the result is used."""
+    """Yield remarks that the user should read before using the result."""
     calibrated = None if photometry.calibration is None else photometry.calibration.max_grey
     if calibrated not in (None, recording.max_grey):
         yield (
@@ -84,6 +84,6 @@ def notes_on(recording: Recording, photometry: Photometry, settings: CorrectionS
     low, high = np.min(recording.exposures_ms), np.max(recording.exposures_ms)
     if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:
         yield (
-            f"8 bits hardly hold exposures from {low:.3g} to {high:.3g} ms at one scale; grey16 or irradiance does"
+            f"8 bits are too few for exposures from {low:.3g} to {high:.3g} ms at one scale; use grey16 or irradiance"
         )
     yield from recording.notes

@@ -1,4 +1,4 @@
-"""What a corrected recording shall be."""
+"""Settings of a correction."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, SettingError
 
 Output: TypeAlias = Literal["irradiance", "grey8", "grey16"]
-"""32-bit float TIFF, or PNG of 8 or 16 bit; all of them linear in the light."""
+"""32-bit float TIFF, or PNG of 8 or 16 bit; all are linear in the irradiance."""
 
 DTYPES: dict[Output, type[np.generic]] = {"irradiance": np.float32, "grey8": np.uint8, "grey16": np.uint16}
 
@@ -23,20 +23,20 @@ class CorrectionSettings:
     Attributes
     ----------
     output
-        Kind of images to write.
+        Kind of output images.
     normalise_exposure
-        Whether to bring all images to one exposure, e·L · reference/e, instead of leaving each its own, e·L.
+        Whether to bring all images to one exposure, e·L · reference/e, instead of keeping their own, e·L.
     reference_ms
-        That exposure in milliseconds. Where None: 1 for ``irradiance``, so that its values are radiance per
-        millisecond; the shortest of the recording for ``grey16``, so that the scale clips nothing; the median for
-        ``grey8``, which has no room for that.
+        That exposure in milliseconds. If None: 1 for ``irradiance``, so that its values are radiance per
+        millisecond; the shortest of the recording for ``grey16``, so that nothing is clipped; the median for
+        ``grey8``, which has too few bits for that.
     white
         For ``grey8`` and ``grey16``: the irradiance that becomes the largest grey value. 1 saturates the camera where
-        V = 1; only brighter places off the centre are clipped.
+        V = 1; only brighter places away from the centre are clipped.
     mask_saturated
         Whether saturated pixels become NaN (``irradiance``) or the largest grey value.
     assume_missing
-        Whether a response or vignette that is unknown is taken to be the identity.
+        Whether an unknown response or vignette is taken to be the identity.
     """
 
     output: Output = "irradiance"
@@ -47,15 +47,15 @@ class CorrectionSettings:
     assume_missing: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
+        """Check the values."""
         if self.output not in DTYPES:
             raise SettingError(f"output is {self.output!r}; choose one of {', '.join(DTYPES)}")
         if self.reference_ms is not None and not self.normalise_exposure:
-            raise SettingError("a reference exposure is for normalised exposures only; ask for these, too")
+            raise SettingError("a reference exposure needs normalised exposures; add --normalise-exposure")
         if not (np.isfinite(self.white) and self.white > 0):
-            raise SettingError(f"white is {self.white}; give the irradiance, a positive number, that becomes white")
+            raise SettingError(f"white is {self.white}; give the irradiance that becomes white, a positive number")
         if self.reference_ms is not None and not 1e-9 <= self.reference_ms <= 1e9:
-            raise ExposureError(f"the reference exposure {self.reference_ms} ms is not a positive number")
+            raise ExposureError(f"the reference exposure {self.reference_ms} ms is not a positive number below 1e9")
 
     @property
     def limit(self) -> int | None:
@@ -63,7 +63,7 @@ class CorrectionSettings:
         return {"grey8": 255, "grey16": 65535}.get(self.output)
 
     def reference_for(self, exposures_ms: FloatArray) -> float | None:
-        """Return the exposure in milliseconds that all images are brought to; None where each keeps its own."""
+        """Return the exposure in milliseconds that all images are brought to; None if each keeps its own."""
         if not self.normalise_exposure:
             return None
         if self.reference_ms is not None:

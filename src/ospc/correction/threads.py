@@ -1,4 +1,4 @@
-"""Work on a stream in a few threads, with a bounded number of items in flight."""
+"""Process a stream in a few threads, with a bounded number of items in memory."""
 
 from __future__ import annotations
 
@@ -12,33 +12,34 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _MOST_WORKERS = 8
+"""More threads only hold more images in memory: writing to disk is the limit."""
 
 
 def default_workers() -> int:
-    """Return how many threads to use: one for each processor, few enough that the images in flight are few."""
+    """Return how many threads to use: one per processor, up to a few."""
     return min(os.cpu_count() or 1, _MOST_WORKERS)
 
 
 def mapped(
     work: Callable[[Item], Result], items: Iterable[Item], workers: int | None = None, ahead: int = 2
 ) -> Iterator[Result]:
-    """Give the results of ``work`` in the order of the items, which are drawn by the calling thread alone.
+    """Yield the results of ``work`` in the order of the items, which only the calling thread draws.
 
     Parameters
     ----------
     work
         Called in other threads.
     items
-        Drawn at most ``workers + ahead`` before their result is given, which bounds what is in memory.
+        At most ``workers + ahead`` are drawn before their results are yielded, which bounds the memory.
     workers
-        Number of threads; :func:`default_workers` where None.
+        Number of threads; :func:`default_workers` if None.
     ahead
-        Items that wait for a thread.
+        Number of items that may wait for a thread.
 
     Raises
     ------
     BaseException
-        What drawing an item or working on it raised; work that has begun is finished before, the rest is dropped.
+        Whatever drawing or processing an item raised, after the work in progress is finished; the rest is dropped.
     """
     count = workers or default_workers()
     pending: deque[Future[Result]] = deque()

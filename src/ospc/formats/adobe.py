@@ -1,29 +1,21 @@
 """Vignettes in Adobe's lens correction profiles (LCP).
 
-The radius is in focal lengths, and those are in units of the longer side of the image (Adobe camera model, 2010).
+The radius is in focal lengths, which are given in units of the longer side of the image (Adobe camera model, 2010).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, register_namespace
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.formats.files import write_text
-from ospc.formats.radial import (
-    FULL_FRAME_HALF_DIAGONAL_MM,
-    Optics,
-    RadialFit,
-    checked,
-    fit_radial,
-    rescaled,
-    vignette_of,
-)
+from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled
 from ospc.formats.safe_xml import local_name, read_xml, write_xml
-from ospc.photometry.geometry import half_diagonal
+from ospc.formats.scanning import finite_number
+from ospc.photometry.geometry import half_diagonal, image_size
 from ospc.photometry.vignette import Vignette
 
 _NAMESPACES = {
@@ -34,81 +26,22 @@ _NAMESPACES = {
 }
 
 
-@dataclass(frozen=True)
-class LcpVignette:
-    """The vignette model of one entry of a profile.
-
-    Attributes
-    ----------
-    lens
-        Name of the lens.
-    terms
-        (α₁, α₂, α₃), for radii in focal lengths.
-    focal_ratio
-        Focal length over the longer side of the image.
-    centre
-        Centre as a share of width and height.
-    size
-        Width and height of the images it was made from; None where the profile does not say.
-    focal_mm, aperture
-        What it holds for; None where the profile does not say. The aperture is an f-number.
-    """
-
-    lens: str
-    terms: tuple[float, float, float]
-    focal_ratio: float
-    centre: tuple[float, float]
-    size: ImageSize | None
-    focal_mm: float | None
-    aperture: float | None
-
-    def vignette(self, size: ImageSize | None = None) -> Vignette:
-        """Return the vignette for images of a size; of the profile's own where not given.
-
-        Raises
-        ------
-        SettingError
-            If neither says the size.
-        FormatError
-            If the polynomial is not positive all over the image.
-        """
-        chosen = size or self.size
-        if chosen is None:
-            raise SettingError(f"the profile of {self.lens!r} does not say for which image size it is; give the size")
-        return vignette_of(self.fit(chosen))
-
-    def fit(self, size: ImageSize) -> RadialFit:
-        """Return the polynomial in half diagonals.
-
-        Raises
-        ------
-        FormatError
-            If it is not positive all over the image.
-        """
-        half = half_diagonal(size)
-        shift = (
-            (self.centre[0] * size[0] - size[0] / 2) / half,
-            (self.centre[1] * size[1] - size[1] / 2) / half,
-        )
-        return checked(RadialFit(size, rescaled(self.terms, half / (self.focal_ratio * max(size))), shift))
-
-
 def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit:
     """Write a profile with one entry and return the polynomial that stands for the vignette.
 
     Parameters
     ----------
     vignette
-        Fitted about its own centre where it has one.
+        Fitted about its own centre if it has one.
     path
-        Where to.
+        File to write.
     optics
         The focal length is needed, in pixels, or in millimetres with the crop factor.
 
     Raises
     ------
     SettingError
-        If it is missing.
+        If the focal length is missing.
     FormatError
         If the polynomial is no vignette, or the file cannot be written.
     """
@@ -152,63 +85,62 @@ def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit
     return fit
 
 
-def read_lcp(path: str | Path) -> tuple[LcpVignette, ...]:
+def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit, ...]:
     """Read the vignette models of all entries of a profile that have one.
+
+    Parameters
+    ----------
+    path
+        The file.
+    size
+        Width and height of the images; those of the profile if None.
 
     Raises
     ------
+    SettingError
+        If the size is None and the profile does not state it.
     FormatError
-        If it is no such profile, or an entry's numbers are none.
+        If it is not such a profile, or an entry is incomplete or no vignette.
     """
-    root = read_xml(path)
-    entries = [element for element in root.iter() if local_name(element.tag) == "li"]
-    found = tuple(vignette for entry in entries if (vignette := _entry(path, entry)) is not None)
+    entries = [element for element in read_xml(path).iter() if local_name(element.tag) == "li"]
+    try:
+        found = tuple(fit for entry in entries if (fit := _fit(entry, size)) is not None)
+    except (FormatError, SettingError) as error:
+        raise type(error)(f"{path}: {error}") from None
     if not found:
         raise FormatError(f"{path}: holds no vignette model of an Adobe lens profile")
     return found
 
 
-def _entry(path: str | Path, entry: Element) -> LcpVignette | None:
+def _fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
     model = next((element for element in entry.iter() if local_name(element.tag) == "VignetteModel"), None)
     if model is None:
         return None
-    own = _values(model)
     geometry = next((e for e in entry.iter() if local_name(e.tag) in ("PerspectiveModel", "FisheyeModel")), None)
-    general = _values(entry)
-    inherited = general | ({} if geometry is None else _values(geometry))
+    texts = _values(entry) | ({} if geometry is None else _values(geometry)) | _values(model)
 
-    def number(name: str, default: float | None = None) -> float | None:
-        text = own.get(name, inherited.get(name))
-        if text is None:
-            return default
+    def number(name: str, default: str) -> float:
+        return finite_number(texts.get(name, default), name)
+
+    width, height = wanted or (number("ImageWidth", "0"), number("ImageLength", "0"))
+    if not (width and height):
+        raise SettingError("does not state the image size; import it with 'ospc import --size WxH' first")
+    size = image_size(width, height)
+    half = half_diagonal(size)
+    if "FocalLengthX" in texts:
+        ratio = number("FocalLengthX", "0") * max(size) / half
+    else:
         try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise FormatError(f"{path}: {name} is {text!r}, not a number")
-        return value
-
-    width, height = number("ImageWidth"), number("ImageLength")
-    size = (int(width), int(height)) if width and height else None
-    focal_mm, apex = number("FocalLength"), number("ApertureValue")
-    ratio = number("FocalLengthX")
-    factor = number("SensorFormatFactor")
-    if ratio is None and focal_mm and factor and size:
-        ratio = focal_mm * factor / FULL_FRAME_HALF_DIAGONAL_MM * half_diagonal(size) / max(size)
-    lens = general.get("LensPrettyName", general.get("Lens", "unknown"))
-    if not ratio or ratio < 0:
-        raise FormatError(f"{path}: the entry of {lens!r} does not say its focal length, the unit of its radius")
-    first, second, third = (number(f"VignetteModelParam{n}", 0.0) or 0.0 for n in (1, 2, 3))
-    return LcpVignette(
-        lens=lens,
-        terms=(first, second, third),
-        focal_ratio=ratio,
-        centre=(number("ImageXCenter", 0.5) or 0.5, number("ImageYCenter", 0.5) or 0.5),
-        size=size,
-        focal_mm=focal_mm,
-        aperture=None if apex is None else 2 ** (apex / 2),
-    )
+            focal_mm, crop_factor = number("FocalLength", "0"), number("SensorFormatFactor", "0")
+            ratio = Optics(focal_mm=focal_mm, crop_factor=crop_factor).focal_ratio(size)
+        except SettingError:
+            ratio = 0.0
+    if ratio <= 0:
+        raise FormatError("an entry does not state its focal length, the unit of its radius")
+    centre = (number("ImageXCenter", "0.5"), number("ImageYCenter", "0.5"))
+    first, second, third = (number(f"VignetteModelParam{n}", "0") for n in (1, 2, 3))
+    shift = ((centre[0] - 0.5) * size[0] / half, (centre[1] - 0.5) * size[1] / half)
+    return RadialFit(size, rescaled((first, second, third), 1 / ratio), shift)
 
 
 def _values(element: Element) -> dict[str, str]:

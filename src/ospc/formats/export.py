@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.formats.adobe import write_lcp
-from ospc.formats.dso import FEWEST_VALUES, write_pcalib, write_vignette
+from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.hugin import EmorBasis, write_pto
 from ospc.formats.lensfun import write_lensfun
 from ospc.formats.opencv import write_opencv
 from ospc.formats.opening import Photometry
+from ospc.formats.pcalib_table import FEWEST_VALUES
 from ospc.formats.radial import Optics
 from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
-from ospc.photometry.calibration import Calibration
+from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.vignette import RasterVignette, Vignette
 
 Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]
-"""Where a calibration can go."""
+"""Programs that a calibration can be written for."""
+
+_VALUES_OF_DEEP_IMAGES = (1024, 4096, 16384, 65536)
+"""A pcalib.txt for images of 10, 12, 14 or 16 bits has one value per grey level."""
 
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """What some programs need to know besides the calibration.
+    """What some programs need besides the calibration.
 
     Attributes
     ----------
@@ -34,7 +38,7 @@ class ExportSettings:
     lensfun_model
         ``pa`` for radii in half diagonals, ``acm`` for focal lengths.
     emor
-        For hugin's response.
+        Base curves for hugin's response.
     values
         Number of grey levels in pcalib.txt.
     """
@@ -54,7 +58,7 @@ class Exported:
     files
         Paths.
     notes
-        What a user should know: residuals of fits, parts the format cannot hold, parts that are not known.
+        Residuals of fits, and parts that are unknown or that the format cannot hold.
     """
 
     files: tuple[Path, ...]
@@ -74,7 +78,7 @@ def adapted(
     photometry
         As calibrated.
     crop
-        Column, row, width and height of the part that is left.
+        Column, row, width and height of the part that is kept.
     size
         Width and height after scaling.
     binning
@@ -83,8 +87,8 @@ def adapted(
     Raises
     ------
     SettingError
-        If the part is not inside the image, nothing is left of it, scaling changes the aspect ratio, or the
-        size of the images is unknown.
+        If the part is not inside the image, nothing is left of it, scaling changes the aspect ratio, or the size of
+        the images is unknown.
     """
     if crop is None and size is None and binning == 1:
         return photometry
@@ -99,21 +103,52 @@ def adapted(
     return Photometry(photometry.name, calibration.response, calibration.vignette, whole)
 
 
-def as_calibration(photometry: Photometry) -> Calibration:
-    """Return the photometry as a calibration.
+def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_grey: int | None = None) -> Calibration:
+    """Return the photometry as a calibration that states where it comes from.
+
+    Parameters
+    ----------
+    photometry
+        From any file.
+    size
+        Width and height of the images, if the photometry does not state them.
+    max_grey
+        Largest grey value of the images; by default that of the calibration or of the table.
 
     Raises
     ------
     SettingError
-        If the size of the images is unknown.
+        If the size of the images is unknown, or contradicts the photometry.
+    FormatError
+        If the photometry has neither a response nor a vignette.
     """
+    response, known = photometry.response, photometry.size or size
+    if known is None:
+        raise SettingError(f"{photometry.name}: does not state the image size; add the vignette, or --size")
+    if size not in (None, known):
+        raise SettingError(
+            f"{photometry.name}: is for images of {known[0]}x{known[1]} pixels; leave out --size, then scale the "
+            f"result with 'ospc export --size'"
+        )
     if photometry.calibration is not None:
-        return photometry.calibration
-    if photometry.size is None:
-        raise SettingError(f"{photometry.name}: does not say for which image size it is; add the vignette")
+        return replace(photometry.calibration, max_grey=max_grey or photometry.calibration.max_grey)
+    if response is None and photometry.vignette is None:
+        raise FormatError(f"{photometry.name}: holds neither response nor vignette")
+    deep = response is not None and response.inverse_table.size in _VALUES_OF_DEEP_IMAGES
     return Calibration(
-        photometry.size, photometry.response, photometry.vignette, source={"imported_from": photometry.name}
+        known,
+        response,
+        photometry.vignette,
+        {part: _verdict(part, photometry) for part in ("response", "vignette")},
+        max_grey=max_grey or (response.inverse_table.size - 1 if deep and response is not None else 255),
+        source={"imported_from": photometry.name},
     )
+
+
+def _verdict(part: str, photometry: Photometry) -> Verdict:
+    if getattr(photometry, part) is None:
+        return Verdict("not identifiable", f"{photometry.name} does not hold it", "calibrate from a recording")
+    return Verdict("identifiable", f"imported from {photometry.name}, which states no uncertainty")
 
 
 def export(
@@ -124,48 +159,46 @@ def export(
     Parameters
     ----------
     photometry
-        What is known.
+        The calibration.
     program
-        Where it goes.
+        The program that will read it.
     out
-        A folder for ``dso``, which holds two files; the file for all others.
+        A folder for ``dso``, which has two files; a file for all others.
     settings
         What the program needs besides.
 
     Raises
     ------
     NotObservableError
-        If nothing the program can take is known.
+        If no part that the program can take is known.
     SettingError
-        If the program needs something that ``settings`` lack.
+        If ``settings`` lack something that the program needs.
     FormatError
         If the format cannot hold it, or a file cannot be written.
     """
     chosen = settings or ExportSettings()
     place = Path(out)
-    if program == "dso":
-        return _to_dso(photometry, place, chosen)
-    if program == "json":
-        return _to_json(photometry, place)
-    if program == "opencv":
-        if photometry.response is None and photometry.vignette is None:
-            raise NotObservableError(f"{photometry.name}: knows neither response nor vignette")
-        write_opencv(place, photometry.response, photometry.vignette)
-        return Exported((place,), _unknown(photometry))
-    if program == "hugin":
-        return _to_hugin(photometry, place, chosen)
-    vignette = _vignette(photometry, program)
-    if program == "lensfun":
-        fit = write_lensfun(vignette, place, chosen.optics, chosen.lensfun_model)
-    else:
-        fit = write_lcp(vignette, place, chosen.optics)
-    left_out = () if photometry.response is None else (f"{program} has no response; only the vignette was written",)
-    return Exported((place,), _notes(fit.note, *left_out))
+    match program:
+        case "dso":
+            return _to_dso(photometry, place, chosen)
+        case "json":
+            return _to_json(photometry, place)
+        case "hugin":
+            return _to_hugin(photometry, place, chosen)
+        case "opencv":
+            _check_known(photometry)
+            write_opencv(place, photometry.response, photometry.vignette)
+            return Exported((place,), _unknown(photometry))
+        case "lensfun":
+            fit = write_lensfun(_vignette(photometry, program), place, chosen.optics, chosen.lensfun_model)
+        case "adobe":
+            fit = write_lcp(_vignette(photometry, program), place, chosen.optics)
+    left_out = "" if photometry.response is None else f"{program} has no response; only the vignette was written"
+    return Exported((place,), _notes(fit.note, left_out))
 
 
 def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> Exported:
-    if photometry.response is None and photometry.vignette is None:
-        raise NotObservableError(f"{photometry.name}: knows neither response nor vignette")
+    _check_known(photometry)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -180,41 +213,41 @@ def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> E
 
 def _to_json(photometry: Photometry, place: Path) -> Exported:
     calibration = as_calibration(photometry)
-    try:
-        calibration.save(place)
-    except OSError as error:
-        raise FormatError(f"{place}: cannot be written ({error.strerror})") from None
+    calibration.save(place)
     beside = (place.with_suffix(".vignette.npz"),) if isinstance(calibration.vignette, RasterVignette) else ()
     return Exported((place, *beside), _unknown(photometry))
 
 
 def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> Exported:
-    if photometry.vignette is None and (photometry.response is None or settings.emor is None):
+    response, emor = photometry.response, settings.emor
+    if photometry.vignette is None and (response is None or emor is None):
         raise NotObservableError(
-            f"{photometry.name}: knows no vignette, and a response goes to hugin only with the base curves emor.txt"
+            f"{photometry.name}: has no vignette, and a response can only be written with the base curves emor.txt; "
+            f"add --emor"
         )
-    size = photometry.size
-    if size is None:
-        raise SettingError(f"{photometry.name}: does not say for which image size it is; add the vignette")
-    fit, residual = write_pto(place, photometry.vignette, photometry.response, settings.emor, size)
-    notes = [] if fit is None else [fit.note]
+    size = as_calibration(photometry).size
+    fit, residual = write_pto(place, photometry.vignette, response, emor, size)
+    about_response = ""
     if residual is not None:
-        notes.append(
-            f"response fitted by five EMoR coefficients: residual {residual:.2g} of f in the root mean square"
-        )
-    elif photometry.response is not None:
-        notes.append("the response was not written: hugin's model needs the base curves emor.txt")
-    return Exported((place,), _notes(*notes, *_unknown(photometry)))
+        about_response = f"response fitted by five EMoR coefficients: residual {residual:.2g} in the root mean square"
+    elif response is not None:
+        about_response = "the response was not written: hugin's model needs the base curves emor.txt"
+    return Exported((place,), _notes("" if fit is None else fit.note, about_response, *_unknown(photometry)))
+
+
+def _check_known(photometry: Photometry) -> None:
+    if photometry.response is None and photometry.vignette is None:
+        raise NotObservableError(f"{photometry.name}: has neither a response nor a vignette")
 
 
 def _vignette(photometry: Photometry, program: str) -> Vignette:
     if photometry.vignette is None:
-        raise NotObservableError(f"{photometry.name}: knows no vignette, and {program} takes nothing else")
+        raise NotObservableError(f"{photometry.name}: has no vignette, and {program} takes nothing else")
     return photometry.vignette
 
 
 def _unknown(photometry: Photometry) -> tuple[str, ...]:
-    """Return sentences about what is not known, with the remedy where the calibration has one."""
+    """Return sentences about unknown parts, with the remedy if the calibration has one."""
     notes: list[str] = []
     for name in ("response", "vignette"):
         if getattr(photometry, name) is None:

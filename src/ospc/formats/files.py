@@ -1,4 +1,4 @@
-"""Reading and writing whole files safely: bounded when reading, all or nothing when writing."""
+"""Reads and writes whole files safely: bounded when reading, all or nothing when writing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ospc.atomic import write_atomically
 from ospc.errors import FormatError
 
 LARGEST_TEXT = 64 * 2**20
-"""Bytes up to which a parameter file is read; the largest real one, a table of 65536 values, has half a megabyte."""
+"""Bytes; larger parameter files are refused. The largest real one, a table of 65536 values, has half a megabyte."""
 
 
 def read_bytes(path: str | Path, limit: int = LARGEST_TEXT) -> bytes:
@@ -33,7 +33,7 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT) -> bytes:
 
 
 def read_text(path: str | Path, limit: int = LARGEST_TEXT) -> str:
-    """Return the content of a text file; bytes that are no UTF-8 become replacement characters.
+    """Return the content of a text file; bytes that are not UTF-8 become replacement characters.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def read_text(path: str | Path, limit: int = LARGEST_TEXT) -> str:
 
 
 def write_bytes(path: str | Path, content: bytes) -> Path:
-    """Write a file atomically and return its path: readers see the old content or the new, never a part.
+    """Write a file atomically and return its path: readers see the old content or the new one, never a part.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
         return write_atomically(path, content)
     except OSError as error:
         raise FormatError(
-            f"{path}: cannot be written ({error.strerror}); check that the folder exists and allows it"
+            f"{path}: cannot be written ({error.strerror}); check that the folder exists and is writable"
         ) from None
 
 

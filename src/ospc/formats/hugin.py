@@ -1,8 +1,8 @@
 """Responses and vignettes in hugin's project files (.pto).
 
-An image line holds the vignette as Vb, Vc, Vd for radii in half diagonals with a shift Vx, Vy of its centre in
+An image line holds the vignette as Vb, Vc, Vd for radii in half diagonals, with a shift Vx, Vy of its centre in
 pixels, and the response as five coefficients Ra to Re of the empirical model of response (EMoR, Grossberg and Nayar
-2004). The base curves of that model are data of their authors and are read from their file ``emor.txt``.
+2004). The base curves of that model are not distributed here; they are read from the authors' file ``emor.txt``.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ import scipy.optimize
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
 from ospc.formats.files import read_text, write_text
-from ospc.formats.radial import RadialFit, fit_radial, vignette_of
-from ospc.photometry.geometry import half_diagonal
+from ospc.formats.radial import RadialFit, fit_radial
+from ospc.formats.scanning import finite_number
+from ospc.photometry.geometry import half_diagonal, image_size
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
@@ -26,10 +27,14 @@ COMPONENTS = 5
 """Coefficients of EMoR that hugin uses."""
 
 _SAMPLES = 1024
+"""Values of each curve in ``emor.txt``."""
+
 _LEAST_STEP = 1e-7
+"""Smallest step of a fitted response between two samples; a linear response has steps of 1e-3."""
+
 _FIELD = re.compile(r'([A-Za-z]+)(=?-?[0-9.][0-9.eE+-]*|"[^"]*")')
+_LINK = re.compile(r"=(\d{1,6})", re.ASCII)
 _RESPONSE_KEYS = ("Ra", "Rb", "Rc", "Rd", "Re")
-_LARGEST_SIDE = 100_000
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ class EmorBasis:
         return Response.from_values(inverse, model={"name": "emor", "coefficients": list(coefficients)})
 
     def fit(self, response: Response) -> tuple[tuple[float, ...], float]:
-        """Return the coefficients nearest to a response with which f increases, and the root mean square residual."""
+        """Return the nearest coefficients for which f increases, and the root mean square residual."""
         target = response(self.irradiance) - self.mean
         coefficients = np.linalg.lstsq(self.components.T, target, rcond=None)[0]
         mean_steps, steps = np.diff(self.mean), np.diff(self.components, axis=1)
@@ -74,7 +79,7 @@ class EmorBasis:
             normal, moment = self.components @ self.components.T, self.components @ target
             coefficients = scipy.optimize.minimize(
                 lambda c: c @ normal @ c / 2 - moment @ c,
-                np.zeros(COMPONENTS),  # the mean response increases
+                np.zeros(COMPONENTS),  # feasible: the mean response increases
                 jac=lambda c: normal @ c - moment,
                 method="SLSQP",
                 constraints={
@@ -87,31 +92,8 @@ class EmorBasis:
         return tuple(float(c) for c in coefficients), float(np.sqrt(np.mean(residual**2)))
 
 
-@dataclass(frozen=True)
-class HuginPhotometry:
-    """Photometric values of an image line.
-
-    Attributes
-    ----------
-    fit
-        The vignette.
-    response
-        (Ra, Rb, Rc, Rd, Re).
-    exposure_value
-        Eev; a frame with a value larger by one has half the exposure.
-    """
-
-    fit: RadialFit
-    response: tuple[float, ...]
-    exposure_value: float
-
-    def vignette(self) -> Vignette:
-        """Return the vignette."""
-        return vignette_of(self.fit)
-
-
 def read_emor(path: str | Path) -> EmorBasis:
-    """Read the base curves from the file ``emor.txt`` their authors distribute.
+    """Read the base curves from the file ``emor.txt`` that their authors distribute.
 
     Raises
     ------
@@ -144,27 +126,27 @@ def write_pto(
     emor: EmorBasis | None = None,
     size: ImageSize = (0, 0),
 ) -> tuple[RadialFit | None, float | None]:
-    """Write a project file with one image line, to be taken as a template.
+    """Write a project file with one image line, to be used as a template.
 
     Parameters
     ----------
     path
-        Where to.
+        File to write.
     vignette
-        Fitted about its own centre where it has one; none in the file where not given.
+        Fitted about its own centre if it has one; None for no vignette.
     response
-        Written only together with ``emor``; the mean response of EMoR otherwise.
+        Written only together with ``emor``; otherwise the file has the mean response of EMoR.
     emor
         Base curves.
     size
-        Of the images where there is no vignette to tell.
+        Width and height of the images if there is no vignette.
 
     Returns
     -------
     fit
         The polynomial that stands for the vignette; None without one.
     residual
-        Root mean square residual of the response f; None where it was not written.
+        Root mean square residual of the response f; None if it was not written.
 
     Raises
     ------
@@ -176,7 +158,7 @@ def write_pto(
     residual = None
     if response is not None and emor is not None:
         coefficients, residual = emor.fit(response)
-        emor.response(coefficients)  # refuses what cannot be inverted
+        emor.response(coefficients)  # refuses a curve that cannot be inverted
     width, height = size if fit is None else fit.size
     v = (0.0, 0.0, 0.0) if fit is None else fit.coefficients
     shift = (0.0, 0.0) if fit is None else tuple(c * half_diagonal(fit.size) for c in fit.centre)
@@ -194,42 +176,32 @@ def write_pto(
     return fit, residual
 
 
-def read_pto(path: str | Path) -> tuple[HuginPhotometry, ...]:
-    """Read the photometric values of every image line; ``Vb=0`` means: as in image 0.
+def read_pto(path: str | Path) -> tuple[RadialFit, ...]:
+    """Read the vignette of every image line; ``Vb=0`` means: as in image 0.
 
     Raises
     ------
     FormatError
-        If there is no image line, or one is damaged.
+        If there is no image line, or one is damaged or holds no vignette.
     """
     lines = [line for line in read_text(path).splitlines() if line.startswith("i ")]
     if not lines:
         raise FormatError(f"{path}: holds no image line, which begins with 'i'")
-    fields = [dict(_FIELD.findall(line[2:])) for line in lines]
-    return tuple(_image(path, fields, i) for i in range(len(fields)))
+    images = [dict(_FIELD.findall(line[2:])) for line in lines]
+    try:
+        return tuple(_fit(images, index) for index in range(len(images)))
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from None
 
 
-def _image(path: str | Path, fields: list[dict[str, str]], index: int) -> HuginPhotometry:
-    def value(key: str, default: float) -> float:
-        text = fields[index].get(key)
-        try:
-            if text is not None and text.startswith("="):
-                text = fields[int(text[1:])].get(key)
-            number = default if text is None else float(text)
-        except (ValueError, IndexError):
-            number = float("nan")
-        if not np.isfinite(number):
-            raise FormatError(f"{path}: image {index} has no number as {key}, but {fields[index].get(key)!r}")
-        return number
+def _fit(images: list[dict[str, str]], index: int) -> RadialFit:
+    def value(key: str) -> float:
+        text = images[index].get(key, "0")
+        link = _LINK.fullmatch(text)
+        if link is not None and int(link[1]) < len(images):
+            text = images[int(link[1])].get(key, "0")
+        return finite_number(text, f"{key} of image {index}")
 
-    width, height = value("w", 0), value("h", 0)
-    if not (1 < width <= _LARGEST_SIDE and 1 < height <= _LARGEST_SIDE):
-        raise FormatError(f"{path}: image {index} has the size {width:g}x{height:g}")
-    size = (int(width), int(height))
+    size = image_size(value("w"), value("h"))
     half = half_diagonal(size)
-    centre = (value("Vx", 0) / half, value("Vy", 0) / half)
-    return HuginPhotometry(
-        fit=RadialFit(size, (value("Vb", 0), value("Vc", 0), value("Vd", 0)), centre),
-        response=tuple(value(key, 0) for key in _RESPONSE_KEYS),
-        exposure_value=value("Eev", 0),
-    )
+    return RadialFit(size, (value("Vb"), value("Vc"), value("Vd")), (value("Vx") / half, value("Vy") / half))

@@ -7,7 +7,6 @@ focal lengths; lensfun corrects by division.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
@@ -15,52 +14,12 @@ from xml.etree.ElementTree import Element, SubElement
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.formats.files import write_text
-from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled, vignette_of
+from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled
 from ospc.formats.safe_xml import local_name, read_xml, write_xml
+from ospc.formats.scanning import finite_number
 from ospc.photometry.vignette import Vignette
 
 _TERMS = {"pa": ("k1", "k2", "k3"), "acm": ("alpha1", "alpha2", "alpha3")}
-
-
-@dataclass(frozen=True)
-class LensfunVignetting:
-    """One entry of a lens: the vignette at one focal length, aperture and distance.
-
-    Attributes
-    ----------
-    lens
-        Name of the lens.
-    model
-        ``pa`` (radius in half diagonals) or ``acm`` (in focal lengths).
-    terms
-        Its three coefficients.
-    focal_mm, aperture, distance_m
-        What it holds for.
-    crop_factor
-        Of the camera the lens was measured with.
-    """
-
-    lens: str
-    model: Literal["pa", "acm"]
-    terms: tuple[float, float, float]
-    focal_mm: float
-    aperture: float
-    distance_m: float
-    crop_factor: float
-
-    def vignette(self, size: ImageSize) -> Vignette:
-        """Return the vignette for images of a camera with the same crop factor.
-
-        Raises
-        ------
-        FormatError
-            If the polynomial is not positive all over the image.
-        """
-        terms = self.terms
-        if self.model == "acm":
-            optics = Optics(focal_mm=self.focal_mm, crop_factor=self.crop_factor)
-            terms = rescaled(terms, 1 / optics.focal_ratio(size))
-        return vignette_of(RadialFit(size, terms))
 
 
 def write_lensfun(
@@ -71,13 +30,13 @@ def write_lensfun(
     Parameters
     ----------
     vignette
-        Fitted about the image centre, for the format has no other.
+        Fitted about the image centre, because the format has no other.
     path
-        Where to.
+        File to write.
     optics
-        Crop factor, aperture, and focal length are needed.
+        Crop factor, aperture and focal length are needed.
     model
-        Unit of the radius.
+        ``pa`` for radii in half diagonals, ``acm`` for focal lengths.
 
     Raises
     ------
@@ -87,7 +46,7 @@ def write_lensfun(
         If the polynomial is no vignette, or the file cannot be written.
     """
     if optics.crop_factor is None or optics.aperture is None:
-        raise SettingError("lensfun needs crop factor and aperture of camera and lens: --crop-factor, --aperture")
+        raise SettingError("lensfun needs the crop factor and the aperture; add --crop-factor and --aperture")
     fit = fit_radial(vignette)
     focal_mm = optics.focal_in_mm(fit.size)
     terms = fit.coefficients if model == "pa" else rescaled(fit.coefficients, optics.focal_ratio(fit.size))
@@ -117,48 +76,49 @@ def write_lensfun(
     return fit
 
 
-def read_lensfun(path: str | Path) -> tuple[LensfunVignetting, ...]:
+def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, ...]:
     """Read the vignetting entries of all lenses of a database file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    size
+        Width and height of the images, which the file does not state. They are taken with a camera of the crop factor
+        that it does state.
 
     Raises
     ------
+    SettingError
+        If the size is None.
     FormatError
-        If it is no such file, or an entry is incomplete.
+        If it is not such a file, or an entry is incomplete or no vignette.
     """
     root = read_xml(path)
     if local_name(root.tag) != "lensdatabase":
         raise FormatError(f"{path}: not a lensfun database, its root is <{local_name(root.tag)}>")
-    return tuple(
-        _entry(path, lens, element)
+    entries = [
+        (lens, element)
         for lens in root.iter("lens")
         for element in lens.iter("vignetting")
         if element.get("model") in _TERMS
-    )
-
-
-def _entry(path: str | Path, lens: Element, element: Element) -> LensfunVignetting:
-    name = (lens.findtext("model") or "unknown").strip()
-    model: Literal["pa", "acm"] = "acm" if element.get("model") == "acm" else "pa"
-    # either model's terms go by either name in lensfun
-    first, second, third = (
-        _number(path, name, f"k{n}", element.get(f"k{n}", element.get(f"alpha{n}", "0"))) for n in (1, 2, 3)
-    )
-    return LensfunVignetting(
-        lens=name,
-        model=model,
-        terms=(first, second, third),
-        focal_mm=_number(path, name, "focal", element.get("focal")),
-        aperture=_number(path, name, "aperture", element.get("aperture")),
-        distance_m=_number(path, name, "distance", element.get("distance", "1000")),
-        crop_factor=_number(path, name, "cropfactor", lens.findtext("cropfactor")),
-    )
-
-
-def _number(path: str | Path, lens: str, name: str, text: str | None) -> float:
+    ]
+    if entries and size is None:
+        raise SettingError(f"{path}: does not state the image size; import it with 'ospc import --size WxH' first")
     try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise FormatError(f"{path}: lens {lens!r} has no number as {name} of its vignetting, but {text!r}")
-    return value
+        return tuple(_fit(lens, element, size or (0, 0)) for lens, element in entries)
+    except (FormatError, SettingError) as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+def _fit(lens: Element, element: Element, size: ImageSize) -> RadialFit:
+    # lensfun accepts the names of either model's terms in both
+    terms = (element.get(f"k{n}", element.get(f"alpha{n}", "0")) for n in (1, 2, 3))
+    k1, k2, k3 = (finite_number(term, f"k{n}") for n, term in enumerate(terms, start=1))
+    if element.get("model") == "pa":
+        return RadialFit(size, (k1, k2, k3))
+    optics = Optics(
+        focal_mm=finite_number(element.get("focal"), "focal"),
+        crop_factor=finite_number(lens.findtext("cropfactor"), "cropfactor"),
+    )
+    return RadialFit(size, rescaled((k1, k2, k3), 1 / optics.focal_ratio(size)))

@@ -1,7 +1,7 @@
-"""Responses and vignettes as OpenCV's file storage, for its functions that merge exposures.
+"""Responses and vignettes in OpenCV's file storage, for its functions that merge exposures.
 
 ``cv2.createMergeDebevec().process(images, times, response)`` takes the matrix ``response``: 256 rows, one column of
-three 32-bit channels, an irradiance each. It takes logarithms, so the first is that of half a grey level, not zero.
+three 32-bit channels with irradiances. It takes logarithms, so the first is that of half a grey level, not zero.
 """
 
 from __future__ import annotations
@@ -17,27 +17,33 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError
 from ospc.formats.files import read_text, write_text
-from ospc.formats.png import MOST_PIXELS
+from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 
-_LEVELS = 256
+_LEVELS = 256  # OpenCV merges 8-bit images only
+
 _LARGEST_VALUE = 1e30
+"""Larger values would overflow the 32-bit floats in which a vignette is kept."""
+
 _BASE64_HEADER = 24
+"""Bytes before the values, which repeat the element type."""
+
 _MATRIX = re.compile(
     r"^(inverse_response|response|vignette): !!opencv-matrix\s+rows: (\d{1,6})\s+cols: (\d{1,6})\s+"
     r"dt: \"?([1-4]?)([fd])\"?\s+data: (\[[^\]]*\]|!!binary \|(?:\r?\n +[A-Za-z0-9+/=]+)+)",
     re.MULTILINE | re.ASCII,
 )
 _LARGEST_FILE = 2**30
-_MODES = {".yml": cv2.FILE_STORAGE_FORMAT_YAML, ".yaml": cv2.FILE_STORAGE_FORMAT_YAML}
+"""Bytes; a vignette of the most pixels has 0.7 GB in base64."""
+_SUFFIXES = (".yml", ".yaml")
 
 
 def write_opencv(path: str | Path, response: Response | None = None, vignette: Vignette | None = None) -> Path:
-    """Write what is given into a YAML file of OpenCV, atomically, and return its path.
+    """Write a response, a vignette or both into a YAML file of OpenCV, atomically, and return its path.
 
-    ``response`` is for OpenCV's functions, ``inverse_response`` the exact table, ``vignette`` the attenuation of
-    every pixel as 32-bit floats.
+    The matrix ``response`` is for OpenCV's functions, ``inverse_response`` is the exact table, and ``vignette`` the
+    attenuation of every pixel as 32-bit floats.
 
     Raises
     ------
@@ -45,8 +51,8 @@ def write_opencv(path: str | Path, response: Response | None = None, vignette: V
         If the suffix is not .yml or .yaml, or the file cannot be written.
     """
     place = Path(path)
-    if place.suffix.lower() not in _MODES:
-        raise FormatError(f"{place}: OpenCV's files are written as .yml or .yaml; choose such a name")
+    if place.suffix.lower() not in _SUFFIXES:
+        raise FormatError(f"{place}: OpenCV's files are named .yml or .yaml; choose such a name")
     mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_WRITE_BASE64
     storage = cv2.FileStorage("memory.yml", mode | cv2.FILE_STORAGE_FORMAT_YAML)
     if response is not None:
@@ -67,12 +73,12 @@ def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response 
     path
         The file.
     channel
-        Which channel of ``response`` to take if they differ: 0, 1 or 2 for blue, green, red.
+        Channel of ``response`` to use if they differ: 0, 1 or 2 for blue, green, red.
 
     Raises
     ------
     FormatError
-        If it holds neither, or they are no response and no vignette.
+        If it holds neither, or they are not a valid response or vignette.
     """
     matrices = _matrices(path)
     if not matrices:
@@ -93,7 +99,7 @@ def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response 
 def _matrices(path: str | Path) -> dict[str, FloatArray]:
     """Return the matrices of known names, shape (rows, cols, channels) each.
 
-    OpenCV's own parser is made for trusted files and never returns from some damaged ones.
+    OpenCV's own parser is made for trusted files and hangs on some damaged ones.
     """
     found: dict[str, FloatArray] = {}
     for name, rows, columns, channels, letter, data in _MATRIX.findall(read_text(path, _LARGEST_FILE)):
@@ -102,7 +108,7 @@ def _matrices(path: str | Path) -> dict[str, FloatArray]:
         try:
             values = _decoded(data, letter) if data.startswith("!") else _listed(data)
         except ValueError:
-            raise FormatError(f"{path}: the values of the matrix '{name}' are no numbers") from None
+            raise FormatError(f"{path}: the values of the matrix '{name}' are not numbers") from None
         if not 0 < count <= MOST_PIXELS or values.size != count or not np.all(np.abs(values) < _LARGEST_VALUE):
             raise FormatError(f"{path}: the matrix '{name}' is not {shape[0]}x{shape[1]} finite values")
         found[name] = values.reshape(shape)
@@ -111,7 +117,7 @@ def _matrices(path: str | Path) -> dict[str, FloatArray]:
 
 def _decoded(data: str, letter: str) -> FloatArray:
     binary = base64.b64decode("".join(data.split()[2:]), validate=True)[_BASE64_HEADER:]
-    with np.errstate(invalid="ignore"):  # NaN is found and refused later
+    with np.errstate(invalid="ignore"):  # NaN is refused later
         return np.frombuffer(binary, np.dtype("<f4" if letter == "f" else "<f8")).astype(np.float64)
 
 
@@ -130,5 +136,5 @@ def _one_channel(path: str | Path, response: FloatArray, channel: int | None) ->
 
 def _table(path: str | Path, values: FloatArray) -> Response:
     if values.size < 2 or not np.all(np.diff(values) > 0):
-        raise FormatError(f"{path}: the response in it does not increase strictly, and so cannot be used")
+        raise FormatError(f"{path}: the response in it does not increase strictly; calibrate again")
     return Response.from_values(values, model={"name": "table", "source": Path(path).name})

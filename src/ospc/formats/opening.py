@@ -1,18 +1,18 @@
-"""Open a response and a vignette from whatever file they are in."""
+"""Open a response and a vignette from any of the files that can hold them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError
+from ospc.errors import FormatError, SettingError
 from ospc.formats.adobe import read_lcp
 from ospc.formats.dso import read_pcalib, read_vignette
 from ospc.formats.hugin import read_pto
+from ospc.formats.lensfun import read_lensfun
 from ospc.formats.opencv import read_opencv
-from ospc.formats.radial import vignette_of
+from ospc.formats.radial import RadialFit
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
@@ -20,16 +20,16 @@ from ospc.photometry.vignette import Vignette
 
 @dataclass(frozen=True)
 class Photometry:
-    """What a calibration says, whatever it was stored as.
+    """Response and vignette of a camera, from any kind of file.
 
     Attributes
     ----------
     name
-        Where it was read from.
+        Where they were read from.
     response, vignette
-        None where the source does not have it.
+        None if the source does not have it.
     calibration
-        All of it, where the source is a calibration of this project.
+        The whole calibration, if the source is a calibration.json.
     """
 
     name: str
@@ -39,86 +39,99 @@ class Photometry:
 
     @property
     def size(self) -> ImageSize | None:
-        """Width and height of the images, as far as known."""
+        """Width and height of the images; None if unknown."""
         if self.calibration is not None:
             return self.calibration.size
         return None if self.vignette is None else self.vignette.size
 
 
-def open_photometry(path: str | Path) -> Photometry:
+def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photometry:
     """Open a calibration from a file or folder.
 
     Parameters
     ----------
     path
         A calibration.json; a pcalib.txt; a vignette.png; two of them joined by a comma; a folder with any of these,
-        of which calibration.json goes first; or a .pto, .lcp or OpenCV's .yml with one calibration.
+        in which calibration.json takes precedence; or hugin's .pto, Adobe's .lcp, lensfun's .xml or OpenCV's .yml
+        with one calibration.
+    size
+        Width and height of the images, for files that do not state it.
 
     Raises
     ------
     FormatError
-        If there is nothing of the kind, it cannot be read, or there are several in one file.
+        If there is no calibration, it cannot be read, or one file holds several.
+    SettingError
+        If the size is needed and None.
     """
     place = Path(path)
     parts = str(path).split(",")
     if not place.exists() and len(parts) == 2:
-        return _pair(str(path), open_photometry(parts[0].strip()), open_photometry(parts[1].strip()))
+        first, second = (open_photometry(part.strip(), size) for part in parts)
+        return together(first, second)
     if place.is_dir() and not (place / "calibration.json").exists():
         return _folder(place)
     suffix = ".json" if place.is_dir() else place.suffix.lower()
-    return _READERS.get(suffix, _read_pcalib)(place)
+    response: Response | None = None
+    vignette: Vignette | None = None
+    calibration: Calibration | None = None
+    match suffix:
+        case ".json":
+            calibration = Calibration.load(place)
+            response, vignette = calibration.response, calibration.vignette
+        case ".png":
+            vignette = read_vignette(place)
+        case ".yml" | ".yaml":
+            response, vignette = read_opencv(place)
+        case ".pto":
+            vignette = _only(place, read_pto(place))
+        case ".lcp":
+            vignette = _only(place, read_lcp(place, size))
+        case ".xml":
+            vignette = _only(place, read_lensfun(place, size))
+        case _:
+            response = read_pcalib(place)
+    return Photometry(str(place), response, vignette, calibration)
 
 
-def _read_pcalib(place: Path) -> Photometry:
-    return Photometry(str(place), read_pcalib(place), None)
+def open_both(a: str | Path, b: str | Path) -> tuple[Photometry, Photometry]:
+    """Open two calibrations; a file that does not state the image size takes it from the other one.
+
+    Raises
+    ------
+    FormatError, SettingError
+        As :func:`open_photometry`.
+    """
+    try:
+        first = open_photometry(a)
+    except SettingError:
+        second = open_photometry(b)
+        return open_photometry(a, second.size), second
+    return first, open_photometry(b, first.size)
 
 
-def _read_calibration(place: Path) -> Photometry:
-    calibration = Calibration.load(place)
-    return Photometry(str(place), calibration.response, calibration.vignette, calibration)
+def together(first: Photometry, second: Photometry) -> Photometry:
+    """Return a response and a vignette from two files as one.
 
-
-def _read_vignette(place: Path) -> Photometry:
-    return Photometry(str(place), None, read_vignette(place))
-
-
-def _read_opencv(place: Path) -> Photometry:
-    return Photometry(str(place), *read_opencv(place))
-
-
-def _read_pto(place: Path) -> Photometry:
-    fits = {image.fit for image in read_pto(place)}
-    _check_single(place, len(fits))
-    return Photometry(str(place), None, vignette_of(fits.pop()))
-
-
-def _read_lcp(place: Path) -> Photometry:
-    entries = read_lcp(place)
-    _check_single(place, len(entries))
-    return Photometry(str(place), None, entries[0].vignette())
-
-
-_READERS: dict[str, Callable[[Path], Photometry]] = {
-    ".json": _read_calibration,
-    ".png": _read_vignette,
-    ".yml": _read_opencv,
-    ".yaml": _read_opencv,
-    ".pto": _read_pto,
-    ".lcp": _read_lcp,
-}
-
-
-def _check_single(place: Path, count: int) -> None:
-    if count != 1:
-        raise FormatError(f"{place}: holds {count} different vignettes; leave one of them in it")
-
-
-def _pair(name: str, first: Photometry, second: Photometry) -> Photometry:
+    Raises
+    ------
+    FormatError
+        Unless one of them has only a response and the other only a vignette.
+    """
+    name = f"{first.name},{second.name}"
     one_response = (first.response is None) != (second.response is None)
     one_vignette = (first.vignette is None) != (second.vignette is None)
     if not (one_response and one_vignette):
-        raise FormatError(f"{name}: of a pair, one is a response and the other a vignette")
+        raise FormatError(f"{name}: of two files, one has to hold a response and the other a vignette")
     return Photometry(name, first.response or second.response, first.vignette or second.vignette)
+
+
+def _only(place: Path, fits: tuple[RadialFit, ...]) -> Vignette:
+    different = set(fits)
+    if len(different) != 1:
+        count = f"{len(different)} different vignettes; remove all but one" if different else "no vignette"
+        raise FormatError(f"{place}: holds {count}")
+    return fits[0].vignette()
 
 
 def _folder(place: Path) -> Photometry:

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError
-from ospc.photometry.geometry import half_diagonal, normalised
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+from ospc.photometry.geometry import half_diagonal, image_size, normalised
+from ospc.photometry.vignette import (
+    LARGEST_ATTENUATION,
+    LogVignette,
+    PolynomialVignette,
+    RasterVignette,
+    Vignette,
+)
+
+Terms: TypeAlias = tuple[float, float, float]
+"""Coefficients of the polynomial in some unit of radius."""
 
 FULL_FRAME_HALF_DIAGONAL_MM = math.hypot(36.0, 24.0) / 2
 """Half the diagonal of a sensor with crop factor 1, in millimetres."""
 
-_TERMS = 3
-_MOST_PIXELS = 1_000_000
+_FITTED_PIXELS = 1_000_000
+"""Larger images are fitted on a regular grid of about this many pixels; four parameters need no more."""
 
 
 @dataclass(frozen=True)
@@ -26,26 +36,46 @@ class RadialFit:
     Attributes
     ----------
     size
-        Width and height in pixels of the images.
+        Width and height of the images in pixels.
     coefficients
         (v₁, v₂, v₃), for R in units of the half diagonal.
     centre
         Centre relative to the image centre, in half diagonals.
     rms
-        Root mean square residual over the pixels, relative to the centre; 0 where nothing had to be fitted.
+        Root mean square residual over the pixels, relative to the centre; 0 if nothing had to be fitted.
     worst
         Largest absolute residual.
     """
 
     size: ImageSize
-    coefficients: tuple[float, float, float]
+    coefficients: Terms
     centre: tuple[float, float] = (0.0, 0.0)
     rms: float = 0.0
     worst: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Refuse a polynomial that is not positive all over the image.
+
+        Raises
+        ------
+        FormatError
+            If it is not, or the image has fewer than two pixels a side or more than a picture can have.
+        """
+        image_size(*self.size)
+        half = half_diagonal(self.size)
+        ends = [abs(c) + (side - 1) / 2 / half for c, side in zip(self.centre, self.size, strict=True)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = self._at(np.linspace(0, math.hypot(*ends), 201) ** 2)
+        if not (values.min() > 0 and values.max() <= LARGEST_ATTENUATION):
+            v1, v2, v3 = self.coefficients
+            raise FormatError(
+                f"the polynomial 1 {v1:+.3g} R^2 {v2:+.3g} R^4 {v3:+.3g} R^6 is not positive all over the image, or "
+                f"above {LARGEST_ATTENUATION:g}, so it is no vignette; use a map of pixels instead"
+            )
+
     @property
     def note(self) -> str:
-        """The residual in a sentence; empty where nothing had to be fitted."""
+        """The residual in a sentence; empty if nothing had to be fitted."""
         if self.worst == 0:
             return ""
         return (
@@ -53,10 +83,22 @@ class RadialFit:
             f"{self.worst:.2g} at most"
         )
 
+    def vignette(self) -> Vignette:
+        """Return the vignette: a map of pixels if its centre is not that of the image."""
+        if self.centre == (0.0, 0.0):
+            return PolynomialVignette(self.size, self.coefficients)
+        x, y = np.meshgrid(np.arange(self.size[0]), np.arange(self.size[1]))
+        offsets = normalised(np.stack([x, y], axis=-1), self.size) - np.array(self.centre)
+        values = self._at(np.sum(offsets**2, axis=-1)).astype(np.float32)
+        return RasterVignette(values, {"coefficients": list(self.coefficients), "centre": list(self.centre)})
+
+    def _at(self, squared_radius: FloatArray) -> FloatArray:
+        return np.asarray(np.polynomial.polynomial.polyval(squared_radius, [1.0, *self.coefficients]))
+
 
 @dataclass(frozen=True)
 class Optics:
-    """What photographic programs want to know of camera and lens besides the vignette.
+    """What photographic programs need to know about camera and lens besides the vignette.
 
     Attributes
     ----------
@@ -69,7 +111,7 @@ class Optics:
     aperture
         f-number.
     distance_m
-        Focus distance in metres.
+        Focus distance in metres; a kilometre stands for infinity.
     maker, lens, camera
         Names.
     """
@@ -103,8 +145,8 @@ class Optics:
         if self.focal_mm is not None and self.crop_factor is not None:
             return self.focal_mm * self.crop_factor / FULL_FRAME_HALF_DIAGONAL_MM
         raise SettingError(
-            "the radius of this format is in focal lengths; give it in pixels (--focal-px), or in millimetres with "
-            "the crop factor (--focal-mm, --crop-factor)"
+            "the radius of this format is in focal lengths; give the focal length in pixels (--focal-px), or in "
+            "millimetres with the crop factor (--focal-mm, --crop-factor)"
         )
 
     def focal_in_mm(self, size: ImageSize) -> float:
@@ -123,97 +165,62 @@ class Optics:
 
 
 def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialFit:
-    """Return the polynomial nearest to a vignette in the least squares over its pixels, dark surrounds left out.
+    """Return the polynomial nearest to a vignette: least squares over its pixels, without dark surrounds.
 
     Parameters
     ----------
     vignette
-        Any vignette. One that is such a polynomial is returned as it is.
+        Any vignette. One that is such a polynomial is returned unchanged.
     about_its_centre
-        Whether a vignette with a centre of its own is fitted about that; about the image centre otherwise.
+        Whether a vignette with a centre of its own is fitted about that; otherwise about the image centre.
 
     Raises
     ------
     FormatError
-        If the polynomial is not positive all over the image and so is no vignette.
+        If the polynomial is not positive all over the image, so that it is no vignette.
     """
-    if isinstance(vignette, PolynomialVignette) and len(vignette.coefficients) <= _TERMS:
-        v1, v2, v3 = (*vignette.coefficients, 0.0, 0.0, 0.0)[:_TERMS]
-        return checked(RadialFit(vignette.size, (v1, v2, v3)))
+    if isinstance(vignette, PolynomialVignette) and len(vignette.coefficients) <= 3:
+        v1, v2, v3 = (*vignette.coefficients, 0.0, 0.0, 0.0)[:3]
+        return RadialFit(vignette.size, (v1, v2, v3))
     centre = vignette.centre if about_its_centre and isinstance(vignette, LogVignette) else (0.0, 0.0)
     points = _pixels(vignette.size)
     values = vignette.at(points)
     squared = np.sum((normalised(points, vignette.size) - np.array(centre)) ** 2, axis=-1)
-    seen = values > 0
-    values, powers = values[seen], np.vander(squared[seen], _TERMS + 1, increasing=True)
+    bright = values > 0
+    values, powers = values[bright], np.vander(squared[bright], 4, increasing=True)
     solution = np.linalg.lstsq(powers, values, rcond=None)[0]
     scale = float(solution[0])
     residual = (values - powers @ solution) / scale
     v1, v2, v3 = (float(v) for v in solution[1:] / scale)
     rms, worst = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
-    return checked(RadialFit(vignette.size, (v1, v2, v3), centre, rms, worst))
+    return RadialFit(vignette.size, (v1, v2, v3), centre, rms, worst)
 
 
-def vignette_of(fit: RadialFit) -> Vignette:
-    """Return the vignette of a polynomial: a map of pixels if its centre is not the image's.
-
-    Raises
-    ------
-    FormatError
-        If it is not positive all over the image.
-    """
-    checked(fit)
-    if fit.centre == (0.0, 0.0):
-        return PolynomialVignette(fit.size, fit.coefficients)
-    width, height = fit.size
-    x, y = np.meshgrid(np.arange(width), np.arange(height))
-    offsets = normalised(np.stack([x, y], axis=-1), fit.size) - np.array(fit.centre)
-    values = _value(fit.coefficients, np.sum(offsets**2, axis=-1))
-    return RasterVignette(
-        values.astype(np.float32), {"coefficients": list(fit.coefficients), "centre": list(fit.centre)}
-    )
-
-
-def rescaled(coefficients: tuple[float, ...], unit: float) -> tuple[float, float, float]:
+def rescaled(coefficients: Terms, unit: float) -> Terms:
     """Return vₙ·unit²ⁿ: the coefficients for a radius measured in units that are ``unit`` times as long.
 
     Parameters
     ----------
     coefficients
-        Up to three, for the old unit.
+        For the old unit.
     unit
         New unit of radius over the old one: focal length over half diagonal, to go from half diagonals to focal
         lengths.
-    """
-    v1, v2, v3 = ((*coefficients, 0.0, 0.0, 0.0)[n] * unit ** (2 * (n + 1)) for n in range(_TERMS))
-    return v1, v2, v3
-
-
-def _pixels(size: ImageSize) -> FloatArray:
-    """Return pixel coordinates, shape (n, 2): all pixels, or a regular part of those of a large image."""
-    step = max(1, math.ceil(math.sqrt(size[0] * size[1] / _MOST_PIXELS)))
-    x, y = np.meshgrid(np.arange(0.0, size[0], step), np.arange(0.0, size[1], step))
-    return np.stack([x.ravel(), y.ravel()], axis=-1)
-
-
-def _value(coefficients: tuple[float, ...], squared_radius: FloatArray) -> FloatArray:
-    return np.asarray(np.polynomial.polynomial.polyval(squared_radius, [1.0, *coefficients]))
-
-
-def checked(fit: RadialFit) -> RadialFit:
-    """Return the polynomial if it is positive all over the image.
 
     Raises
     ------
     FormatError
-        If it is not, and so is no vignette.
+        If the result is too large for a number.
     """
-    half = half_diagonal(fit.size)
-    farthest = math.hypot(*(abs(c) + (side - 1) / 2 / half for c, side in zip(fit.centre, fit.size, strict=True)))
-    if not _value(fit.coefficients, np.linspace(0, farthest, 201) ** 2).min() > 0:
-        v1, v2, v3 = fit.coefficients
-        raise FormatError(
-            f"the polynomial 1 {v1:+.3g} R^2 {v2:+.3g} R^4 {v3:+.3g} R^6 is not positive all over the image "
-            f"and so no vignette; use a map of pixels instead"
-        )
-    return fit
+    with np.errstate(over="ignore", invalid="ignore"):
+        v1, v2, v3 = (float(v * np.float64(unit) ** (2 * n)) for n, v in enumerate(coefficients, start=1))
+    if not all(map(math.isfinite, (v1, v2, v3))):
+        raise FormatError(f"the focal length is {unit:.3g} or {1 / unit:.3g} half diagonals of the image; correct it")
+    return v1, v2, v3
+
+
+def _pixels(size: ImageSize) -> FloatArray:
+    """Return the coordinates of all pixels, or of a regular grid of those of a large image, shape (n, 2)."""
+    step = max(1, math.ceil(math.sqrt(size[0] * size[1] / _FITTED_PIXELS)))
+    x, y = np.meshgrid(np.arange(0.0, size[0], step), np.arange(0.0, size[1], step))
+    return np.stack([x.ravel(), y.ravel()], axis=-1)

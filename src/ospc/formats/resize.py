@@ -1,7 +1,7 @@
 """Calibrations for images that were cropped, scaled or binned after the calibration.
 
-The response stays; the vignette moves with the pixels. What cannot be carried over is left out of the result rather
-than kept wrong: the noise of averaged pixels, and uncertainties of a profile about another centre.
+The response stays; the vignette moves with the pixels. What would no longer be valid is left out of the result: the
+noise of averaged pixels, and the uncertainty of a profile about another centre.
 """
 
 from __future__ import annotations
@@ -19,8 +19,13 @@ from ospc.photometry.geometry import half_diagonal, pixel_grid
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
 
 _ASPECT_TOLERANCE = 0.01
-_CENTRED = 1.0
+"""Aspect ratios whose logarithms differ by more belong to different fields of view; less is rounding to pixels."""
+
+_CENTRED_PX = 1.0
+"""Parts whose margins differ by at most this are centred: with an odd number of pixels they cannot be equal."""
+
 _HARMONIC_DEGREES = (2, 2, 3, 3)
+"""Degrees in x and y of the non-radial terms of :class:`LogVignette`, in its order."""
 
 
 def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
@@ -36,7 +41,7 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     Raises
     ------
     SettingError
-        If the aspect ratio differs by more than 1 %, for then part of the view was cut off; crop first.
+        If the aspect ratio differs by more than 1 %: part of the view was cut off, so crop first.
     """
     width, height = vignette.size
     _check_size(size)
@@ -74,8 +79,8 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
     Returns
     -------
     Vignette
-        Its fall-off keeps its place in the scene, and so its centre moves in the image. A polynomial about the image
-        centre becomes a map of pixels unless the part is centred.
+        Each pixel keeps its attenuation, so the centre moves in the image. A polynomial about the image centre
+        becomes a map of pixels unless the part is centred.
 
     Raises
     ------
@@ -132,8 +137,8 @@ def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: Im
 def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
     """Return the calibration for images in which blocks of ``factor`` × ``factor`` pixels are averaged.
 
-    Columns and rows that fill no block are taken to be cut off at the right and the bottom. With the blocks' grey
-    values averaged, the response stays right where they are nearly equal.
+    Columns and rows at the right and the bottom that fill no block are cut off. If the camera averages grey values
+    instead of irradiances, the response is right only where they are nearly equal.
 
     Raises
     ------
@@ -169,7 +174,7 @@ def _cropped_sigma(calibration: Calibration, offset: tuple[int, int], size: Imag
     if calibration.vignette_sigma is None:
         return None
     ends = [w - o - s - o for w, o, s in zip(calibration.size, offset, size, strict=True)]
-    if max(map(abs, ends)) > _CENTRED:
+    if max(map(abs, ends)) > _CENTRED_PX:
         return None
     unit = half_diagonal(size) / half_diagonal(calibration.size)
     return np.interp(PROFILE_RADII * unit, PROFILE_RADII, calibration.vignette_sigma)
@@ -195,4 +200,4 @@ def _changed(
 
 def _check_size(size: ImageSize) -> None:
     if min(size) < 2:
-        raise SettingError(f"an image of {size[0]}x{size[1]} pixels has no vignette")
+        raise SettingError(f"an image of {size[0]}x{size[1]} pixels is too small for a vignette")

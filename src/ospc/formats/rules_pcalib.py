@@ -1,120 +1,244 @@
-"""The rules for pcalib.txt, the inverse response as a table on one line."""
+"""The rules for pcalib.txt: the inverse response as a table on one line."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
+import re
 
 import numpy as np
+import scipy.optimize
 
 from ospc.arrays import Float32Array
-from ospc.formats.dso import FEWEST_VALUES, MOST_VALUES
-from ospc.formats.files import read_text
-from ospc.formats.findings import UNCORRECTED, Context, Finding
+from ospc.errors import FormatError
+from ospc.formats.files import read_text, write_text
+from ospc.formats.pcalib_table import FEWEST_VALUES, MOST_VALUES, PcalibText, table_text
+from ospc.formats.rules import UNCORRECTED, Context, Finding, Format, Rule
 from ospc.formats.scanning import leading_numbers
 
-_REPAIR = "run with --repair for a mended copy"
+_LARGEST_VALUE = 1e30
+"""Larger values count as missing; 32-bit floats end at 3.4e38, and differences must fit too."""
+
+_MOST_INTERPOLATED = 0.1
+"""Largest share of the values that a repair interpolates."""
+
+_STRAIGHT = 1e-5
+"""Steps between values count as equal if they differ by less than this share of the whole range."""
+
+_LIMITED_RANGE = (16, 20)
+"""Grey levels below 16 and above 235 are unused in limited-range video (ITU-R BT.601): 16 and 20 of them."""
+
+_LIMITED_TOLERANCE = 2
+"""Grey levels by which straight ends may differ from that: extrapolation extends them by one or two."""
 
 
-def check_pcalib(path: Path, context: Context) -> Iterator[Finding]:
-    """Give what is to be said about a pcalib.txt.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be read.
-    """
-    name, program = str(path), context.program
-    first_line, *others = read_text(path).split("\n")
-    numbers, rest = leading_numbers(first_line)
-    with np.errstate(over="ignore"):
-        values = numbers.astype(np.float32)
-    overflow = np.flatnonzero(~np.isfinite(values))
-    if overflow.size:  # a stream stops at a number its type cannot hold, too
-        values, rest = values[: overflow[0]], f"{numbers[overflow[0]]:g}"
-
-    yield from _about_text(name, values.size, rest, others)
-    refusal = _count_refused(values.size, context)
-    if refusal:
-        remedy = "put all values on the first line" if values.size < 2 and any(map(str.strip, others)) else ""
-        resample = f"{_REPAIR} resampled to {FEWEST_VALUES} values" if values.size > FEWEST_VALUES else ""
-        fallback = "write the value of every grey level, separated by spaces"
-        yield Finding("error", name, refusal, UNCORRECTED[program], remedy or resample or fallback)
-    elif values.size > FEWEST_VALUES:
-        yield Finding(
-            "warning",
-            name,
-            f"{values.size} values, for images with as many grey levels",
-            f"accepts them; but its image reader delivers 8 bits and so uses only the first {FEWEST_VALUES}, "
-            f"which are almost black; right only in builds that read deeper images",
-            f"{_REPAIR} resampled to {FEWEST_VALUES} values",
-        )
-    if values.size >= 2:
-        yield from _about_order(name, values, context)
+def _one_line(table: PcalibText, _context: Context) -> Finding | None:
+    extra = table.other_lines
+    if not extra:
+        return None
+    return Finding(
+        "warning" if table.values.size >= FEWEST_VALUES else "error",
+        f"all values are on one line; {len(extra)} more follow, the first of them {extra[0][:30]!r}",
+        "ignores all but the first line; programs that read the whole file fail or read too many values",
+        "put all values on the first line",
+    )
 
 
-def _about_text(name: str, count: int, rest: str, others: list[str]) -> Iterator[Finding]:
-    if rest:
-        word = rest.split(maxsplit=1)[0][:20]
-        yield Finding(
-            "warning" if count >= FEWEST_VALUES else "error",
-            name,
-            f"the first line holds only numbers; {word!r} stands in place {count + 1}",
-            f"stops reading there, with {count} values",
-            _REPAIR,
-        )
-    extra = [line.strip() for line in others if line.strip()]
-    if extra:
-        yield Finding(
-            "warning",
-            name,
-            f"one line; {len(extra)} more follow, the first of them {extra[0][:30]!r}",
-            "ignores all but the first line; programs that read the whole file fail or read too many values",
-            _REPAIR if count >= FEWEST_VALUES else "",
-        )
+def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
+    extra = table.other_lines
+    if len(_words(table.first_line)) <= 1 and len(extra) + 1 >= FEWEST_VALUES:
+        joined = " ".join([table.first_line.strip(), *extra])
+        return PcalibText(joined), f"the values of {len(extra) + 1} lines put on one line"
+    return PcalibText(table.first_line), f"all after the first line dropped, beginning with {extra[0][:30]!r}"
 
 
-def _count_refused(count: int, context: Context) -> str:
-    """Return why the program refuses this number of values, or an empty string."""
-    if context.program == "mono" and count != FEWEST_VALUES:
-        return f"exactly {FEWEST_VALUES} values on the first line; there are {count}"
-    if count < FEWEST_VALUES:
-        return f"at least {FEWEST_VALUES} values on the first line; there are {count}"
-    if count > MOST_VALUES:
-        return f"at most {MOST_VALUES} values, for which there is memory; there are {count}"
-    return ""
+def _only_numbers(table: PcalibText, _context: Context) -> Finding | None:
+    values, rest = table.scanned
+    if not rest:
+        return None
+    return Finding(
+        "warning" if values.size >= FEWEST_VALUES else "error",
+        f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}",
+        f"stops reading there, with {values.size} values",
+        "write only the values on the first line, separated by spaces",
+    )
 
 
-def _about_order(name: str, values: Float32Array, context: Context) -> Iterator[Finding]:
-    steps = np.diff(values)
+def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
+    """Interpolate values such as nan, drop other words, and drop all text after a complete table."""
+    words = _words(table.first_line)
+    numbers = [_number(word) for word in words]
+    changes = ["commas or semicolons replaced by spaces"] if re.search("[,;]", table.first_line) else []
+    end = next((i for i, number in enumerate(numbers) if number is None), len(words))
+    if FEWEST_VALUES <= end < len(words):  # a remark, including any numbers in it
+        changes.append(f"text after value {end} dropped: {' '.join(words[end:])[:30]!r}")
+        words, numbers = words[:end], numbers[:end]
+    texts = [word for word, number in zip(words, numbers, strict=True) if number is None]
+    if texts:
+        changes.append(f"words that are not numbers dropped: {' '.join(texts)[:30]!r}")
+    values = np.array([number for number in numbers if number is not None], dtype=np.float64)
+    known = np.abs(values) < _LARGEST_VALUE
+    if not known.all():
+        if not (known[0] and known[-1]) or np.mean(~known) > _MOST_INTERPOLATED:
+            raise FormatError("an end, or too many values, are not finite numbers; calibrate again")
+        values[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), values[known])
+        changes.append(f"{np.count_nonzero(~known)} values that are not finite interpolated between their neighbours")
+    return PcalibText(" ".join(f"{value:.17g}" for value in values)), "; ".join(changes)
+
+
+def _enough_values(table: PcalibText, context: Context) -> Finding | None:
+    count = table.values.size
+    if count >= FEWEST_VALUES:
+        return None
+    wanted = "exactly" if context.program == "mono" else "at least"
+    return Finding(
+        "error",
+        f"{wanted} {FEWEST_VALUES} values on the first line; there are {count}",
+        UNCORRECTED[context.program],
+        "write the value of every grey level, separated by spaces",
+    )
+
+
+def _strictly_increasing(table: PcalibText, context: Context) -> Finding | None:
+    steps = np.diff(table.values)
     bad = np.flatnonzero(steps <= 0)
-    if bad.size:
-        falls = int(np.count_nonzero(steps < 0))
-        equal = bad.size - falls
-        yield Finding(
-            "error",
-            name,
-            f"strictly increasing as 32-bit floats; after grey level {bad[0]} it is not "
-            f"({falls} values fall, {equal} equal the one before)",
-            UNCORRECTED[context.program],
-            _REPAIR if falls else f"write 9 significant digits, or {_REPAIR}",
+    if not bad.size:
+        return None
+    falls = int(np.count_nonzero(steps < 0))
+    return Finding(
+        "error",
+        f"strictly increasing as 32-bit floats; after grey level {bad[0]} it is not "
+        f"({falls} values fall, {bad.size - falls} equal the one before)",
+        UNCORRECTED[context.program],
+        "calibrate again" if falls else "write 9 significant digits",
+    )
+
+
+def _make_increasing(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
+    """Replace the table by the increasing one nearest to it in the least-squares sense."""
+    values = table.scanned[0]
+    if values[-1] <= values[0]:
+        raise FormatError(
+            f"falls from {values[0]:g} to {values[-1]:g}, so it is no inverse response; calibrate again"
         )
-        return
+    monotone = np.asarray(scipy.optimize.isotonic_regression(values).x)
+    span = float(monotone[-1] - monotone[0])
+    moved = np.abs(monotone - values)
+    falls = int(np.count_nonzero(np.diff(values) < 0))
+    changes = []
+    if falls:
+        changes.append(
+            f"{falls} values that fall levelled by isotonic regression, which moves "
+            f"{np.count_nonzero(moved > 1e-9 * span)} values by up to {100 * float(moved.max()) / span:.3g} % of the "
+            f"range"
+        )
+    changes.append("values that are equal as 32-bit floats moved apart by the smallest representable steps")
+    return PcalibText(table_text(monotone)), "; ".join(changes)
+
+
+def _increasing_after_scaling(table: PcalibText, _context: Context) -> Finding | None:
+    values = table.values
+    if not _increases(values):
+        return None
     span = float(values[-1]) - float(values[0])
-    remapped = (255.0 * (values - values[0]).astype(np.float64) / span).astype(np.float32)
-    if np.any(np.diff(remapped) <= 0):
-        yield Finding(
-            "warning",
-            name,
-            f"strictly increasing after the values are remapped to 0..255; after grey level "
-            f"{int(np.argmin(np.diff(remapped)))} it is not",
-            "loads it, and divides by zero where it inverts the curve there",
-            _REPAIR,
-        )
-    if values[0] != 0 or values[-1] != 255:
-        yield Finding(
-            "note",
-            name,
-            f"values run from {values[0]:g} to {values[-1]:g}",
-            "shifts and scales them to 0..255, so that a black level in them is lost",
-        )
+    steps = np.diff((255.0 * (values - values[0]).astype(np.float64) / span).astype(np.float32))
+    if np.all(steps > 0):
+        return None
+    return Finding(
+        "warning",
+        f"strictly increasing after scaling to 0..255; after grey level {int(np.argmin(steps))} it is not",
+        "loads it, and divides by zero where it inverts the curve there",
+        "write values from 0 to 255 with 9 significant digits",
+    )
+
+
+def _of_8_bit(table: PcalibText, context: Context) -> Finding | None:
+    count = table.values.size
+    if count <= FEWEST_VALUES:
+        return None
+    remedy = f"write the {FEWEST_VALUES} values of an 8-bit camera"
+    if context.program == "mono":
+        rule = f"exactly {FEWEST_VALUES} values on the first line; there are {count}"
+        return Finding("error", rule, UNCORRECTED["mono"], remedy)
+    if count > MOST_VALUES:
+        rule = f"at most {MOST_VALUES} values, for which there is memory; there are {count}"
+        return Finding("error", rule, UNCORRECTED["dso"], remedy)
+    return Finding(
+        "warning",
+        f"{count} values, for images with as many grey levels",
+        f"accepts them, but its image reader delivers 8 bits and so uses only the first {FEWEST_VALUES}, which are "
+        f"almost black; this works only in builds that read deeper images",
+        remedy,
+    )
+
+
+def _resample_to_8_bit(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
+    values = table.scanned[0]
+    resampled = np.interp(np.linspace(0, 1, FEWEST_VALUES), np.linspace(0, 1, values.size), values)
+    change = f"{values.size} values resampled to {FEWEST_VALUES}, the table for 8-bit images"
+    return PcalibText(table_text(resampled)), change
+
+
+def _of_full_range(table: PcalibText, _context: Context) -> Finding | None:
+    """Find ends that are exactly straight below grey level 16 and above 235, and only there."""
+    values = table.values.astype(np.float64)
+    if values.size != FEWEST_VALUES or not _increases(table.values):
+        return None
+    bends = np.flatnonzero(np.abs(np.diff(values, 2)) > _STRAIGHT * (values[-1] - values[0]))
+    if not bends.size:
+        return None
+    straight = np.array([bends[0] + 1, values.size - 2 - bends[-1]])  # levels before the first bend, after the last
+    if np.abs(straight - _LIMITED_RANGE).max() > _LIMITED_TOLERANCE:
+        return None
+    return Finding(
+        "warning",
+        "the curve is measured at all grey levels; it is exactly straight below 16 and above 235, the grey levels "
+        "that limited-range video leaves out",
+        "applies it to images with all 256 grey levels, where it is wrong",
+        "record or decode full-range video and calibrate again",
+    )
+
+
+def _from_0_to_255(table: PcalibText, _context: Context) -> Finding | None:
+    values = table.values
+    if not _increases(values) or (values[0] == 0 and values[-1] == 255):
+        return None
+    return Finding(
+        "note",
+        f"values run from {values[0]:g} to {values[-1]:g}",
+        "shifts and scales them to 0..255, so that a black level in them is lost",
+    )
+
+
+def _scale_to_255(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
+    return PcalibText(table_text(table.scanned[0])), "values shifted and scaled to 0..255"
+
+
+def _increases(values: Float32Array) -> bool:
+    return values.size >= 2 and bool(np.all(np.diff(values) > 0))
+
+
+def _words(line: str) -> list[str]:
+    return [word for word in re.split(r"[\s,;]+", line) if word]
+
+
+def _number(word: str) -> float | None:
+    """Return the value of a number, NaN and infinity included; None for any other word."""
+    if re.fullmatch(r"[+-]?(nan|inf(inity)?)", word, re.IGNORECASE):
+        return float(word)
+    numbers, rest = leading_numbers(word)
+    return float(numbers[0]) if numbers.size == 1 and not rest else None
+
+
+PCALIB: Format[PcalibText] = Format(
+    read=lambda path: PcalibText(read_text(path)),
+    write=lambda table, path: write_text(path, table.text),
+    rules=(
+        Rule(_one_line, _put_on_one_line),
+        Rule(_only_numbers, _keep_numbers_only),
+        Rule(_enough_values),
+        Rule(_strictly_increasing, _make_increasing),
+        Rule(_increasing_after_scaling, _scale_to_255),
+        Rule(_of_8_bit, _resample_to_8_bit),
+        Rule(_of_full_range),
+        Rule(_from_0_to_255, _scale_to_255),
+    ),
+)

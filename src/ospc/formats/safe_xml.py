@@ -1,4 +1,4 @@
-"""XML from strangers: no entities, bounded size and depth, nothing fetched."""
+"""Untrusted XML: no entities, bounded size and depth, nothing fetched."""
 
 from __future__ import annotations
 
@@ -11,19 +11,22 @@ from ospc.errors import FormatError
 from ospc.formats.files import read_bytes
 
 _DEEPEST = 64
+"""Levels of nesting; lens profiles have about ten."""
+
 _LARGEST = 2**24
+"""Bytes; the largest lens profiles have a few megabytes."""
 
 
 def read_xml(path: str | Path) -> ElementTree.Element:
     """Return the root of an XML file.
 
-    A document type that only names an external definition, as lensfun's files do, is passed over and not fetched; one
-    with definitions of its own is refused, for entities can grow without bound.
+    A document type that only names an external definition, as in lensfun's files, is ignored and not fetched. One
+    with its own definitions is refused, because entities can expand without bound.
 
     Raises
     ------
     FormatError
-        If the file cannot be read, is no XML, defines entities, or is nested too deeply.
+        If the file cannot be read, is not XML, defines entities, or is nested too deeply.
     """
     content = read_bytes(path, _LARGEST)
     _refuse_declarations(content, path)
@@ -59,7 +62,7 @@ def _refuse_declarations(content: bytes, path: str | Path) -> None:
 
     def doctype(_name: str, _system: str | None, _public: str | None, internal: int) -> None:
         if internal:
-            raise FormatError(f"{path}: defines a document type of its own, which is not accepted; remove <!DOCTYPE>")
+            raise FormatError(f"{path}: defines its own document type, which is not accepted; remove <!DOCTYPE>")
 
     def entity(*_arguments: Any) -> None:
         raise FormatError(f"{path}: defines entities, which is not accepted")

@@ -1,12 +1,14 @@
-"""How C and C++ programs take numbers from a line of text."""
+"""Reads numbers from a line of text as C and C++ programs do."""
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.errors import FormatError
 
 _STREAM_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)", re.ASCII)
 _SCANF_ITEM = {
@@ -18,7 +20,7 @@ _SCANF_ITEM = {
 def leading_numbers(line: str) -> tuple[FloatArray, str]:
     """Return the numbers a line begins with, as C++ streams extract them, and the text that stops them.
 
-    ``nan``, ``inf`` and anything else that is no decimal number end the numbers; so does a comma.
+    ``nan``, ``inf`` and anything else that is not a decimal number end the numbers; so does a comma.
     """
     numbers: list[float] = []
     position = 0
@@ -29,15 +31,15 @@ def leading_numbers(line: str) -> tuple[FloatArray, str]:
 
 
 def scanned(line: str, conversions: str) -> list[float]:
-    """Return what ``sscanf`` would convert, up to the first failure.
+    """Return the values that ``sscanf`` would convert, up to the first failure.
 
     Parameters
     ----------
     line
         The text.
     conversions
-        One letter a conversion, ``d`` or ``f``: ``"dff"`` stands for ``"%d %lf %f"``. As in C, ``nan`` and ``inf``
-        are numbers, and a ``d`` takes the integer a number begins with and leaves the rest to the next conversion.
+        One letter per conversion, ``d`` or ``f``: ``"dff"`` stands for ``"%d %lf %f"``. As in C, ``nan`` and ``inf``
+        are numbers, and a ``d`` takes the leading integer of a number and leaves the rest to the next conversion.
     """
     values: list[float] = []
     position = 0
@@ -48,3 +50,20 @@ def scanned(line: str, conversions: str) -> list[float]:
         values.append(float(match.group(1)))
         position = match.end()
     return values
+
+
+def finite_number(text: str | None, name: str) -> float:
+    """Return a number from a file; the text may be None for one that is missing.
+
+    Raises
+    ------
+    FormatError
+        If it is missing, or not a finite number.
+    """
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise FormatError(f"{name} is {'missing' if text is None else repr(text[:30])}, not a number")
+    return value

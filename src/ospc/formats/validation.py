@@ -1,32 +1,28 @@
-"""Check parameter files against the rules of the programs that read them."""
+"""Check and repair parameter files by the rules of the programs that read them."""
 
 from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError
 from ospc.formats.files import read_bytes, read_text
-from ospc.formats.findings import UNCORRECTED, Context, Finding, Kind, Program
-from ospc.formats.rules_camera import check_camera, input_size
-from ospc.formats.rules_pcalib import check_pcalib
-from ospc.formats.rules_times import check_times
-from ospc.formats.rules_vignette import check_vignette
+from ospc.formats.rules import UNCORRECTED, Context, Finding, Format, Kind, Program
+from ospc.formats.rules_camera import CAMERA, input_size
+from ospc.formats.rules_pcalib import PCALIB
+from ospc.formats.rules_times import TIMES
+from ospc.formats.rules_vignette import VIGNETTE
 from ospc.formats.scanning import leading_numbers, scanned
 
 FOLDER_FILES = {"pcalib.txt": "pcalib", "vignette.png": "vignette", "times.txt": "times", "camera.txt": "camera"}
 """Names of the parameter files in the folder of a recording."""
 
-_CHECKS: dict[Kind, Callable[[Path, Context], Iterator[Finding]]] = {
-    "pcalib": check_pcalib,
-    "vignette": check_vignette,
-    "times": check_times,
-    "camera": check_camera,
-}
+_FORMATS: dict[Kind, Format[Any]] = {"pcalib": PCALIB, "vignette": VIGNETTE, "times": TIMES, "camera": CAMERA}
 _WORDS: tuple[tuple[str, Kind], ...] = (
     ("pcalib", "pcalib"),
     ("gamma", "pcalib"),
@@ -35,6 +31,8 @@ _WORDS: tuple[tuple[str, Kind], ...] = (
     ("calib", "camera"),
 )
 _PNG = b"\x89PNG"
+_LARGEST_FILE = 2**30
+_FEWEST_TABLE_VALUES = 16  # more than any line of a camera.txt or times.txt holds
 _CAMERA_NAME = re.compile(r"\s*(FOV|Pinhole|RadTan|KannalaBrandt|EquiDistant)\s")
 
 
@@ -53,13 +51,13 @@ class Validation:
     Attributes
     ----------
     program
-        Whose rules were applied.
+        The program whose rules were applied.
     size
-        Size of the images as given or as in camera.txt; None where unknown.
+        Size of the images, as given or from camera.txt; None if unknown.
     files
-        What was checked.
+        The files that were checked.
     findings
-        What was found, file by file.
+        Broken rules, file by file.
     """
 
     program: Program
@@ -69,27 +67,46 @@ class Validation:
 
     @property
     def valid(self) -> bool:
-        """Whether the program reads all files and uses them as meant, warnings aside."""
+        """Whether no rule is broken with an error."""
         return not any(finding.severity == "error" for finding in self.findings)
 
 
+@dataclass(frozen=True)
+class Repair:
+    """A repaired copy of a parameter file.
+
+    Attributes
+    ----------
+    source
+        The original file, which is not changed.
+    path
+        The copy.
+    changes
+        What was changed, one sentence each; if empty, nothing had to be and there is no copy.
+    """
+
+    source: Path
+    path: Path
+    changes: tuple[str, ...]
+
+
 def kind_of(path: str | Path) -> Kind:
-    """Tell from name and content what kind of parameter file a file is.
+    """Return the kind of a parameter file, judged by its name and content.
 
     Raises
     ------
     FormatError
-        If it cannot be read or is of no known kind.
+        If the file cannot be read or its kind is unknown.
     """
     place = Path(path)
-    if place.suffix.lower() == ".png" or read_bytes(place, 2**30).startswith(_PNG):
+    if place.suffix.lower() == ".png" or read_bytes(place, _LARGEST_FILE).startswith(_PNG):
         return "vignette"
     if place.suffix.lower() == ".txt":
         for word, kind in _WORDS:
             if word in place.stem.lower():
                 return kind
     first, second, *_ = [*read_text(place).split("\n"), "", ""]
-    if leading_numbers(first)[0].size > 16:
+    if leading_numbers(first)[0].size > _FEWEST_TABLE_VALUES:
         return "pcalib"
     if _CAMERA_NAME.match(first) or (len(scanned(first, "f" * 5)) == 5 and len(scanned(second, "ddd")) == 2):
         return "camera"
@@ -97,52 +114,78 @@ def kind_of(path: str | Path) -> Kind:
         return "times"
     raise FormatError(
         f"{place}: neither name nor content is that of a pcalib.txt, vignette.png, times.txt or camera.txt; "
-        f"rename it to one of these"
+        f"rename it if it is one of these"
     )
 
 
 def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | None = None) -> Validation:
-    """Check parameter files as the program that reads them would.
+    """Check parameter files by the rules of the program that reads them.
 
     Parameters
     ----------
     paths
-        Files, or folders in which those with the usual names are checked.
+        Files, or folders whose files with the usual names are checked.
     program
-        Whose rules apply.
+        The program whose rules apply.
     size
-        Width and height of the images; taken from a camera.txt among the files where not given.
+        Width and height of the images; taken from a camera.txt among the files if None.
 
     Raises
     ------
     FormatError
-        If a file's kind cannot be told, or a folder holds none.
+        If the kind of a file is unknown, or a folder holds no parameter file.
     """
     files = tuple(found for path in paths for found in _parameter_files(Path(path)))
     known_size = size or next(filter(None, map(_size_in, files)), None)
-    findings: list[Finding] = []
-    for file in files:
-        images = image_names(file.path.parent) if file.kind == "times" else None
-        context = Context(program, known_size, None if images is None else len(images))
-        try:
-            findings += _CHECKS[file.kind](file.path, context)
-        except FormatError as error:
-            rule = str(error).removeprefix(f"{file.path}: ")
-            findings.append(Finding("error", str(file.path), rule, UNCORRECTED[program]))
+    findings = [
+        finding
+        for file in files
+        for finding in _FORMATS[file.kind].findings(file.path, _context(file, program, known_size))
+    ]
     findings += _about_pairs(files, program)
     return Validation(program, known_size, files, tuple(findings))
 
 
-def image_names(folder: Path) -> list[str] | None:
-    """Return the names of what DSO takes for images in a folder's images or images.zip, sorted; None without either.
+def repair(file: ParameterFile, program: Program = "dso", size: ImageSize | None = None) -> Repair:
+    """Write ``<name>.repaired.<ext>`` beside a parameter file, unless nothing needs a repair.
 
-    Everything in there counts, whatever it is.
+    Parameters
+    ----------
+    file
+        The file and its kind.
+    program
+        The program whose rules the copy keeps.
+    size
+        Width and height that a vignette needs; its own size if None.
+
+    Raises
+    ------
+    FormatError
+        If a repair would have to invent content: too few values, a curve that falls as a whole, a vignette of
+        another aspect ratio, lines that cannot be matched with images.
+    """
+    target = file.path.with_name(f"{file.path.stem}.repaired{file.path.suffix}")
+    kind = _FORMATS[file.kind]
+    document, changes = kind.repaired(file.path, _context(file, program, size))
+    if changes:
+        kind.write(document, target)
+    return Repair(file.path, target, changes)
+
+
+def _context(file: ParameterFile, program: Program, size: ImageSize | None) -> Context:
+    return Context(program, size, image_names(file.path.parent) if file.kind == "times" else None)
+
+
+def image_names(folder: Path) -> tuple[str, ...] | None:
+    """Return the names of all entries in a folder's images or images.zip, sorted; None if it has neither.
+
+    DSO takes every entry for an image, whatever it is.
     """
     if (folder / "images").is_dir():
-        return sorted(entry.name for entry in (folder / "images").iterdir())
+        return tuple(sorted(entry.name for entry in (folder / "images").iterdir()))
     try:
         with zipfile.ZipFile(folder / "images.zip") as archive:
-            return sorted(archive.namelist())
+            return tuple(sorted(archive.namelist()))
     except (OSError, zipfile.BadZipFile):
         return None
 
@@ -165,12 +208,11 @@ def _size_in(file: ParameterFile) -> ImageSize | None:
 def _about_pairs(files: tuple[ParameterFile, ...], program: Program) -> Iterator[Finding]:
     kinds = {file.kind for file in files}
     if "vignette" in kinds and "pcalib" not in kinds:
-        name = next(str(file.path) for file in files if file.kind == "vignette")
         refuses = {"dso": UNCORRECTED["dso"], "mono": "corrects neither: no vignette without a response"}[program]
         yield Finding(
             "note",
-            name,
             "a vignette comes with a pcalib.txt; none was given",
             f"without one it {refuses}",
             "give both; a linear camera needs a pcalib.txt with the numbers 0 to 255",
+            next(str(file.path) for file in files if file.kind == "vignette"),
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -165,10 +165,6 @@ class Calibration:
     @cached_property
     def _correctors(self) -> dict[tuple[int, bool], Corrector]:
         return {}
-
-    def with_source(self, source: dict[str, Any]) -> Calibration:
-        """Return the calibration with another identification of its input."""
-        return replace(self, source=source)
 
     def save(self, path: str | Path) -> Path:
         """Write the calibration as JSON, whole or not at all, and return the path.

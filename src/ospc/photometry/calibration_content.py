@@ -4,18 +4,41 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, ImageSize
+from ospc.errors import FormatError
 from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.exposure_ratios import ExposureRatios
+from ospc.photometry.geometry import image_size
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
-from ospc.photometry.verdict import Verdict
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+from ospc.photometry.verdict import State, Verdict
+from ospc.photometry.vignette import (
+    LARGEST_ATTENUATION,
+    LogVignette,
+    PolynomialVignette,
+    RasterVignette,
+    Vignette,
+)
+
+LARGEST_GREY = 65535
+"""Images have at most 16 bits."""
+
+_LARGEST = 1e12
+"""No number of a calibration comes near this; larger ones would overflow where they are used."""
+
+_SMALLEST_RATIO = 1e-12
+"""Exposure ratios are positive; logarithms of smaller ones mean damage."""
+
+_MOST_COEFFICIENTS = 32
+"""No model of a vignette has nearly as many."""
+
+_PROBES_PER_SIDE = 33
+"""Places per side of the image at which a vignette model is evaluated to check it."""
 
 
 def to_dict(calibration: Calibration) -> dict[str, Any]:
@@ -74,79 +97,156 @@ def _vignette_as_dict(vignette: Vignette | None, sigma: FloatArray | None) -> di
     }
 
 
-def _vignette_from_dict(content: dict[str, Any], place: Path) -> Vignette:
-    model = content["model"]
-    size = (int(model["size"][0]), int(model["size"][1]))
-    if model["name"] == "polynomial":
-        return PolynomialVignette(size, tuple(map(float, model["coefficients"])))
-    if model["name"] == "log_polynomial":
-        centre = model["centre"]
-        return LogVignette(
-            size,
-            tuple(map(float, model["coefficients"])),
-            (float(centre[0]), float(centre[1])),
-            tuple(map(float, model["non_radial"])),
-            float(model.get("limit", math.inf)),
-        )
-    if model["name"] == "raster":
-        return RasterVignette.read_map(place.with_suffix(".vignette.npz"), size, model["source"])
-    raise ValueError(f"unknown vignette model {model['name']!r}")
-
-
 def from_dict(content: dict[str, Any], place: Path) -> Calibration:
     """Return the calibration of which :func:`to_dict` gave the content.
+
+    Everything is checked here, so that a damaged or hostile file fails when it is loaded and not when it is used.
 
     Parameters
     ----------
     content
         The content.
     place
-        The file it is from, beside which lies the map of a raster vignette.
+        The file it is from; the map of a raster vignette lies beside it.
 
     Raises
     ------
     FormatError
-        If that map cannot be read.
+        If the map cannot be read, or an array has the wrong shape or impossible values.
     LookupError, TypeError, ValueError, AttributeError, ArithmeticError
-        If it is no such content.
+        If it is not such content.
     """
+    size = _size(content["size"])
     response, vignette, noise = content["response"], content["vignette"], content["noise"]
-    ratios = content["exposure_ratios"]
+    coverage = content.get("coverage")
     sigma = None if vignette is None else vignette["profile_sigma"]
-    if vignette is not None and vignette["model"]["size"] != content["size"]:
-        raise ValueError("the vignette is not of the images' size")
-    if len({len(ratios[name]) for name in ("frames", "metadata", "estimated", "samples")}) > 1:
-        raise ValueError("the columns of the exposure ratios are not of one length")
     return Calibration(
-        size=(int(content["size"][0]), int(content["size"][1])),
-        response=None
-        if response is None
-        else Response(
-            np.array(response["inverse_table"], dtype=np.float64),
-            response["inverse_sigma"],
-            response["log_sigma"],
-            (float(response["support"][0]), float(response["support"][1])),
-            response["model"],
-        ),
-        vignette=None if vignette is None else _vignette_from_dict(vignette, place),
-        verdicts={name: Verdict(**verdict) for name, verdict in content["verdicts"].items()},
-        vignette_sigma=None if sigma is None else np.array(sigma, dtype=np.float64),
-        noise=None if noise is None else NoiseModel(**noise),
-        exposure_ratios=ExposureRatios(
-            np.array(ratios["frames"], dtype=np.int64).reshape(-1, 2),
-            np.array(ratios["metadata"], dtype=np.float64),
-            np.array(ratios["estimated"], dtype=np.float64),
-            np.array(ratios["samples"], dtype=np.int64),
-        ),
-        covariance=content["covariance"],
-        max_grey=int(content["max_grey"]),
+        size=size,
+        response=None if response is None else _response_from_dict(response),
+        vignette=None if vignette is None else _vignette_from_dict(vignette["model"], size, place),
+        verdicts={name: _verdict(verdict) for name, verdict in content["verdicts"].items()},
+        vignette_sigma=None if sigma is None else _array(sigma, "profile_sigma", PROFILE_RADII.shape),
+        noise=None if noise is None else _noise(noise),
+        exposure_ratios=_ratios(content["exposure_ratios"]),
+        covariance={name: _covariance(part) for name, part in content["covariance"].items()},
+        max_grey=_integer(content["max_grey"], "max_grey", 1, LARGEST_GREY),
         converged=bool(content["converged"]),
         partial=bool(content["partial"]),
-        exponent_sigma=float(content.get("exponent_sigma", 0.0)),
-        counts=content["counts"],
-        settings=content["settings"],
-        source=content["source"],
-        versions=content["versions"],
-        advice=tuple(content["advice"]),
-        coverage=None if content.get("coverage") is None else Coverage.from_dict(content["coverage"]),
+        exponent_sigma=float(_array(content.get("exponent_sigma", 0.0), "exponent_sigma", ())),
+        counts={name: _integer(count, name, 0) for name, count in content["counts"].items()},
+        settings=dict(content["settings"].items()),
+        source=dict(content["source"].items()),
+        versions={name: _text(version) for name, version in content["versions"].items()},
+        advice=tuple(_text(sentence) for sentence in content["advice"]),
+        coverage=None if coverage is None else Coverage.from_dict(coverage),
     )
+
+
+def _response_from_dict(content: dict[str, Any]) -> Response:
+    table = _array(content["inverse_table"], "inverse_table", (None,))
+    if table.size > LARGEST_GREY + 1:
+        raise FormatError(f"inverse_table has {table.size} values, more than there are grey levels")
+    inverse_sigma, log_sigma = (
+        None if content[name] is None else _array(content[name], name, table.shape)
+        for name in ("inverse_sigma", "log_sigma")
+    )
+    low, high = _array(content["support"], "support", (2,), high=1.0).tolist()
+    if low > high:
+        raise FormatError(f"support ends at {high}, before it begins at {low}")
+    return Response(table, inverse_sigma, log_sigma, (low, high), dict(content["model"].items()))
+
+
+def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> Vignette:
+    if _size(model["size"]) != size:
+        raise FormatError(f"the vignette is for images of {model['size']} pixels instead of {list(size)}")
+    if model["name"] == "raster":
+        source = dict(model["source"].items())
+        return RasterVignette.read_map(place.with_suffix(".vignette.npz"), size, source)
+    coefficients = tuple(_signed(model["coefficients"], "coefficients", (None,)).tolist())
+    if len(coefficients) > _MOST_COEFFICIENTS:
+        raise FormatError(f"the vignette has {len(coefficients)} coefficients; at most {_MOST_COEFFICIENTS} are read")
+    vignette: Vignette
+    if model["name"] == "polynomial":
+        vignette = PolynomialVignette(size, coefficients)
+    elif model["name"] == "log_polynomial":
+        non_radial = tuple(_signed(model["non_radial"], "non_radial", (None,)).tolist())
+        if len(non_radial) not in (0, 4):
+            raise FormatError(f"non_radial has {len(non_radial)} values instead of 4 or none")
+        x, y = _signed(model["centre"], "centre", (2,)).tolist()
+        limit = float(_array(model["limit"], "limit", ())) if "limit" in model else math.inf
+        vignette = LogVignette(size, coefficients, (x, y), non_radial, limit)
+    else:
+        raise FormatError(f"unknown vignette model {model['name']!r}")
+    x_px, y_px = (np.linspace(0, side - 1, _PROBES_PER_SIDE) for side in size)
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = vignette.at(np.stack(np.meshgrid(x_px, y_px), axis=-1))
+    if not (values.max() > 0 and np.abs(values).max() <= LARGEST_ATTENUATION):
+        raise FormatError("the vignette is not finite, or not plausible, in parts of the image")
+    return vignette
+
+
+def _verdict(content: dict[str, str]) -> Verdict:
+    verdict = Verdict(**{name: _text(text) for name, text in content.items()})  # type: ignore[arg-type]
+    if verdict.state not in get_args(State):
+        raise FormatError(f"unknown verdict {verdict.state!r}")
+    return verdict
+
+
+def _noise(content: dict[str, Any]) -> NoiseModel:
+    """Return the noise model; its variances are in units of full scale squared."""
+    table = _array(content["table"], "noise table", (None,), high=1.0)
+    if table.size > LARGEST_GREY + 1:
+        raise FormatError(f"the noise table has {table.size} values, more than there are grey levels")
+    read = float(_array(content["read_variance"], "read_variance", (), high=1.0))
+    shot = float(_array(content["shot_variance"], "shot_variance", (), high=1.0))
+    return NoiseModel(read, shot, tuple(table.tolist()))
+
+
+def _ratios(content: dict[str, Any]) -> ExposureRatios:
+    pairs = len(content["frames"])
+    frames = _array(content["frames"], "frames", (pairs, 2) if pairs else (0,)).reshape(-1, 2)
+    metadata, estimated = (
+        _array(content[name], name, (pairs,), low=_SMALLEST_RATIO) for name in ("metadata", "estimated")
+    )
+    samples = _array(content["samples"], "samples", (pairs,))
+    return ExposureRatios(frames.astype(np.int64), metadata, estimated, samples.astype(np.int64))
+
+
+def _covariance(content: dict[str, Any]) -> dict[str, Any]:
+    count = len(content["parameters"])
+    _signed(content["matrix"], "covariance matrix", (count, count) if count else (0,))
+    return {**content, "parameters": [_text(name) for name in content["parameters"]]}
+
+
+def _size(content: list[Any]) -> ImageSize:
+    width, height = content
+    return image_size(_integer(width, "width", 1), _integer(height, "height", 1))
+
+
+def _array(
+    values: Any, name: str, shape: tuple[int | None, ...], low: float = 0.0, high: float = _LARGEST
+) -> FloatArray:
+    """Return finite numbers between two limits in an array of a shape, in which None stands for any length."""
+    array = np.array(values, dtype=np.float64)
+    if array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
+        expected = "x".join("n" if n is None else str(n) for n in shape) or "a single number"
+        raise FormatError(f"{name} has the shape {array.shape} instead of {expected}")
+    if not np.all((array >= low) & (array <= high)):
+        raise FormatError(f"{name} has values that are not between {low:g} and {high:g}")
+    return array
+
+
+def _signed(values: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+    return _array(values, name, shape, low=-_LARGEST)
+
+
+def _integer(value: Any, name: str, low: int, high: int = 2**53) -> int:
+    if not isinstance(value, int) or not low <= value <= high:
+        raise FormatError(f"{name} is {str(value)[:30]}, not an integer between {low} and {high}")
+    return int(value)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise FormatError(f"{str(value)[:30]!r} stands where a text is expected")
+    return value

@@ -92,6 +92,8 @@ class Coverage:
         _check_shape(radius_radius, (radii, radii))
         _check_shape(by_grey, (greys, len(QUANTILES)))
         _check_shape(by_radius, (radii, len(QUANTILES)))
+        if not np.all(np.isfinite(edges)) or grey_exposure.min(initial=0) < 0 or radius_radius.min(initial=0) < 0:
+            raise FormatError("the tables of the coverage hold negative counts or infinite exposures")
         if max(*grey_exposure.shape, radii) > _MOST_CELLS or (by_place is not None and by_place.ndim != 2):
             raise FormatError("the tables of the coverage are too large")
         return cls(edges, grey_exposure, radius_radius, by_grey, by_radius, by_place)

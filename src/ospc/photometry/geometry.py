@@ -5,6 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
+from ospc.errors import FormatError
+
+MOST_PIXELS = 2**27
+"""Images with more pixels are refused: twice the largest sensor in ordinary use."""
+
+
+def image_size(width: float, height: float) -> ImageSize:
+    """Return the width and height that a file states, in whole pixels.
+
+    Raises
+    ------
+    FormatError
+        If an image cannot have this size.
+    """
+    if not (min(width, height) >= 2 and width * height <= MOST_PIXELS):
+        raise FormatError(f"{width:g}x{height:g} is no image size; images have at most {MOST_PIXELS} pixels")
+    return int(width), int(height)
 
 
 def half_diagonal(size: ImageSize) -> float:

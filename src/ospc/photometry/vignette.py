@@ -18,6 +18,9 @@ from ospc.atomic import write_atomically
 from ospc.errors import FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
 
+LARGEST_ATTENUATION = 1e3
+"""Models that exceed this anywhere in the image are refused: the centre, or the maximum, is 1."""
+
 _MAP_NAME = "vignette.npy"
 _MAP_HEADER_BYTES = 4096
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
