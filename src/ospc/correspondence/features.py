@@ -56,7 +56,7 @@ class FeatureExtractor(Protocol):
         ...
 
 
-class _OpenCvExtractor:
+class OpenCvExtractor:
     """A detector of OpenCV's."""
 
     norm: int
@@ -71,7 +71,7 @@ class _OpenCvExtractor:
         return cv2.KeyPoint_convert(keypoints).astype(np.float64).reshape(-1, 2), descriptors.astype(np.uint8)
 
 
-class SiftExtractor(_OpenCvExtractor):
+class SiftExtractor(OpenCvExtractor):
     """Scale-invariant features (Lowe 2004); keeps the ``max_features`` strongest."""
 
     norm = cv2.NORM_L2
@@ -81,7 +81,7 @@ class SiftExtractor(_OpenCvExtractor):
         self._detector = cv2.SIFT_create(nfeatures=max_features)
 
 
-class OrbExtractor(_OpenCvExtractor):
+class OrbExtractor(OpenCvExtractor):
     """Oriented FAST and rotated BRIEF (Rublee et al. 2011); keeps the ``max_features`` strongest."""
 
     norm = cv2.NORM_HAMMING
