@@ -134,7 +134,7 @@ class _Run:
             found: dict[str, int] = self.client.nthreads()
         except (OSError, TimeoutError, self.distributed.comm.CommClosedError) as error:
             raise SettingError(
-                f"{self.cluster.address}: the scheduler is lost ({error}); run the command again to go on with what is left"
+                f"{self.cluster.address}: the scheduler is lost ({error}); run the command again to go on"
             ) from None
         return found
 
