@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import os
+import secrets
 from contextlib import suppress
 from pathlib import Path
+
+_RANDOM_BITS = 64
+"""Random part of an unfinished file's name, ``.<name>.<number>.part``: nobody can guess it and get there first."""
+
+_PERMISSIONS = 0o666
+"""What a file may be used for; the user's umask takes away from it, as for any new file."""
 
 
 def write_atomically(path: str | Path, content: bytes) -> Path:
@@ -23,9 +30,13 @@ def write_atomically(path: str | Path, content: bytes) -> Path:
         If it cannot be written; nothing has changed then.
     """
     place = Path(path)
-    unfinished = place.with_name(f".{place.name}.{os.getpid()}.part")
+    unfinished = place.with_name(f".{place.name}.{secrets.randbits(_RANDOM_BITS)}.part")
+    # A new file or none: never one that is there, nor what a link points to. Windows has no such flag for links, but
+    # O_EXCL does the same for the last part of a path.
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(unfinished, flags, _PERMISSIONS)
     try:
-        with unfinished.open("wb") as stream:
+        with os.fdopen(descriptor, "wb") as stream:
             stream.write(content)
             stream.flush()
             # Without it, a power cut after the renaming may leave an empty file under the final name.

@@ -13,9 +13,11 @@ import numpy as np
 
 from ospc.arrays import Image, ImageSize
 from ospc.errors import ExposureError, FormatError, FrameError, OspcError, SettingError
+from ospc.exposures.lookup import StatedExposures
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Method, Progress
+from ospc.methods.paper import PaperMethod
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
@@ -274,7 +276,8 @@ class OnlineCalibrator:
     def _method_for(self, frame: Frame) -> Method:
         if self._method is None:
             height, width = frame.image.shape
-            self._method = self._settings.build((width, height), frame.max_grey)
+            method = self._settings.build((width, height), frame.max_grey)
+            self._method = _AsStated(method) if isinstance(method, PaperMethod) else method
             self._size = (width, height)
         return self._method
 
@@ -282,6 +285,25 @@ class OnlineCalibrator:
         self._skipped += 1
         self._reasons = [*self._reasons, reason][-self.REMEMBERED :]
         self._first_reasons = [*self._first_reasons, reason][: self._FIRST_REASONS]
+
+
+class _AsStated:
+    """The paper's method with the exposures that frames state."""
+
+    def __init__(self, method: PaperMethod) -> None:
+        self._method = method
+        self._exposures = StatedExposures()
+
+    def push(self, frame: Frame) -> None:
+        self._exposures.add(frame.index, frame.exposure_ms)
+        self._method.push(frame, self._exposures)
+
+    @property
+    def progress(self) -> Progress:
+        return self._method.progress
+
+    def calibration(self) -> Calibration:
+        return self._method.calibration(self._exposures)
 
 
 def _of_size(frame: Frame, size: ImageSize) -> Image:

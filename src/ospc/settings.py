@@ -7,10 +7,12 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ospc.arrays import ImageSize
+from ospc.correspondence.features import EXTRACTORS
 from ospc.errors import SettingError
 
 if TYPE_CHECKING:
     from ospc.methods.method import Method
+    from ospc.methods.paper import PaperMethod
 
 
 def _check_numbers(settings: Settings) -> None:
@@ -93,13 +95,13 @@ class PaperSettings:
     def __post_init__(self) -> None:
         """Check every setting."""
         _check_numbers(self)
-        _check_choice("features", self.features, ("sift", "orb", "surf"))
+        _check_choice("features", self.features, tuple(EXTRACTORS))
         _check_choice("response_positivity", self.response_positivity, ("never", "when needed", "always"))
         _check_choice("vignette_solver", self.vignette_solver, ("l2", "l1", "m-estimator"))
         if not self.exposure_ratio_low < 1 < self.exposure_ratio_high:
             raise SettingError("exposure_ratio_low must be below 1 and exposure_ratio_high above")
 
-    def build(self, size: ImageSize, max_grey: int) -> Method:
+    def build(self, size: ImageSize, max_grey: int) -> PaperMethod:
         """Return the method for images of a size and bit depth."""
         from ospc.methods.paper import PaperMethod
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import asdict
 from html.parser import HTMLParser
 
 import pytest
@@ -12,8 +13,7 @@ from hypothesis import strategies as st
 from calibrations import calibration
 from ospc.batch.cameras import Camera, folder_name
 from ospc.batch.overview import page
-from ospc.batch.table import Row, read_table, write_csv, write_parquet
-from ospc.errors import FormatError
+from ospc.batch.table import SCHEMA, Row, write_csv, write_parquet
 from ospc.pooling.agreement import Difference
 
 TEXTS = st.text(st.characters(blacklist_categories=("Cs", "Cc")), max_size=20)
@@ -28,34 +28,34 @@ ROWS = st.builds(
     frames=st.integers(0, 10**9),
     response_sigma=st.none() | st.floats(0, 1),
 )
-WRITERS = {"csv": write_csv, "parquet": write_parquet}
+FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 
 
-@pytest.mark.parametrize("kind", WRITERS)
 @given(rows=st.lists(ROWS, max_size=4))
-def test_what_is_written_is_read_again(kind, rows, tmp_path_factory):
-    if kind == "parquet":
-        pytest.importorskip("pyarrow")
-    place = tmp_path_factory.mktemp("table") / f"batch.{kind}"
-    assert read_table(WRITERS[kind](rows, place)) == rows
+def test_the_parquet_table_holds_every_value(rows, tmp_path_factory):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    place = write_parquet(rows, tmp_path_factory.mktemp("table") / "batch.parquet")
+    assert parquet.read_table(place).to_pylist() == [{"schema": SCHEMA, **asdict(row)} for row in rows]
 
 
-@pytest.mark.parametrize("kind", WRITERS)
-def test_tables_of_other_versions_are_refused(kind, tmp_path, monkeypatch):
-    if kind == "parquet":
-        pytest.importorskip("pyarrow")
-    monkeypatch.setattr("ospc.batch.table.SCHEMA", "ospc-batch-table/0")
-    place = WRITERS[kind]([Row("r", "c", "done")], tmp_path / f"batch.{kind}")
-    monkeypatch.undo()
-    with pytest.raises(FormatError, match=r"another version \(schema 'ospc-batch-table/0'.*run 'ospc batch' again"):
-        read_table(place)
+@given(rows=st.lists(ROWS, max_size=4))
+def test_the_csv_table_holds_every_value_as_text(rows, tmp_path_factory):
+    with write_csv(rows, tmp_path_factory.mktemp("table") / "batch.csv").open(newline="") as stream:
+        found = list(csv.DictReader(stream))
+    for values, row in zip(found, rows, strict=True):
+        assert values.pop("schema") == SCHEMA
+        for name, value in asdict(row).items():
+            quoted = isinstance(value, str) and value.startswith(FORMULAS)
+            assert values[name] == ("" if value is None else "'" * quoted + str(value))
 
 
-@pytest.mark.parametrize("text", ["recording\na\n", "", "schema,recording\nospc-batch-table/1,a\n"])
-def test_other_tables_are_refused(tmp_path, text):
-    (tmp_path / "batch.csv").write_text(text)
-    with pytest.raises(FormatError, match="table of a batch"):
-        read_table(tmp_path / "batch.csv")
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@sum(a1)", "\t=1", "\r=1", '=HYPERLINK("http://x")'])
+def test_no_cell_is_a_formula(text, tmp_path):
+    place = write_csv([Row(text, text, "failed", error=text, seconds=1.5)], tmp_path / "batch.csv")
+    with place.open(newline="") as stream:
+        (row,) = csv.DictReader(stream)
+    assert row["recording"] == row["camera"] == row["error"] == f"'{text}"
+    assert not any(value.startswith(FORMULAS) for value in row.values())
 
 
 def test_the_csv_is_plain(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from ospc.benchmark import running
 from ospc.benchmark.running import VIGNETTE_SOLVERS, SharedMatcher, run_preset
 from ospc.calibrator import OnlineCalibrator
-from ospc.methods.paper import feature_matcher
+from ospc.methods.paper import FeatureMatcher
 from ospc.photometry.calibration import Calibration
 from ospc.recording.frame import Frame
 from ospc.settings import PaperSettings, preset
@@ -26,7 +26,7 @@ def recording():
 
 class Counting:
     def __init__(self):
-        self._matcher = feature_matcher(PaperSettings())
+        self._matcher = FeatureMatcher(PaperSettings())
         self.extracted, self.matched = [], []
 
     def features(self, frame):
@@ -40,7 +40,7 @@ class Counting:
 
 def test_every_solver_gives_what_it_gives_alone(recording, monkeypatch):
     counting = Counting()
-    monkeypatch.setattr(running, "feature_matcher", lambda _settings: counting)
+    monkeypatch.setattr(running, "FeatureMatcher", lambda _settings: counting)
     shares = []
     found = run_preset("paper", recording, len(recording), shares.append)
     assert list(found) == [f"paper/{solver}" for solver in VIGNETTE_SOLVERS]

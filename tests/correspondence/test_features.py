@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.correspondence.feature_matching import FeatureMatcher
 from ospc.correspondence.features import Features, extract, make_extractor, match, to_8bit
-from ospc.correspondence.match_filter import DirectionFilter
 from ospc.errors import MissingExtraError, SettingError
+from ospc.methods.paper import FeatureMatcher
 from ospc.recording.frame import Frame
+from ospc.settings import PaperSettings
 
 SHIFT = np.array([13, -7])
 
@@ -134,12 +134,11 @@ def test_images_of_more_bits_are_scaled_to_eight():
 
 
 def test_the_matcher_puts_features_matches_and_filter_together():
-    matcher = FeatureMatcher(make_extractor("sift", 300), DirectionFilter(), 0.75)
+    matcher = FeatureMatcher(PaperSettings(max_features=300))
     left = matcher.features(Frame.of_array(cut(20, 20), 2.0, index=4))
     right = matcher.features(Frame.of_array(cut(33, 13), 8.0, index=9))
     found = matcher.correspondences(left, right, (320, 240))
     assert found.frames == (4, 9)
-    assert found.exposure_ratio == 0.25
     assert len(found) > 50
     moved = found.points1 - found.points0
     assert np.mean(np.linalg.norm(moved + SHIFT, axis=1) < 1) > 0.97

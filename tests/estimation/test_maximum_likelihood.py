@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.estimation.quadratic_response import solve_kkt
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
+from ospc.methods.paper import solve_kkt
 from ospc.methods.summary import response_of, vignette_of
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel

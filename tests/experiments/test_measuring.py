@@ -28,6 +28,7 @@ from ospc.experiments.methods import Exposures, Paper, SolversKnowingResponse, T
 from ospc.experiments.reports import make_ambiguity, make_experiment
 from ospc.experiments.sources import stand_ins
 from ospc.experiments.static import METHODS, static_methods, sweeps
+from ospc.exposures.lookup import StatedExposures
 from ospc.formats.opening import Photometry
 from ospc.methods.paper import PaperMethod
 from ospc.photometry.response import Response
@@ -90,10 +91,11 @@ def test_variants_that_share_their_matching_find_what_they_find_alone():
     variants = {str(n): replace(base, vignette_offset=n) for n in (5, 10)}
     together = measure(source, [Timed("paper", Paper(variants))]).found
     for name, settings in variants.items():
-        alone = PaperMethod(settings, (120, 90), 255)
+        alone, exposures = PaperMethod(settings, (120, 90), 255), StatedExposures()
         for frame in source.open():
-            alone.push(frame)
-        expected = alone.calibration()
+            exposures.add(frame.index, frame.exposure_ms)
+            alone.push(frame, exposures)
+        expected = alone.calibration(exposures)
         np.testing.assert_array_equal(together[name].response.inverse_table, expected.response.inverse_table)
 
 

@@ -21,8 +21,8 @@ from scipy.optimize import isotonic_regression
 from ospc.arrays import FloatArray, Image, IntArray
 from ospc.baselines.response_model import family_of_inverses
 from ospc.baselines.tracks import equalised, log_brightness
-from ospc.correspondence.correspondences import Correspondences
 from ospc.errors import NotObservableError
+from ospc.methods.paper import Correspondences
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
@@ -66,7 +66,7 @@ def estimate_decoupled(pairs: Sequence[Correspondences], known: tuple[int, float
     Parameters
     ----------
     pairs
-        Points of each pair; their exposure ratios are not looked at.
+        Points of each pair.
     known
         Number of a pair and ln of its exposure ratio e₀/e₁; where None, that of the pair whose brightness changes
         most is assumed to be 1.5 or 1/1.5.
@@ -229,6 +229,7 @@ def calibrate_decoupled(
     """
     waiting: dict[int, tuple[Frame, Image]] = {}
     pairs: list[Correspondences] = []
+    log_ratios: list[float] = []
     for number, frame in enumerate(frames):
         if number % every:
             continue
@@ -239,14 +240,15 @@ def calibrate_decoupled(
         earlier = waiting.pop(number - offset, None)
         if earlier is not None:
             pairs.append(_registered(earlier, (frame, image)))
+            log_ratios.append(float(np.log(earlier[0].exposure_ms / frame.exposure_ms)))
     if not pairs:
         raise NotObservableError(f"the recording is shorter than {offset} frames; pairs are so far apart")
     known = None
     if exposures_known:
         enough = [i for i, pair in enumerate(pairs) if _transfer(pair) is not None]
         if enough:
-            best = max(enough, key=lambda i: abs(np.log(pairs[i].exposure_ratio)))
-            known = (best, float(np.log(pairs[best].exposure_ratio)))
+            best = max(enough, key=lambda i: abs(log_ratios[i]))
+            known = (best, log_ratios[best])
     return estimate_decoupled(pairs, known)
 
 
@@ -270,7 +272,6 @@ def _registered(earlier: tuple[Frame, Image], later: tuple[Frame, Image]) -> Cor
     )
     return Correspondences(
         (frame0.index, frame1.index),
-        frame0.exposure_ms / frame1.exposure_ms,
         (width, height),
         points0.astype(np.float64),
         points1.astype(np.float64),

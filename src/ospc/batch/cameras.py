@@ -1,4 +1,4 @@
-"""The cameras of a batch: what all recordings of each say together."""
+"""The cameras of a batch: the recordings of each, merged."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from ospc.pooling.pool import Pool
 from ospc.pooling.pooled_calibration import merge
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
+"""Characters that folder names do not get: some file system or shell gives them a meaning."""
+
 _LONGEST = 60
+"""Most characters of a folder name, without the hash: file systems allow 255 bytes for it and what is added."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +35,13 @@ class Camera:
     folder
         Where its calibration is, relative to the batch's folder; empty where there is none.
     recordings, failed
-        How many of its recordings there are, and how many could not be calibrated.
+        Number of its recordings, and of those that could not be calibrated.
     calibration
-        What the others say together; None where they say nothing.
+        Calibration from all others together; None where there is none.
     differing
-        Recordings that differ from the others.
+        Recordings that contradict the others.
     error
-        Why there is no calibration; empty where there is one.
+        Why there is no calibration, or what could not be written; empty otherwise.
     """
 
     name: str
@@ -51,19 +54,19 @@ class Camera:
 
     @property
     def is_good(self) -> bool:
-        """Whether all that a camera may be good for was found, from all of its recordings."""
+        """Whether response and vignette are known, and no recording failed or contradicts the others."""
         return self.calibration is not None and self.calibration.complete and not (self.failed or self.differing)
 
 
 def merged_cameras(
     rows: Sequence[Row], store: Store, folder: Path, progress: Callable[[int, int], None]
 ) -> tuple[list[Camera], list[Row]]:
-    """Merge what was found, camera by camera, and write each camera's folder.
+    """Merge the results of each camera, and write its folder.
 
     Parameters
     ----------
     rows
-        What became of the recordings.
+        The recordings.
     store
         Their results.
     folder
@@ -76,7 +79,7 @@ def merged_cameras(
     cameras
         In the order in which the rows name them.
     rows
-        The same rows, with what differs from the other recordings of the camera said.
+        The same rows with ``differs`` filled in.
     """
     by_name: dict[str, list[Row]] = {}
     for row in rows:
@@ -88,13 +91,13 @@ def merged_cameras(
         differs.update({(name, difference.name): difference.text for difference in camera.differing})
         progress(number + 1, len(by_name))
     return cameras, [
-        replace(row, differs=differs.get((row.camera, _name_of(row)), "")) if row.status == "done" else row
+        replace(row, differs=differs.get((row.camera, row.recording), "")) if row.status == "done" else row
         for row in rows
     ]
 
 
 def folder_name(camera: str) -> str:
-    """Return a name for a camera's folder: its own, if that is safe, else what is safe of it and a hash."""
+    """Return a name for a camera's folder: its own if that is safe, else its safe characters and a hash."""
     safe = _UNSAFE.sub("_", camera).strip("._")[:_LONGEST]
     return camera if safe == camera else f"{safe or 'camera'}-{sha256(camera.encode()).hexdigest()[:8]}"
 
@@ -104,11 +107,12 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
     camera = Camera(name, recordings=len(rows), failed=sum(row.status == "failed" for row in rows))
     try:
         found = [(row, store.get(row.key).summary) for row in done]
-        # Two recordings may have the same name in different folders: the table calls them by their paths.
-        pool = Pool.of(replace(summary, name=_name_of(row)) for row, summary in found if summary is not None)
+        # Recordings in different folders may have the same name; their paths are unique.
+        pool = Pool.of(replace(summary, name=row.recording) for row, summary in found if summary is not None)
         if not len(pool):
             return replace(
-                camera, error="no recording of it told anything" if done else "no recording was calibrated"
+                camera,
+                error="nothing could be learned from its recordings" if done else "no recording was calibrated",
             )
         merged = merge(pool)
         place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
@@ -123,7 +127,3 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
         differing=tuple(merged.agreement.differing.values()),
         error="; ".join(written.problems),
     )
-
-
-def _name_of(row: Row) -> str:
-    return row.recording

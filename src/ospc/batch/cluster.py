@@ -1,4 +1,4 @@
-"""A Dask cluster that works on a batch: each recording where it can be read, whatever becomes of single workers."""
+"""Work on a batch on a Dask cluster: each recording where it can be read, even if workers are lost."""
 
 from __future__ import annotations
 
@@ -14,19 +14,26 @@ import ospc
 from ospc.batch.work import Answer, Task, work
 from ospc.errors import MissingExtraError, SettingError, said_by
 
-_TASKS_PER_THREAD = 4
-_FEWEST_IN_FLIGHT = 16
+_TASKS_PER_THREAD, _FEWEST_IN_FLIGHT = 4, 16
+"""Tasks handed out at a time: enough that no worker waits, and few enough for the scheduler's memory."""
+
 _LOOK_EVERY_S = 1.0
+"""How often to check whether workers came or went."""
+
 _CONNECT_S = 15.0
+"""How long the scheduler may take to answer."""
+
+_LONGEST_REASON = 300
+"""Most characters of an unexpected error that are kept."""
 
 
 @dataclass(frozen=True)
 class Cluster:
     """Does tasks on the workers of a Dask scheduler.
 
-    Workers need this package in the same version, and read recordings under the same paths; a recording that only
-    some of them can read is worked on by one of these. A task whose worker is lost is given to another; after three
-    lost workers it counts as failed.
+    Workers need the same version of this package, and read recordings under the same paths; a recording that only
+    some of them can read goes to one of these. A task whose worker is lost is given to another; after three lost
+    workers it counts as failed.
 
     Attributes
     ----------
@@ -41,7 +48,7 @@ class Cluster:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """What messages call it."""
         return f"the workers of {self.address}"
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
@@ -73,7 +80,7 @@ class _Run:
     Attributes
     ----------
     pending
-        Tasks that were given away, by their future.
+        Tasks that were handed out, by their future.
     """
 
     distributed: Any
@@ -88,7 +95,7 @@ class _Run:
         while True:
             threads = self._workers()
             room = max(_FEWEST_IN_FLIGHT, _TASKS_PER_THREAD * sum(threads.values())) - len(self.pending)
-            self._give_away(list(islice(waiting, max(room, 0))), threads)
+            self._hand_out(list(islice(waiting, max(room, 0))), threads)
             if not self.pending:
                 return
             try:
@@ -102,13 +109,13 @@ class _Run:
                 yield self._answer(future, task)
 
     def _some_done(self) -> set[Any]:
-        """Return futures that are done, waiting for a moment for the first one."""
+        """Return the futures that are done, waiting a moment for the first one."""
         with self.client.as_current():
             found = self.distributed.wait(list(self.pending), timeout=_LOOK_EVERY_S, return_when="FIRST_COMPLETED")
         return set(found.done)
 
     def _workers(self) -> dict[str, int]:
-        """Return the workers there are and their threads, waiting for one if there is none."""
+        """Return the workers and their threads, waiting for one if there is none."""
         begun_s = time.monotonic()
         while True:
             threads = self._asked()
@@ -127,7 +134,7 @@ class _Run:
             found: dict[str, int] = self.client.nthreads()
         except (OSError, TimeoutError, self.distributed.comm.CommClosedError) as error:
             raise SettingError(
-                f"{self.cluster.address}: the scheduler is lost ({error}); run it again to go on with what is left"
+                f"{self.cluster.address}: the scheduler is lost ({error}); run the command again to go on"
             ) from None
         return found
 
@@ -139,19 +146,19 @@ class _Run:
         for worker, found in answers.items():
             if isinstance(found, Exception):
                 if worker not in self._asked():
-                    continue  # it died just now
-                raise SettingError(f"{worker}: cannot work on this ({found}); does it have ospc installed?")
+                    continue  # it was lost a moment ago
+                raise SettingError(f"{worker}: cannot run a task ({found}); is ospc installed there?")
             if found != ospc.__version__:
                 raise SettingError(f"{worker}: has ospc {found}, this is {ospc.__version__}; install one version")
             self._checked.add(worker)
 
-    def _give_away(self, tasks: list[Task], threads: dict[str, int]) -> None:
+    def _hand_out(self, tasks: list[Task], threads: dict[str, int]) -> None:
         if not tasks:
             return
         readable = self._readable(tasks)
         for task in tasks:
             can = frozenset(worker for worker, numbers in readable.items() if task.number in numbers)
-            # Where none can, the one that tries says what is wrong; where all can, later ones may help.
+            # Where none can read it, any worker may try and report why; where all can, workers that come later may.
             restricted = bool(can) and len(can) < len(threads)
             where = {"workers": sorted(can), "allow_other_workers": False} if restricted else {}
             future = self.client.submit(work, task, key=f"ospc-{uuid4()}", pure=False, **where)
@@ -160,7 +167,7 @@ class _Run:
                 self._allowed[future] = can
 
     def _readable(self, tasks: list[Task]) -> dict[str, set[int]]:
-        """Return which worker can read the recordings of which tasks."""
+        """Return the numbers of the tasks whose recordings each worker can read."""
         paths = {task.number: task.entry.recording for task in tasks if not task.entry.is_remote}
         everything = {task.number for task in tasks}
         if not paths:
@@ -173,21 +180,21 @@ class _Run:
         }
 
     def _rescue(self, threads: dict[str, int]) -> None:
-        """Give tasks to others whose every worker is gone."""
+        """Hand out again the tasks that no worker is left for."""
         lost = [future for future, allowed in self._allowed.items() if not allowed & set(threads)]
         tasks = [self.pending.pop(future) for future in lost]
         for future in lost:
             del self._allowed[future]
             future.cancel()
-        self._give_away(tasks, threads)
+        self._hand_out(tasks, threads)
 
     def _answer(self, future: Any, task: Task) -> Answer:
         try:
             answer: Answer = future.result()
         except self.distributed.KilledWorker as error:
             return Answer(task.number, error=f"the workers that were given it died, the last at {error.last_worker}")
-        except Exception as error:  # whatever it is, it is of this recording alone
-            return Answer(task.number, error=f"{type(error).__name__}: {said_by(error, 300)}")
+        except Exception as error:  # whatever it is, it concerns this recording alone
+            return Answer(task.number, error=f"{type(error).__name__}: {said_by(error, _LONGEST_REASON)}")
         return answer
 
 

@@ -1,4 +1,4 @@
-"""One recording of a batch: where it is, whose it is, how it is read, and how it is calibrated."""
+"""One recording of a batch: its place, its camera, and the options to read and calibrate it with."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Entry:
     camera
         Name of its camera.
     options
-        Names and values: settings of the default method, ``kind``, ``correct_lag``, and what
-        :class:`~ospc.recording.options.ReadingOptions` has.
+        Names and values: settings of the default method, ``kind``, ``correct_lag``, and the fields of
+        :class:`~ospc.recording.options.ReadingOptions`.
     """
 
     recording: str
@@ -49,17 +49,17 @@ class Entry:
 
     @property
     def kind(self) -> str | None:
-        """Kind of recording; None where its content tells."""
+        """Kind of recording; None to recognise it by its content."""
         return dict(self.options).get("kind")
 
     @property
     def correct_lag(self) -> LagChoice:
-        """By how many frames to move exposures before calibrating: ``"auto"``, ``"never"``, or a number.
+        """By how many frames to shift exposures before calibrating: ``"auto"``, ``"never"``, or a number.
 
         Raises
         ------
         SettingError
-            If it is none of these.
+            If the option is something else.
         """
         text = dict(self.options).get("correct_lag", "auto")
         if text in _NAMED_LAGS:
@@ -90,7 +90,7 @@ class Entry:
         Raises
         ------
         SettingError
-            If a value is none that the option takes.
+            If an option does not take its value.
         """
         values: dict[str, object] = {}
         for name, value in self.options:
@@ -103,16 +103,16 @@ class Entry:
         return ReadingOptions(**values)  # type: ignore[arg-type]
 
     def with_defaults(self, defaults: tuple[tuple[str, str], ...]) -> Entry:
-        """Return the entry with options that it does not have itself."""
+        """Return the entry with options added that it does not have itself."""
         return Entry(self.recording, self.camera, tuple({**dict(defaults), **dict(self.options)}.items()))
 
     def checked(self) -> Entry:
-        """Return the entry if its options can be worked with.
+        """Return the entry itself, after checking its options.
 
         Raises
         ------
         SettingError
-            If they cannot.
+            If an option is unknown or has a wrong value.
         """
         try:
             _ = self.settings, self.reading, self.correct_lag
@@ -144,7 +144,7 @@ def options_of(text: str) -> tuple[tuple[str, str], ...]:
 
 
 def absolute(recording: str, folder: Path) -> str:
-    """Return a recording's path as seen from anywhere, taken from a folder if relative; an address as it is."""
+    """Return the absolute path of a recording, relative ones taken from a folder; an address as it is."""
     return recording if is_address(recording) else str((folder / recording).absolute())
 
 

@@ -1,4 +1,4 @@
-"""The processes of this machine that work on a batch."""
+"""Work on a batch in processes of this machine."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ from typing import Protocol
 
 from ospc.batch.work import Answer, Task, work
 
+_PATIENCE_S = 5
+"""Time an idle or terminated process gets to end before it is killed."""
+
 
 class Runner(Protocol):
-    """Somebody who does tasks."""
+    """Does tasks, here or elsewhere."""
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """What messages call it."""
         ...
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
@@ -30,7 +33,7 @@ class Runner(Protocol):
 
 @dataclass(frozen=True)
 class ThisProcess:
-    """Does one task after the other, itself."""
+    """Does one task after the other."""
 
     name = "this process"
 
@@ -60,7 +63,7 @@ class Processes:
 
     @property
     def name(self) -> str:
-        """What to call it."""
+        """What messages call it."""
         return f"{self.count} processes"
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
@@ -83,7 +86,7 @@ class Processes:
                 _end(worker)
 
     def _hand_out(self, waiting: Iterator[Task], workers: list[_Worker]) -> None:
-        """Give every idle worker a task, and make workers as long as there are tasks for them."""
+        """Give every idle worker a task, and start workers as long as there are tasks for them."""
         while True:
             idle = next((worker for worker in workers if worker.task is None), None)
             if idle is None and len(workers) >= self.count:
@@ -95,12 +98,12 @@ class Processes:
                 idle = _started()
                 workers.append(idle)
             idle.task = task
-            with suppress(OSError):  # one that died meanwhile is noticed when its answer is awaited
+            with suppress(OSError):  # a worker that died meanwhile is noticed when its answer is awaited
                 idle.connection.send(task)
 
 
 def _started() -> _Worker:
-    # A fresh interpreter: libraries with threads do not survive a fork.
+    # A fresh interpreter, because libraries with threads do not survive a fork.
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_serve, args=(there,), daemon=True)
@@ -111,7 +114,7 @@ def _started() -> _Worker:
 
 def _serve(connection: Connection) -> None:
     """Answer tasks until there are no more."""
-    # Ctrl-C reaches all processes of a terminal: it is for the one that hands out work.
+    # Ctrl-C reaches all processes of a terminal, but only the one that hands out work must act on it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):
         while True:
@@ -142,12 +145,12 @@ def _end(worker: _Worker) -> None:
     worker.connection.close()
     if worker.task is not None:
         worker.process.terminate()
-    worker.process.join(5)
+    worker.process.join(_PATIENCE_S)
     if worker.process.is_alive():
         worker.process.kill()
         worker.process.join()
 
 
 def cores() -> int:
-    """Return how many processes there is room for."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""Which recordings a batch is of: a folder, a pattern, or a table."""
+"""The recordings of a batch, from a folder, a pattern, or a table."""
 
 from __future__ import annotations
 
@@ -16,12 +16,16 @@ from ospc.recording.kinds import kinds
 
 _MOST_BYTES = 1_000_000_000
 _MOST_ENTRIES = 5_000_000
+"""Limits on a manifest: what one process can hold in memory."""
+
 _DEEPEST = 4
+"""Folders below the given one in which recordings are searched: camera, day, run, and one to spare."""
+
 _COLUMNS = ("recording", "camera", "options")
 
 
 def read_manifest(manifest: str, camera: str | None = None) -> list[Entry]:
-    """Return the recordings that a manifest names; whether they can be read is not looked at.
+    """Return the recordings that a manifest names; none is opened.
 
     Parameters
     ----------
@@ -31,20 +35,20 @@ def read_manifest(manifest: str, camera: str | None = None) -> list[Entry]:
         - a ``.csv`` or ``.parquet`` table with the columns ``recording`` (a path, relative to the table's folder, or
           an object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the last two may be
           missing, and other columns are ignored;
-        - a folder: every recording in it, up to four folders deep, the name of the folder that holds it being that
-          of its camera;
+        - a folder: every recording in it, up to four folders deep; the folder that holds a recording names its
+          camera;
         - a pattern such as ``recordings/*/cam0``, cameras as before; also of object-store addresses.
     camera
-        Name of the camera of all recordings, whatever the manifest says.
+        Name of the camera of all recordings, in place of what the manifest says.
 
     Raises
     ------
     RecordingError
-        If there is nothing, or no recording in it.
+        If there is no such manifest, or no recording in it.
     FormatError
         If a table cannot be read or has no column ``recording``.
     SettingError
-        If options cannot be worked with.
+        If an option is unknown or has a wrong value.
     MissingExtraError
         If a Parquet table or an object store needs an optional dependency.
     """
@@ -73,7 +77,7 @@ def _parent_of(address: str) -> str:
 
 
 def _recordings_in(folder: Path, depth: int = 0) -> Iterator[Path]:
-    """Give the recordings below a folder; what is inside of one is part of it."""
+    """Give the recordings below a folder; a recording is not searched for others."""
     for place in sorted(folder.iterdir()):
         if place.name.startswith("."):
             continue

@@ -1,4 +1,4 @@
-"""Recordings in object stores: found by patterns, and copied to this machine while they are read."""
+"""Recordings in object stores: found by patterns, and copied to this machine to be read."""
 
 from __future__ import annotations
 
@@ -14,8 +14,14 @@ _PROTOCOLS = (
     *("abfs", "abfss", "adl", "az", "file", "ftp", "gcs", "gs", "hdfs", "http", "https", "local", "memory"),
     *("oci", "oss", "s3", "s3a", "sftp", "ssh", "webdav", "webhdfs"),
 )
+"""Stores of fsspec that hold files; its others (archives, caches, other programs) have no place in a manifest."""
+
 _MOST_BYTES = 500 * 10**9
 _MOST_FILES = 2_000_000
+"""Limits on one recording, far above any real one: a wrong address must not fill the disk."""
+
+_LONGEST_REASON = 200
+"""Most characters of a store's own error message that are repeated."""
 
 
 def matches(pattern: str) -> list[str]:
@@ -24,16 +30,13 @@ def matches(pattern: str) -> list[str]:
     Raises
     ------
     RecordingError
-        If the store cannot be reached, or its protocol is none that is known.
+        If the store cannot be reached, or its protocol is unknown.
     MissingExtraError
         Without fsspec.
     """
     store, root = _store(pattern)
-    try:
-        found = store.glob(root)
-        return sorted(store.unstrip_protocol(name) for name in found)
-    except Exception as error:  # each store raises errors of its own
-        raise _unreachable(pattern, error) from None
+    with _one_error(pattern):
+        return sorted(store.unstrip_protocol(name) for name in store.glob(root))
 
 
 @contextmanager
@@ -48,27 +51,21 @@ def local_copy(address: str) -> Iterator[Path]:
         Without fsspec.
     """
     store, root = _store(address)
-    name = PurePosixPath(root.rstrip("/")).name or "recording"
+    top = PurePosixPath(root.rstrip("/"))
     with tempfile.TemporaryDirectory(prefix="ospc-") as folder:
-        place = Path(folder) / _safe(name, address)
-        try:
+        place = Path(folder) / (top.name or "recording")
+        with _one_error(address):
             files = store.find(root, detail=True)
-        except Exception as error:
-            raise _unreachable(address, error) from None
-        if not files:
-            raise RecordingError(f"{address}: there is no such file or folder; check the address")
-        _check_amount(address, files)
-        for source in files:
-            target = place.joinpath(*(_safe(part, address) for part in _below(source, root)))
-            target.parent.mkdir(parents=True, exist_ok=True)
-            try:
+            _check_amount(address, files)
+            for source in files:
+                target = place.joinpath(*_parts_below(top, source, address))
+                target.parent.mkdir(parents=True, exist_ok=True)
                 store.get_file(source, str(target))
-            except Exception as error:
-                raise _unreachable(source, error) from None
         yield place
 
 
 def _store(address: str) -> tuple[Any, str]:
+    """Return fsspec's file system for an address, and the path in it."""
     protocol = address.split("://", 1)[0]
     if protocol not in _PROTOCOLS or "::" in address:
         raise RecordingError(f"{address}: {protocol} is no object store that is known; {', '.join(_PROTOCOLS)} are")
@@ -76,35 +73,38 @@ def _store(address: str) -> tuple[Any, str]:
         from fsspec.core import url_to_fs
     except ImportError:
         raise MissingExtraError("reading from object stores", "objects") from None
-    try:
+    with _one_error(address):
         store, root = url_to_fs(address)
-    except ImportError as error:
-        raise RecordingError(f"{address}: {protocol} needs another package ({error})") from None
-    except Exception as error:
-        raise _unreachable(address, error) from None
     return store, str(root)
 
 
-def _below(source: str, root: str) -> tuple[str, ...]:
-    """Return the path of a file below a recording's; nothing where the recording is that file."""
-    here, top = PurePosixPath(source).parts, PurePosixPath(root.rstrip("/")).parts
-    return here[len(top) :] if here[: len(top)] == top else here[-1:]
+@contextmanager
+def _one_error(address: str) -> Iterator[None]:
+    """Turn the errors of stores, each of which raises its own, into one."""
+    try:
+        yield
+    except RecordingError:
+        raise
+    except ImportError as error:
+        raise RecordingError(f"{address}: needs another package ({error})") from None
+    except Exception as error:
+        reason = said_by(error, _LONGEST_REASON)
+        raise RecordingError(f"{address}: cannot be read ({type(error).__name__}: {reason})") from None
 
 
-def _safe(name: str, address: str) -> str:
-    if name in ("", ".", "..") or "/" in name or "\\" in name or "\0" in name:
-        raise RecordingError(f"{address}: holds a file whose name {name!r} leads out of the recording")
-    return name
+def _parts_below(top: PurePosixPath, source: str, address: str) -> tuple[str, ...]:
+    """Return the parts of a file's path below the recording, none where the recording is that file."""
+    parts = PurePosixPath(source).parts
+    below = parts[len(top.parts) :] if parts[: len(top.parts)] == top.parts else parts[-1:]
+    for name in below:
+        if name in ("", ".", "..") or set(name) & set("/\\\0"):
+            raise RecordingError(f"{address}: holds a file whose name {name!r} leads out of the recording")
+    return below
 
 
 def _check_amount(address: str, files: dict[str, Any]) -> None:
+    if not files:
+        raise RecordingError(f"{address}: there is no such file or folder; check the address")
     size = sum(int(detail.get("size") or 0) for detail in files.values())
     if len(files) > _MOST_FILES or size > _MOST_BYTES:
         raise RecordingError(f"{address}: {len(files)} files of {size} bytes are too many for one recording")
-
-
-def _unreachable(address: str, error: Exception) -> RecordingError:
-    if isinstance(error, RecordingError):
-        return error
-    text = said_by(error, 200)
-    return RecordingError(f"{address}: cannot be read ({type(error).__name__}: {text})")

@@ -1,4 +1,4 @@
-"""The overview of a batch: one page with a small picture of each camera, what failed first."""
+"""The overview of a batch: one page with a small picture of each camera, failures first."""
 
 from __future__ import annotations
 
@@ -9,16 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.atomic import write_atomically
 from ospc.batch.cameras import Camera
 from ospc.batch.table import Row
-from ospc.errors import FormatError
+from ospc.formats.files import write_bytes
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import Vignette
 
 _MOST_CAMERAS, _MOST_FAILURES = 2000, 1000
+"""Entries shown: more would make the page too large for a browser."""
+
 _WIDTH, _HEIGHT = 150, 100
+"""Size of a picture in CSS pixels."""
+
 _POINTS = 41
+"""Points of a drawn response: one every four pixels."""
+
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 _STYLE = """
 :root { color-scheme: light dark; --ink: #222; --ground: #fff; --line: #ccc; --bad: #D55E00; --good: #009E73; }
@@ -45,10 +50,7 @@ def write_overview(cameras: Sequence[Camera], rows: Sequence[Row], path: Path) -
     FormatError
         If it cannot be written.
     """
-    try:
-        return write_atomically(path, page(cameras, rows).encode("utf-8", "replace"))
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written ({error.strerror})") from None
+    return write_bytes(path, page(cameras, rows).encode("utf-8", "replace"))
 
 
 def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
@@ -95,7 +97,7 @@ def _table(heading: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) 
 
 
 def _cameras(cameras: Sequence[Camera]) -> Iterator[str]:
-    # What needs somebody's attention comes first; sorting keeps the manifest's order otherwise.
+    # Cameras that need attention come first; otherwise the manifest's order is kept.
     ordered = sorted(cameras, key=lambda camera: (camera.calibration is not None, camera.is_good))
     items = "".join(_item(camera) for camera in ordered[:_MOST_CAMERAS])
     yield f'<section><h2>Cameras</h2><ul class="cameras">\n{items}</ul></section>\n'

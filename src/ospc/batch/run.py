@@ -1,15 +1,14 @@
-"""A batch: every recording calibrated, failures tried again, those of one camera merged, a table and a page made."""
+"""A batch: calibrate every recording, try failures again, merge those of each camera, write a table and a page."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ospc.atomic import write_atomically
 from ospc.batch.cameras import Camera, merged_cameras
 from ospc.batch.entries import Entry
 from ospc.batch.local import Runner
@@ -18,7 +17,7 @@ from ospc.batch.store import Store
 from ospc.batch.table import CSV_NAME, PARQUET_NAME, Row, write_csv, write_parquet
 from ospc.batch.work import Answer, Task
 from ospc.errors import FormatError, MissingExtraError, OspcError, SettingError
-from ospc.formats.files import read_text
+from ospc.formats.files import read_text, write_text
 from ospc.versions import versions
 
 SCHEMA = "ospc-batch/1"
@@ -37,7 +36,7 @@ class Stage:
     name
         What is being done.
     done, total
-        How many of how many are done.
+        How many recordings, or cameras, of how many.
     failed
         How many of these failed.
     """
@@ -50,12 +49,12 @@ class Stage:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a batch.
+    """The outcome of a batch.
 
     Attributes
     ----------
     rows
-        One of each recording, in the order of the manifest.
+        One per recording, in the order of the manifest.
     cameras
         The cameras.
     files
@@ -78,20 +77,7 @@ class Outcome:
         return tuple(row for row in self.rows if row.status == "failed")
 
 
-@dataclass
-class _Progress:
-    """What is known of every recording while the batch runs."""
-
-    entries: Sequence[Entry]
-    keys: dict[int, str] = field(default_factory=dict)
-    done: set[int] = field(default_factory=set)
-    errors: dict[int, str] = field(default_factory=dict)
-    attempts: dict[int, int] = field(default_factory=dict)
-    answers: dict[int, Answer] = field(default_factory=dict)
-
-    @property
-    def left(self) -> list[int]:
-        return [number for number in range(len(self.entries)) if number not in self.done]
+_Show = Callable[[Stage], None]
 
 
 def run_batch(
@@ -101,25 +87,25 @@ def run_batch(
     *,
     retries: int = 1,
     force: bool = False,
-    progress: Callable[[Stage], None] = lambda _stage: None,
+    progress: _Show = lambda _stage: None,
 ) -> Outcome:
-    """Calibrate recordings and merge those of each camera; what an earlier run did is not done again.
+    """Calibrate recordings and merge those of each camera; what an earlier run did is kept.
 
     Parameters
     ----------
     entries
         The recordings.
     folder
-        Where to: a new or empty folder, or that of an earlier run. It gets ``batch.csv``, ``batch.parquet``,
-        ``index.html``, a folder of each camera in ``cameras``, and the results of the recordings in ``recordings``.
+        A new or empty folder, or that of an earlier run. It gets ``batch.csv``, ``batch.parquet``, ``index.html``, a
+        folder per camera in ``cameras``, and a result per recording in ``recordings``.
     runner
-        Who does the work.
+        Does the work.
     retries
         How often a recording that failed is tried again, after all others.
     force
-        Whether a folder that holds something else will do.
+        Whether to use a folder that holds something else.
     progress
-        Told how far it has come. It may raise ``KeyboardInterrupt``: what is done by then is written.
+        Told how far the batch has come. It may raise ``KeyboardInterrupt``: what is done by then is written.
 
     Raises
     ------
@@ -128,136 +114,131 @@ def run_batch(
     FormatError
         If results cannot be written.
     OspcError
-        If the runner cannot go on at all; what was done by then is written.
+        If the runner cannot go on at all; what is done by then is written.
     """
     place = Path(folder)
     _check(place, force=force)
-    store = Store(place / "recordings")
-    state = _Progress(entries)
-    interrupted = False
+    batch = _Batch(entries, [Row(entry.recording, entry.camera) for entry in entries], place, runner, progress)
     try:
-        _recognise(state, store, runner, progress)
-        for attempt in range(retries + 1):
-            _calibrate(state, store, runner, progress, attempt)
+        batch.recognise()
+        for attempt in range(1, retries + 2):
+            batch.calibrate(attempt)
     except KeyboardInterrupt:
-        interrupted = True
-    except (
-        OspcError
-    ):  # whoever did the work is gone, or the disk is full: what is done should not look as if it were not
-        if state.done or state.errors:
+        return batch.written(interrupted=True)
+    except OspcError:  # the runner is gone, or the disk is full: what is done should be on record
+        if any(row.status != "not done" for row in batch.rows):
             with suppress(OspcError):
-                _written(state, store, place, progress, interrupted=True)
+                batch.written(interrupted=True)
         raise
-    return _written(state, store, place, progress, interrupted=interrupted)
+    return batch.written(interrupted=False)
 
 
-def _recognise(state: _Progress, store: Store, runner: Runner, progress: Callable[[Stage], None]) -> None:
-    """Find out which recordings an earlier run has done."""
-    there = store.keys()
-    if not there:
-        return
-    total = len(state.entries)
-    tasks = (Task(number, entry, "identify") for number, entry in enumerate(state.entries))
-    with closing(runner.run(tasks)) as answers:
-        for count, answer in enumerate(answers, start=1):
-            state.keys[answer.number] = answer.key
-            if answer.key in there and store.has(answer.key):
-                state.done.add(answer.number)
-            progress(Stage("recognising", count, total))
+@dataclass
+class _Batch:
+    """A batch while it runs.
 
+    Attributes
+    ----------
+    rows
+        What is known of each entry.
+    """
 
-def _calibrate(
-    state: _Progress, store: Store, runner: Runner, progress: Callable[[Stage], None], attempt: int
-) -> None:
-    left = state.left
-    stage = "calibrating" if attempt == 0 else f"trying again ({attempt})"
-    failed = 0
-    tasks = (Task(number, state.entries[number]) for number in left)
-    with closing(runner.run(tasks)) as answers:
-        for count, answer in enumerate(answers, start=1):
-            failed += _take(state, store, answer, attempt)
-            progress(Stage(stage, count, len(left), failed))
+    entries: Sequence[Entry]
+    rows: list[Row]
+    folder: Path
+    runner: Runner
+    show: _Show
 
+    @property
+    def store(self) -> Store:
+        return Store(self.folder / "recordings")
 
-def _take(state: _Progress, store: Store, answer: Answer, attempt: int) -> bool:
-    """Take note of an answer and return whether it is a failure."""
-    number = answer.number
-    state.attempts[number] = attempt + 1
-    state.keys[number] = answer.key
-    # The result is on disk from here on: hundreds of thousands of them in memory would be too many.
-    state.answers[number] = replace(answer, result=b"")
-    if answer.error:
-        state.errors[number] = answer.error
-        return True
-    store.put(answer.key, answer.result)
-    state.errors.pop(number, None)
-    state.done.add(number)
-    return False
+    def recognise(self) -> None:
+        """Find out which recordings an earlier run has done."""
+        known = self.store.keys()
+        if not known:
+            return
+        tasks = (Task(number, entry, "identify") for number, entry in enumerate(self.entries))
+        with closing(self.runner.run(tasks)) as answers:
+            for count, answer in enumerate(answers, start=1):
+                row = replace(self.rows[answer.number], key=answer.key)
+                is_done = answer.key in known and self.store.has(answer.key)
+                self.rows[answer.number] = replace(row, status="done") if is_done else row
+                self.show(Stage("recognising", count, len(self.entries)))
 
+    def calibrate(self, attempt: int) -> None:
+        """Calibrate the recordings that are not done."""
+        left = [number for number, row in enumerate(self.rows) if row.status != "done"]
+        name = "calibrating" if attempt == 1 else f"trying again ({attempt - 1})"
+        failed = 0
+        tasks = (Task(number, self.entries[number]) for number in left)
+        with closing(self.runner.run(tasks)) as answers:
+            for count, answer in enumerate(answers, start=1):
+                self._record(answer, attempt)
+                failed += bool(answer.error)
+                self.show(Stage(name, count, len(left), failed))
 
-def _written(
-    state: _Progress, store: Store, place: Path, progress: Callable[[Stage], None], *, interrupted: bool
-) -> Outcome:
-    place.mkdir(parents=True, exist_ok=True)
-    try:
-        cameras, rows = merged_cameras(
-            list(_rows(state, store)), store, place, lambda done, total: progress(Stage("merging", done, total))
-        )
-    except KeyboardInterrupt:
-        interrupted, cameras, rows = True, [], list(_rows(state, store))
-    notes: list[str] = []
-    files = [write_csv(rows, place / CSV_NAME)]
-    try:
-        files.append(write_parquet(rows, place / PARQUET_NAME))
-    except MissingExtraError as error:
-        (place / PARQUET_NAME).unlink(missing_ok=True)  # one of an earlier run would contradict the other table
-        notes.append(f"no {PARQUET_NAME}: {error}")
-    files.append(write_overview(cameras, rows, place / PAGE_NAME))
-    content = {
-        "schema": SCHEMA,
-        "recordings": len(rows),
-        "failed": sum(row.status == "failed" for row in rows),
-        "cameras": [camera.name for camera in cameras],
-        "interrupted": interrupted,
-        "versions": versions(),
-    }
-    files.append(_write_head(place, content))
-    return Outcome(tuple(rows), tuple(cameras), tuple(files), tuple(notes), interrupted)
-
-
-def _rows(state: _Progress, store: Store) -> Iterator[Row]:
-    for number, entry in enumerate(state.entries):
-        answer = state.answers.get(number, Answer(number))
-        row = Row(
-            entry.recording,
-            entry.camera,
-            "failed" if number in state.errors else "not done",
-            error=state.errors.get(number, ""),
-            attempts=state.attempts.get(number, 0),
+    def _record(self, answer: Answer, attempt: int) -> None:
+        if not answer.error:
+            self.store.put(answer.key, answer.result)
+        self.rows[answer.number] = replace(
+            self.rows[answer.number],
+            status="failed" if answer.error else "done",
+            error=answer.error,
+            attempts=attempt,
             seconds=round(answer.seconds, 3),
             worker=answer.worker,
-            key=state.keys.get(number, ""),
+            key=answer.key,
         )
-        yield _with_result(row, store) if number in state.done else row
+
+    def written(self, *, interrupted: bool) -> Outcome:
+        """Merge what is done, and write everything that users read."""
+        place, store = self.folder, self.store
+        place.mkdir(parents=True, exist_ok=True)
+        rows = [_with_result(row, store) if row.status == "done" else row for row in self.rows]
+        cameras: list[Camera] = []
+        try:
+            cameras, rows = merged_cameras(
+                rows, store, place, lambda done, total: self.show(Stage("merging", done, total))
+            )
+        except KeyboardInterrupt:
+            interrupted = True
+        notes: list[str] = []
+        files = [write_csv(rows, place / CSV_NAME)]
+        try:
+            files.append(write_parquet(rows, place / PARQUET_NAME))
+        except MissingExtraError as error:
+            (place / PARQUET_NAME).unlink(missing_ok=True)  # that of an earlier run would contradict the CSV
+            notes.append(f"no {PARQUET_NAME}: {error}")
+        files.append(write_overview(cameras, rows, place / PAGE_NAME))
+        content = {
+            "schema": SCHEMA,
+            "recordings": len(rows),
+            "failed": sum(row.status == "failed" for row in rows),
+            "cameras": [camera.name for camera in cameras],
+            "interrupted": interrupted,
+            "versions": versions(),
+        }
+        files.append(write_text(place / _HEAD, json.dumps(content, indent=1) + "\n"))
+        return Outcome(tuple(rows), tuple(cameras), tuple(files), tuple(notes), interrupted)
 
 
 def _with_result(row: Row, store: Store) -> Row:
+    """Return the row of a recording that is done with the figures of its result."""
     result = store.get(row.key)
     found = result.calibration
-    counts = found["counts"]
-    verdicts = {name: found["verdicts"].get(name, {}).get("state", "") for name in ("response", "vignette")}
-    response, vignette = found["response"], found["vignette"]
+    counts, states = found["counts"], {name: verdict["state"] for name, verdict in found["verdicts"].items()}
     return replace(
         row,
-        status="done",
         frames=int(counts.get("frames", 0)),
         skipped=int(counts.get("skipped", 0)),
         pairs=int(counts.get("pairs", 0)),
         samples=int(counts.get("samples", 0)),
-        **verdicts,
+        response=states.get("response", ""),
+        vignette=states.get("vignette", ""),
+        response_sigma=_largest(found["response"], "inverse_sigma"),
+        vignette_sigma=_largest(found["vignette"], "profile_sigma"),
         notes="; ".join(result.notes),
-        response_sigma=_largest(response, "inverse_sigma"),
-        vignette_sigma=_largest(vignette, "profile_sigma"),
     )
 
 
@@ -289,10 +270,3 @@ def _check(place: Path, *, force: bool) -> None:
             f"{place}: holds something else than an earlier batch; choose another folder, or add --force to write "
             "into it"
         )
-
-
-def _write_head(place: Path, content: dict[str, Any]) -> Path:
-    try:
-        return write_atomically(place / _HEAD, json.dumps(content, indent=1).encode() + b"\n")
-    except OSError as error:
-        raise FormatError(f"{place / _HEAD}: cannot be written ({error.strerror})") from None

@@ -1,4 +1,4 @@
-"""What is done with one recording, wherever that is: in this process, in another, or on another machine."""
+"""The work on one recording, in this process, in another, or on another machine."""
 
 from __future__ import annotations
 
@@ -15,29 +15,25 @@ from pathlib import Path
 from typing import Literal
 
 import cv2
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 import ospc
 from ospc.batch.entries import Entry
 from ospc.batch.object_store import local_copy
+from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator
 from ospc.diagnosis.before_calibrating import examine
 from ospc.errors import OspcError, said_by
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
-from ospc.state.container import Container, to_bytes
-from ospc.state.values import pack
-
-KIND, VERSION = "batch-result", 1
-"""What files of results say they hold."""
 
 _MOST_FILES = 2_000_000
+"""Files of a recording whose names and sizes are part of its key; far more than any has."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Something to do with one recording.
+    """A piece of work on one recording.
 
     Attributes
     ----------
@@ -46,7 +42,7 @@ class Task:
     entry
         The recording.
     what
-        Whether to ``"identify"`` it only, or to ``"calibrate"`` it.
+        Whether only to ``"identify"`` it, or to ``"calibrate"`` it.
     """
 
     number: int
@@ -56,22 +52,22 @@ class Task:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of a task.
+    """The outcome of a task.
 
     Attributes
     ----------
     number
-        Of the task.
+        Number of the task.
     key
         Tells content and settings of the recording apart from all others; empty where that failed.
     result
         The file of the result; empty where there is none.
     error
-        What went wrong, as one sentence; empty if nothing did.
+        What went wrong, in one sentence; empty if nothing did.
     seconds
         How long it took.
     worker
-        Who did it.
+        Host and process that did it.
     """
 
     number: int
@@ -83,17 +79,18 @@ class Answer:
 
 
 def work(task: Task) -> Answer:
-    """Do a task; whatever goes wrong is in the answer."""
+    """Do a task; whatever goes wrong is reported in the answer."""
     begun_s = time.monotonic()
     answer = Answer(task.number)
     try:
-        with _on_one_core(), _there(task.entry) as place:
+        with _on_one_core(), _on_this_machine(task.entry) as place:
             recording = open_recording(place, task.entry.kind, task.entry.reading)
             source = identity(recording) | {"name": Path(task.entry.recording.rstrip("/")).name}
             key = _key(place, source, task.entry)
             answer = replace(answer, key=key)
             if task.what == "calibrate":
-                answer = replace(answer, result=_calibrated(recording, source, key, task.entry))
+                result = _calibrated(recording, source, key, task.entry)
+                answer = replace(answer, result=result.to_bytes())
     except Exception as error:  # a failure is a result too: the other recordings go on
         text = said_by(error)
         sentence = text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}"
@@ -101,7 +98,7 @@ def work(task: Task) -> Answer:
     return replace(answer, seconds=time.monotonic() - begun_s, worker=f"{socket.gethostname()}:{os.getpid()}")
 
 
-def _calibrated(recording: Recording, source: dict[str, object], key: str, entry: Entry) -> bytes:
+def _calibrated(recording: Recording, source: dict[str, object], key: str, entry: Entry) -> Result:
     checked = examine(recording, entry.correct_lag)
     calibrator = OnlineCalibrator(entry.settings)
     calibrator.source = source
@@ -109,19 +106,15 @@ def _calibrated(recording: Recording, source: dict[str, object], key: str, entry
         calibrator.push(frame)
     calibration = calibrator.calibration()
     calibration = replace(calibration, source=source, verdicts=checked.judged(calibration.verdicts))
-    text = json.dumps(calibration.as_dict(), allow_nan=False).encode()
-    summary = calibrator.summary()
-    packed, arrays = (None, {}) if summary is None else pack(summary, "summary")
-    notes = [*checked.notes, *checked.warnings, *calibrator.first_reasons]
-    content = {"key": key, "summary": packed, "notes": notes}
-    return to_bytes(Container(KIND, VERSION, content, {**arrays, "calibration": np.frombuffer(text, np.uint8)}))
+    notes = (*checked.notes, *checked.warnings, *calibrator.first_reasons)
+    return Result(key, calibration.as_dict(), calibrator.summary(), notes)
 
 
 def _key(place: Path, source: dict[str, object], entry: Entry) -> str:
-    """Return a hash of what the recording holds, how it is read and calibrated, and by which version.
+    """Return a hash of what a recording holds, how it is read and calibrated, and by which version.
 
-    Of the content it covers all stamps and exposures, some images, and the names and sizes of all files; no time
-    stamps of files, nor where the recording is.
+    Of the content it covers all stamps and exposures, some images, and the names and sizes of all files. When files
+    were changed and where the recording is do not matter.
     """
     content = {
         "source": {name: value for name, value in source.items() if name != "name"},
@@ -152,7 +145,7 @@ def _listed(folder: Path) -> Iterator[tuple[str, int]]:
 
 
 @contextmanager
-def _there(entry: Entry) -> Iterator[Path]:
+def _on_this_machine(entry: Entry) -> Iterator[Path]:
     """Give the recording as a path on this machine."""
     if entry.is_remote:
         with local_copy(entry.recording) as place:
@@ -163,7 +156,7 @@ def _there(entry: Entry) -> Iterator[Path]:
 
 @contextmanager
 def _on_one_core() -> Iterator[None]:
-    """Keep libraries from using threads: recordings are worked on side by side, one on each core."""
+    """Keep libraries from using threads: each core works on a recording of its own."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:

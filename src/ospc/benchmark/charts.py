@@ -24,10 +24,9 @@ from ospc.benchmark.chart_photographs import (
 from ospc.benchmark.held_out import HeldOutPair, predicted_ratio
 from ospc.benchmark.running import run_preset
 from ospc.benchmark.scoring import score, with_figures
-from ospc.correspondence.correspondences import Correspondences
 from ospc.errors import FormatError, OspcError
-from ospc.estimation.quadratic_response import polynomial_response, response_rows, solve_response
 from ospc.evaluation.metrics import response_shape_rmse
+from ospc.methods.paper import Correspondences, in_order, polynomial_response, response_rows, solve_response
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.geometry import pixel_grid
 from ospc.recording.arrays import ArrayRecording
@@ -139,17 +138,13 @@ def _quadratic_on_known_pixels(series: ChartSeries, channel: int) -> Calibration
     for first, second in pairwise(range(EXPOSURES)):
         stated = _STATED_MS[first] / _STATED_MS[second]
         pair = _same_places(planes, first, second, stated)
-        ordered = (pair.grey0 - pair.grey1) * (stated - 1) > 0
-        rows = response_rows(
-            Correspondences(
-                (first, second), stated, (width, height), pair.points0, pair.points1, pair.grey0, pair.grey1
-            ).select(ordered)
-        )
+        pixels = Correspondences((first, second), (width, height), pair.points0, pair.points1, pair.grey0, pair.grey1)
+        rows = response_rows(in_order(pixels, stated), stated)
         gram += rows.T @ rows
     coefficients = solve_response(gram, "when needed")
     if coefficients is None:
         return "NotObservableError: the quadratic does not increase"
-    return Calibration(size=(width, height), response=polynomial_response(coefficients, None, (0.0, 1.0)))
+    return Calibration(size=(width, height), response=polynomial_response(coefficients))
 
 
 def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> HeldOutPair:

@@ -8,10 +8,9 @@ from dataclasses import replace
 from ospc.arrays import ImageSize
 from ospc.benchmark.case import OnProgress
 from ospc.calibrator import OnlineCalibrator
-from ospc.correspondence.correspondences import Correspondences
-from ospc.correspondence.feature_matching import Matcher
 from ospc.correspondence.features import Features
-from ospc.methods.paper import PaperMethod, feature_matcher
+from ospc.exposures.lookup import StatedExposures
+from ospc.methods.paper import Correspondences, FeatureMatcher, Matcher, PaperMethod
 from ospc.photometry.calibration import Calibration
 from ospc.recording.frame import Frame
 from ospc.settings import PaperSettings, preset
@@ -80,22 +79,24 @@ def _run_one(calibrator: OnlineCalibrator, frames: Iterable[Frame]) -> Outcome:
 
 def _run_sharing(variants: dict[str, PaperSettings], frames: Iterable[Frame]) -> dict[str, Outcome]:
     """Run variants of the paper's method that differ only in what comes after the matching."""
-    shared = SharedMatcher(feature_matcher(next(iter(variants.values()))))
+    shared = SharedMatcher(FeatureMatcher(next(iter(variants.values()))))
     methods: dict[str, PaperMethod] = {}
     found: dict[str, Outcome] = {}
+    exposures = StatedExposures()
     for frame in frames:
+        exposures.add(frame.index, frame.exposure_ms)
         size = (frame.image.shape[1], frame.image.shape[0])
         methods = methods or {
             name: PaperMethod(settings, size, frame.max_grey, shared) for name, settings in variants.items()
         }
         for name in methods.keys() - found.keys():
             try:
-                methods[name].push(frame)
+                methods[name].push(frame, exposures)
             except Exception as error:
                 found[name] = _failure(error)
     for name in methods.keys() - found.keys():
         try:
-            found[name] = methods[name].calibration()
+            found[name] = methods[name].calibration(exposures)
         except Exception as error:
             found[name] = _failure(error)
     return {name: found[name] for name in methods}

@@ -20,12 +20,15 @@ if TYPE_CHECKING:
     from ospc.batch.run import Outcome, Stage
 
 COMPLETE, SOME_FAILED, INTERRUPTED = 0, 4, 130
-_MOST_SAID = 10
+"""Exit codes; 130 is that of a shell for a program that Ctrl-C ended."""
+
+_MOST_LISTED = 10
+"""Failures, and contradictions of one camera, that are listed; the table has all."""
 
 
 @dataclass(frozen=True)
 class _Request:
-    """What the user asked for, option by option."""
+    """The options as given."""
 
     manifest: str
     out: Path
@@ -42,9 +45,9 @@ class _Request:
 @click.command("batch")
 @click.argument("manifest")
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write the results to.")
-@click.option("-j", "--jobs", type=click.IntRange(1), help="Processes of this machine; one a core by default.")
+@click.option("-j", "--jobs", type=click.IntRange(1), help="Processes on this machine; by default one per core.")
 @click.option(
-    "--scheduler", metavar="ADDRESS", help="Work on the Dask cluster of this scheduler, such as tcp://host:8786."
+    "--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, such as tcp://host:8786."
 )
 @click.option(
     "--retries",
@@ -53,33 +56,33 @@ class _Request:
     show_default=True,
     help="How often a recording that failed is tried again, after all others.",
 )
-@click.option("--camera", help="All recordings are of this camera, whatever MANIFEST says.")
+@click.option("--camera", help="Name of the camera of all recordings, in place of what MANIFEST says.")
 @click.option(
     "--set",
     "options",
     metavar="NAME=VALUE",
     multiple=True,
-    help="A setting of the method, kind, or how recordings are read (exposure_unit=us); MANIFEST's own go first.",
+    help="A setting of the method or of reading (exposure_unit=us, kind=euroc); those in MANIFEST take precedence.",
 )
 @click.option("--force", is_flag=True, help="Write into OUT even if it holds other files.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("-q", "--quiet", is_flag=True, help="Print only errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
 def command(**options: Any) -> None:
-    """Calibrate all recordings that MANIFEST names, and merge those of one camera.
+    """Calibrate all recordings that MANIFEST names, and merge those of each camera.
 
     MANIFEST is a folder with recordings, a pattern such as 'data/*/cam0', or a .csv or .parquet table with the
     columns recording, camera and options. Recordings may be in object stores (s3://…; extra 'objects').
 
-    OUT gets index.html to look at, batch.csv and batch.parquet with a row a recording, and cameras/NAME with the
-    calibration of each camera. Run again, it goes on with what is new, changed or failed.
+    OUT gets the page index.html, batch.csv and batch.parquet with a row per recording, and cameras/NAME with the
+    calibration of each camera. Run again, the command does only what is new, changed or failed.
 
     \b
     Exit codes:
       0    every recording was calibrated
       1    error
       2    wrong usage
-      4    some recordings failed: which and why is said, and in OUT
-      130  interrupted; the same command goes on
+      4    some recordings failed; the messages and OUT say which and why
+      130  interrupted; run the same command again to go on
     """  # noqa: D301 (click reads the escaped character as "do not rewrap")
     from ospc.cli.calibrate import one_line
 
@@ -91,7 +94,7 @@ def _batch(request: _Request, interruption: Interruption) -> int:
     from ospc.batch.run import run_batch
 
     if request.jobs is not None and request.scheduler is not None:
-        raise click.UsageError("--jobs is for this machine and --scheduler for a cluster; give one of them")
+        raise click.UsageError("--jobs is for this machine and --scheduler for a cluster; give only one of them")
     entries = _entries(request)
     visible = not request.quiet and sys.stderr.isatty()
     with interruption.deferred(), _progress(interruption, visible=visible) as show:
@@ -133,25 +136,23 @@ def _exit_code(outcome: Outcome) -> int:
 def _say(outcome: Outcome, out: Path) -> None:
     for note in outcome.notes:
         click.echo(f"note: {note}", err=True)
-    for row in outcome.failed[:_MOST_SAID]:
+    for row in outcome.failed[:_MOST_LISTED]:
         click.echo(f"failed: {row.recording}: {row.error} (tried {row.attempts} times)", err=True)
-    if len(outcome.failed) > _MOST_SAID:
-        click.echo(f"failed: … and {len(outcome.failed) - _MOST_SAID} more, see {out / 'batch.csv'}", err=True)
+    if len(outcome.failed) > _MOST_LISTED:
+        click.echo(f"failed: … and {len(outcome.failed) - _MOST_LISTED} more, see {out / 'batch.csv'}", err=True)
     for camera in outcome.cameras:
-        for difference in camera.differing[:_MOST_SAID]:
-            click.echo(
-                f"warning: {difference.name} differs from others of {camera.name}: {difference.text}", err=True
-            )
+        for difference in camera.differing[:_MOST_LISTED]:
+            click.echo(f"warning: {difference.name} contradicts others of {camera.name}: {difference.text}", err=True)
     done = [row for row in outcome.rows if row.status == "done"]
-    anew = sum(row.attempts > 0 for row in done)
+    earlier = sum(row.attempts == 0 for row in done)
     known = sum(camera.calibration is not None and camera.calibration.complete for camera in outcome.cameras)
     click.echo(
-        f"{len(done)} of {len(outcome.rows)} recordings calibrated ({len(done) - anew} of them before), "
+        f"{len(done)} of {len(outcome.rows)} recordings calibrated ({earlier} of them before), "
         f"{len(outcome.failed)} failed"
     )
-    click.echo(f"{known} of {len(outcome.cameras)} cameras completely known")
+    click.echo(f"{known} of {len(outcome.cameras)} cameras fully calibrated")
     if outcome.interrupted:
-        click.echo("interrupted: the same command goes on")
+        click.echo("interrupted; run the same command again to go on")
     click.echo(f"written to {out}: {', '.join(file.name for file in outcome.files)}")
 
 
@@ -180,7 +181,7 @@ def _as_json(outcome: Outcome, out: Path) -> dict[str, Any]:
 
 @contextmanager
 def _progress(interruption: Interruption, *, visible: bool) -> Iterator[Callable[[Stage], None]]:
-    """Give a function that shows how far it has come, and stops it when that was asked for."""
+    """Give a function that shows how far the batch has come, and stops it when the user asked for that."""
 
     def stop_if_asked() -> None:
         if interruption.requested:

@@ -23,7 +23,7 @@ COMPLETE, UNDETERMINED = 0, 3
 
 @dataclass(frozen=True)
 class _Request:
-    """What the user asked for, option by option."""
+    """The options as given."""
 
     states: tuple[Path, ...]
     out: Path
@@ -37,14 +37,18 @@ class _Request:
 @click.argument("states", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write the results to.")
 @click.option("--truth", metavar="PATH", help="A known calibration to compare with, as for 'ospc calibrate'.")
-@click.option("--force", is_flag=True, help="Write into OUT even if it holds other files; those named as results go.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors and warnings.")
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Write into OUT even if it holds other files; earlier results go.",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Print only errors and warnings.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
 def command(**options: Any) -> None:
     """Merge the STATES of recordings of one camera into one calibration.
 
     STATES are state.ospc files that 'ospc calibrate' or 'ospc merge' wrote, or the folders that hold them, in any
-    order. A recording given twice counts once. Recordings that contradict the others are named and left out.
+    order. A recording given twice counts once. Recordings that contradict the others are reported and left out.
 
     OUT gets the files that 'ospc calibrate' writes; OUT/state.ospc can be merged again with others.
 
@@ -115,7 +119,7 @@ def _compared(calibration: Calibration, known: Photometry) -> Any:
 
     try:
         return compare(Photometry("merged", calibration.response, calibration.vignette, calibration), known)
-    except FormatError:  # they have nothing in common
+    except FormatError:  # they have neither response nor vignette in common
         return None
 
 

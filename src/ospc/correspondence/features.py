@@ -1,4 +1,7 @@
-"""Feature points of one image, and their matches between two."""
+"""Feature points of an image, and their matches in another.
+
+A new kind of feature is a class like those below, and a line that names it in :data:`EXTRACTORS`.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,14 @@ from ospc.recording.frame import Frame
 
 @dataclass(frozen=True)
 class Features:
-    """Feature points of one frame; all that is kept of its image.
+    """Feature points of one frame; nothing else of its image is kept.
 
     Attributes
     ----------
     frame
-        Index of the frame.
+        Number of the frame.
     exposure_ms
-        Its exposure.
+        Its exposure as stated.
     points
         Pixel coordinates (x, y), shape (n, 2).
     grey
@@ -45,7 +48,7 @@ class FeatureExtractor(Protocol):
 
     @property
     def norm(self) -> int:
-        """OpenCV's norm that compares its descriptors."""
+        """OpenCV's norm for comparing its descriptors."""
         ...
 
     def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
@@ -53,57 +56,43 @@ class FeatureExtractor(Protocol):
         ...
 
 
-class SiftExtractor:
-    """Scale-invariant features (Lowe 2004), OpenCV's implementation.
+class OpenCvExtractor:
+    """A detector of OpenCV's."""
 
-    Parameters
-    ----------
-    max_features
-        Strongest points to keep.
-    """
-
-    norm = cv2.NORM_L2
-
-    def __init__(self, max_features: int) -> None:
-        self._sift = cv2.SIFT_create(nfeatures=max_features)
+    norm: int
+    _detector: Any
+    _none: npt.NDArray[np.uint8]
 
     def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
-        """Return points, shape (n, 2), and descriptors, shape (n, 128), as uint8, which SIFT's values fit exactly."""
-        keypoints, descriptors = self._sift.detectAndCompute(image, None)
+        """Return points, shape (n, 2), and descriptors, shape (n, d), as uint8; SIFT's values are whole numbers."""
+        keypoints, descriptors = self._detector.detectAndCompute(image, None)
         if descriptors is None:
-            return np.empty((0, 2)), np.empty((0, 128), np.uint8)
+            return np.empty((0, 2)), self._none
         return cv2.KeyPoint_convert(keypoints).astype(np.float64).reshape(-1, 2), descriptors.astype(np.uint8)
 
 
-class OrbExtractor:
-    """Oriented FAST and rotated BRIEF (Rublee et al. 2011), OpenCV's implementation.
+class SiftExtractor(OpenCvExtractor):
+    """Scale-invariant features (Lowe 2004); keeps the ``max_features`` strongest."""
 
-    Parameters
-    ----------
-    max_features
-        Strongest points to keep.
-    """
-
-    norm = cv2.NORM_HAMMING
+    norm = cv2.NORM_L2
+    _none = np.empty((0, 128), np.uint8)
 
     def __init__(self, max_features: int) -> None:
-        self._orb = cv2.ORB_create(nfeatures=max_features)
+        self._detector = cv2.SIFT_create(nfeatures=max_features)
 
-    def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
-        """Return points, shape (n, 2), and binary descriptors, shape (n, 32)."""
-        keypoints, descriptors = self._orb.detectAndCompute(image, None)
-        if descriptors is None:
-            return np.empty((0, 2)), np.empty((0, 32), np.uint8)
-        return cv2.KeyPoint_convert(keypoints).astype(np.float64).reshape(-1, 2), np.asarray(descriptors)
+
+class OrbExtractor(OpenCvExtractor):
+    """Oriented FAST and rotated BRIEF (Rublee et al. 2011); keeps the ``max_features`` strongest."""
+
+    norm = cv2.NORM_HAMMING
+    _none = np.empty((0, 32), np.uint8)
+
+    def __init__(self, max_features: int) -> None:
+        self._detector = cv2.ORB_create(nfeatures=max_features)
 
 
 class SurfExtractor:
-    """Speeded-up robust features (Bay et al. 2006), implementation of the package mahotas.
-
-    Parameters
-    ----------
-    max_features
-        Strongest points to keep.
+    """Speeded-up robust features (Bay et al. 2006) by the package mahotas; keeps the ``max_features`` strongest.
 
     Raises
     ------
@@ -130,35 +119,36 @@ class SurfExtractor:
         return rows[:, 1::-1].copy(), rows[:, 6:].astype(np.float32)
 
 
-_EXTRACTORS: dict[str, Callable[[int], FeatureExtractor]] = {
+EXTRACTORS: dict[str, Callable[[int], FeatureExtractor]] = {
     "sift": SiftExtractor,
     "orb": OrbExtractor,
     "surf": SurfExtractor,
 }
+"""Every extractor by its name in settings."""
 
 
 def make_extractor(name: str, max_features: int) -> FeatureExtractor:
-    """Return the extractor called "sift", "orb" or "surf".
+    """Return the extractor of a name in :data:`EXTRACTORS`.
 
     Raises
     ------
     SettingError
         If there is none of that name.
     """
-    if name not in _EXTRACTORS:
-        raise SettingError(f"no feature extractor is called '{name}'; known: {', '.join(_EXTRACTORS)}")
-    return _EXTRACTORS[name](max_features)
+    if name not in EXTRACTORS:
+        raise SettingError(f"no feature extractor is called '{name}'; known: {', '.join(EXTRACTORS)}")
+    return EXTRACTORS[name](max_features)
 
 
 def to_8bit(image: Image, max_grey: int) -> npt.NDArray[np.uint8]:
-    """Return the image with 8 bits, as detectors want it."""
+    """Return the image with the 8 bits that detectors need."""
     if image.dtype == np.uint8 and max_grey == 255:
         return np.asarray(image, dtype=np.uint8)
     return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / max_grey), dtype=np.uint8)
 
 
 def extract(frame: Frame, extractor: FeatureExtractor) -> Features:
-    """Return the features of a frame with the grey levels at the pixels nearest to them."""
+    """Return the features of a frame, with the grey levels of the pixels nearest to them."""
     points, descriptors = extractor.detect(to_8bit(frame.image, frame.max_grey))
     height, width = frame.image.shape
     column, row = np.clip(np.rint(points).astype(np.int64), 0, (width - 1, height - 1)).T
@@ -196,7 +186,7 @@ def match(features0: Features, features1: Features, norm: int, ratio: float) -> 
     accepted = [(m.distance, m.queryIdx, m.trainIdx) for m, n in found if m.distance < ratio * n.distance]
     if not accepted:
         return none, none
-    # Of several features that chose the same partner, the nearest keeps it.
+    # Where several features have the same match, only the nearest keeps it.
     table = np.array(sorted(accepted))
     _, first = np.unique(table[:, 2], return_index=True)
     kept = table[np.sort(first)].astype(np.int64)

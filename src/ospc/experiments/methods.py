@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import process_time
@@ -14,11 +15,11 @@ from ospc.baselines.joint import OnlineJoint
 from ospc.baselines.kim_pollefeys import calibrate_decoupled
 from ospc.benchmark.running import SharedMatcher
 from ospc.calibrator import OnlineCalibrator
-from ospc.correspondence.pair_selection import OffsetPairs
+from ospc.correspondence.features import Features
 from ospc.errors import NotObservableError, OspcError
-from ospc.estimation.polynomial_vignette import solve_vignette, vignette_rows, vignette_solver
+from ospc.exposures.lookup import StatedExposures
 from ospc.formats.opening import Photometry
-from ospc.methods.paper import PaperMethod, feature_matcher
+from ospc.methods.paper import FeatureMatcher, PaperMethod, solve_vignette, vignette_rows
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
@@ -52,8 +53,8 @@ class SolversKnowingResponse:
 
     def __init__(self, response: Response, settings: PaperSettings, solvers: Sequence[str]) -> None:
         self._response, self._settings, self._solvers = response, settings, solvers
-        self._matcher = feature_matcher(settings)
-        self._pairs = OffsetPairs(settings.vignette_window, settings.vignette_offset)
+        self._matcher = FeatureMatcher(settings)
+        self._recent: deque[Features] = deque()
         self._rows: list[FloatArray] = []
         self._targets: list[FloatArray] = []
         self._size: ImageSize = (0, 0)
@@ -61,13 +62,18 @@ class SolversKnowingResponse:
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
         self._size = (frame.image.shape[1], frame.image.shape[0])
-        for left, right in self._pairs.push(self._matcher.features(frame)):
-            found = self._matcher.correspondences(left, right, self._size)
-            exposed = (np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1)
-            moving = found.radial_displacement >= self._settings.vignette_min_radial_displacement
-            rows, targets = vignette_rows(found.select(exposed & moving), self._response)
-            self._rows.append(rows)
-            self._targets.append(targets)
+        features = self._matcher.features(frame)
+        self._recent.append(features)
+        if len(self._recent) <= self._settings.vignette_offset:
+            return
+        earlier = self._recent.popleft()
+        found = self._matcher.correspondences(earlier, features, self._size)
+        exposed = (np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1)
+        moving = found.radial_displacement >= self._settings.vignette_min_radial_displacement
+        ratio = earlier.exposure_ms / features.exposure_ms
+        rows, targets = vignette_rows(found.select(exposed & moving), ratio, self._response)
+        self._rows.append(rows)
+        self._targets.append(targets)
 
     def found(self) -> dict[str, Photometry | str]:
         """Return a vignette by each solver."""
@@ -77,8 +83,7 @@ class SolversKnowingResponse:
         rows, targets = np.concatenate(self._rows), np.concatenate(self._targets)
         results: dict[str, Photometry | str] = {}
         for name in self._solvers:
-            solver = vignette_solver(name, self._settings.huber_tuning)
-            coefficients = tuple(solve_vignette(rows, targets, solver).tolist())
+            coefficients = tuple(solve_vignette(rows, targets, name, self._settings.huber_tuning).tolist())
             label = f"true g/{name}"
             results[label] = Photometry(label, self._response, PolynomialVignette(self._size, coefficients))
         return results
@@ -140,6 +145,7 @@ class Paper:
     def __init__(self, variants: dict[str, PaperSettings]) -> None:
         self._variants = variants
         self._methods: dict[str, PaperMethod] = {}
+        self._exposures = StatedExposures()
         self.ratios: dict[str, ExposureRatios] = {}
 
     def push(self, frame: Frame) -> None:
@@ -149,16 +155,17 @@ class Paper:
             size = (frame.image.shape[1], frame.image.shape[0])
             for name, settings in self._variants.items():
                 alike = tuple(getattr(settings, setting) for setting in _MATCHING)
-                matcher = shared.setdefault(alike, SharedMatcher(feature_matcher(settings)))
+                matcher = shared.setdefault(alike, SharedMatcher(FeatureMatcher(settings)))
                 self._methods[name] = PaperMethod(settings, size, frame.max_grey, matcher)
+        self._exposures.add(frame.index, frame.exposure_ms)
         for method in self._methods.values():
-            method.push(frame)
+            method.push(frame, self._exposures)
 
     def found(self) -> dict[str, Photometry | str]:
         """Return the calibrations."""
         results: dict[str, Photometry | str] = {}
         for name, method in self._methods.items():
-            known = method.calibration()
+            known = method.calibration(self._exposures)
             self.ratios[name] = known.exposure_ratios
             results[name] = Photometry(name, known.response, known.vignette, known)
         return results

@@ -1,39 +1,402 @@
-"""The paper's method: response, then vignette, each accepted by the exposures it predicts (paper, section 3)."""
+"""The paper's method, in the order of the paper's section 3: tracking, response, vignette, exposure.
+
+The paper is "OSPC: Online Sequential Photometric Calibration" (Haidar, Khalil and Asmar, Pattern Recognition Letters
+181, 2024). Its subscripts 1 and 2 are 0 and 1 here. M is a grey level in [0, 1], g = f⁻¹ the inverse response, V the
+vignette, R the distance from the image centre (1 at the corner), and k = e₀/e₁ the exposure ratio of two frames.
+"The released program" is the authors' own implementation, which differs from the paper in a few details.
+"""
 
 from __future__ import annotations
 
 import copy
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
+from scipy.optimize import nnls
 
-from ospc.arrays import FloatArray, ImageSize
-from ospc.correspondence.correspondences import Correspondences
-from ospc.correspondence.feature_matching import FeatureMatcher, Matcher
-from ospc.correspondence.features import Features, make_extractor
-from ospc.correspondence.match_filter import DirectionFilter
-from ospc.correspondence.pair_selection import ExposureChangePairs, OffsetPairs
-from ospc.estimation.exposure_ratio import disagreement, estimate_ratios
-from ospc.estimation.polynomial_vignette import solve_vignette, vignette_rows, vignette_solver
-from ospc.estimation.quadratic_response import Positivity, polynomial_response, response_rows, solve_response
-from ospc.estimation.repetition import Estimates
+from ospc.arrays import BoolArray, FloatArray, ImageSize
+from ospc.correspondence.features import Features, extract, make_extractor, match
+from ospc.estimation.robust import robust_scale
+from ospc.exposures.lookup import ExposureLookup
 from ospc.methods.method import Progress, check_size
-from ospc.methods.paper_verdicts import response_verdict, vignette_verdict
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
+from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios, Verdict
+from ospc.photometry.geometry import normalised
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import PolynomialVignette
+from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
 from ospc.settings import PaperSettings
 
+# Section 3.1: tracking.
 
-def feature_matcher(settings: PaperSettings) -> FeatureMatcher:
-    """Return what finds and matches features as the settings say."""
-    return FeatureMatcher(
-        make_extractor(settings.features, settings.max_features),
-        DirectionFilter(
-            settings.filter_blocks, settings.filter_bins, settings.filter_min_matches, settings.filter_length_sigmas
-        ),
-        settings.match_ratio,
+
+@dataclass(frozen=True)
+class Correspondences:
+    """The same scene points in two frames.
+
+    Attributes
+    ----------
+    frames
+        Numbers of the two frames.
+    size
+        Width and height of the frames in pixels.
+    points0, points1
+        Pixel coordinates (x, y) in the two frames, shape (n, 2).
+    grey0, grey1
+        Grey levels in [0, 1], shape (n,).
+    """
+
+    frames: tuple[int, int]
+    size: ImageSize
+    points0: FloatArray
+    points1: FloatArray
+    grey0: FloatArray
+    grey1: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of scene points."""
+        return len(self.grey0)
+
+    def select(self, mask: BoolArray) -> Correspondences:
+        """Return those where the mask, shape (n,), is true."""
+        arrays = (self.points0, self.points1, self.grey0, self.grey1)
+        return Correspondences(self.frames, self.size, *(array[mask] for array in arrays))
+
+    @property
+    def radius0(self) -> FloatArray:
+        """R₀, shape (n,)."""
+        return np.asarray(np.linalg.norm(normalised(self.points0, self.size), axis=-1))
+
+    @property
+    def radius1(self) -> FloatArray:
+        """R₁, shape (n,)."""
+        return np.asarray(np.linalg.norm(normalised(self.points1, self.size), axis=-1))
+
+    @property
+    def radial_displacement(self) -> FloatArray:
+        """|R₀ − R₁|, shape (n,)."""
+        return np.abs(self.radius0 - self.radius1)
+
+
+def follows_its_block(
+    points0: FloatArray, points1: FloatArray, size: ImageSize, settings: PaperSettings
+) -> BoolArray:
+    """Return the matches whose displacement points the same way as most others nearby.
+
+    Displacements that are longer than the mean plus some standard deviations go first. Then the image is cut into
+    blocks; in each with enough matches, only the fullest bin of the histogram of directions survives. The bins are
+    centred on the block's mean direction, because fixed bins would split motion that points along a bin's edge.
+
+    Parameters
+    ----------
+    points0, points1
+        Pixel coordinates of the matches, shape (n, 2).
+    size
+        Width and height of the frames in pixels.
+    settings
+        Number of blocks along each side, of bins, and the limits.
+
+    Returns
+    -------
+    BoolArray
+        Shape (n,).
+    """
+    displacement = points1 - points0
+    length = np.linalg.norm(displacement, axis=1)
+    if not len(length):
+        return np.zeros(0, dtype=np.bool_)
+    # The last term is for rounding: of equal displacements none is too long.
+    longest = length.mean() + settings.filter_length_sigmas * length.std() + 1e-9 * length.max()
+    kept = np.flatnonzero(length <= longest)
+    unit = displacement[kept] / np.where(length > 0, length, 1)[kept, None]
+    blocks, bins = settings.filter_blocks, settings.filter_bins
+    column, row = np.clip((points0[kept] / np.array(size) * blocks).astype(np.int64), 0, blocks - 1).T
+    block = row * blocks + column
+    mean_x, mean_y = (np.bincount(block, unit[:, axis], minlength=blocks**2)[block] for axis in (0, 1))
+    # The angle to the block's mean direction comes from its sine and cosine, so that ±180° is no special case.
+    angle = np.arctan2(mean_x * unit[:, 1] - mean_y * unit[:, 0], mean_x * unit[:, 0] + mean_y * unit[:, 1])
+    direction = np.floor(angle / (2 * np.pi / bins) + 0.5).astype(np.int64) % bins
+    histogram = np.zeros((blocks**2, bins), np.int64)
+    np.add.at(histogram, (block, direction), 1)
+    crowded = histogram.sum(axis=1)[block] > settings.filter_min_matches
+    survives = np.zeros(len(length), dtype=np.bool_)
+    survives[kept] = ~crowded | (direction == histogram.argmax(axis=1)[block])
+    return survives
+
+
+class Matcher(Protocol):
+    """Finds and matches features, which takes most of the method's time; variants of the method may share one."""
+
+    def features(self, frame: Frame) -> Features:
+        """Return the features of a frame; raises :class:`FrameError` where its image cannot be read."""
+        ...
+
+    def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
+        """Return the matches of two frames of a size in pixels."""
+        ...
+
+
+class FeatureMatcher:
+    """Matches features by their descriptors, with Lowe's ratio test, and filters the matches by direction."""
+
+    def __init__(self, settings: PaperSettings) -> None:
+        self._settings = settings
+        self._extractor = make_extractor(settings.features, settings.max_features)
+
+    def features(self, frame: Frame) -> Features:
+        """Return the features of a frame."""
+        return extract(frame, self._extractor)
+
+    def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
+        """Return the matches of two frames that pass the filter."""
+        index0, index1 = match(left, right, self._extractor.norm, self._settings.match_ratio)
+        points0, points1 = left.points[index0], right.points[index1]
+        grey0, grey1 = left.grey[index0], right.grey[index1]
+        found = Correspondences((left.frame, right.frame), size, points0, points1, grey0, grey1)
+        return found.select(follows_its_block(points0, points1, size, self._settings))
+
+
+# Section 3.2, response.
+
+
+def exposure_ratio(pairs: Correspondences, exposures: ExposureLookup) -> float:
+    """Return k = e₀/e₁ of the two frames, as far as it is known now."""
+    log_exposure = exposures.log_exposure_of(np.array(pairs.frames))
+    return float(np.exp(log_exposure[0] - log_exposure[1]))
+
+
+def in_order(pairs: Correspondences, ratio: float) -> Correspondences:
+    """Return the matches that are brighter at the larger exposure; an increasing response allows no others."""
+    return pairs.select((pairs.grey0 - pairs.grey1) * (ratio - 1) > 0)
+
+
+def response_rows(pairs: Correspondences, ratio: float, degree: int = 2) -> FloatArray:
+    """Return the rows [1−k, M₀−kM₁, …, M₀ᵈ−kM₁ᵈ] of A in A c = 0, shape (n, degree + 1) (eq. matrix_form)."""
+    powers = np.arange(degree + 1)
+    return np.asarray(pairs.grey0[:, None] ** powers - ratio * pairs.grey1[:, None] ** powers)
+
+
+def solve_kkt(gram: FloatArray) -> FloatArray:
+    """Minimise ‖Ac‖² subject to Σc = 1 and c₀ = 0 through the pseudo-inverse of the KKT system (eq. final_form).
+
+    Parameters
+    ----------
+    gram
+        AᵀA, shape (d+1, d+1).
+
+    Returns
+    -------
+    FloatArray
+        Coefficients c₀ … c_d, shape (d+1,).
+    """
+    n = len(gram)
+    E = np.zeros((2, n))
+    E[0] = 1
+    E[1, 0] = 1
+    system = np.block([[2 * _scaled(gram), E.T], [E, np.zeros((2, 2))]])
+    target = np.concatenate([np.zeros(n), [1.0, 0.0]])
+    return np.asarray(np.linalg.pinv(system, hermitian=True) @ target)[:n]
+
+
+def solve_nonnegative(gram: FloatArray) -> FloatArray:
+    """Minimise ‖Ac‖² subject to Σc = 1, c₀ = 0 and c ≥ 0, as the released program does; see :func:`solve_kkt`."""
+    n = len(gram)
+    scale, vectors = np.linalg.eigh(_scaled(gram))
+    root = np.sqrt(np.clip(scale, 0, None))[:, None] * vectors.T
+    # One row demands Σc = 1. Its weight is far above that of all others, whose squares add up to one; what the
+    # solution still misses is divided out.
+    heavy = 1e4
+    solution, _ = nnls(np.vstack([root[:, 1:], np.full((1, n - 1), heavy)]), np.append(np.zeros(n), heavy))
+    return np.concatenate([[0.0], solution / solution.sum()])
+
+
+def _scaled(gram: FloatArray) -> FloatArray:
+    """Return a Gram matrix of trace one: the constraints beside it do not grow with the number of samples."""
+    return np.asarray(gram / max(float(np.trace(gram)), float(np.finfo(float).tiny)))
+
+
+def increases(coefficients: FloatArray, levels: int = 1024) -> bool:
+    """Tell whether a polynomial increases strictly from each of so many levels of [0, 1] to the next."""
+    return bool(np.all(np.diff(polyval(np.linspace(0, 1, levels), coefficients)) > 0))
+
+
+def solve_response(gram: FloatArray, positivity: str) -> FloatArray | None:
+    """Return the coefficients of g; None where the solution does not increase and so is no response.
+
+    Parameters
+    ----------
+    gram
+        AᵀA, shape (d+1, d+1).
+    positivity
+        When to demand c ≥ 0: "never", "always", or "when needed", that is where the solution does not increase.
+    """
+    coefficients = solve_nonnegative(gram) if positivity == "always" else solve_kkt(gram)
+    if positivity == "when needed" and not increases(coefficients):
+        coefficients = solve_nonnegative(gram)
+    return coefficients if increases(coefficients) else None
+
+
+RESPONSE_LEVELS = np.linspace(0, 1, 256)
+"""Grey levels at which g is tabulated: those of 8-bit images."""
+
+
+def polynomial_response(
+    coefficients: FloatArray, sigma: FloatArray | None = None, support: tuple[float, float] = (0.0, 1.0)
+) -> Response:
+    """Return the response whose inverse is a polynomial.
+
+    Parameters
+    ----------
+    coefficients
+        c₀ … c_d, shape (d+1,), with Σc = 1 and c₀ = 0.
+    sigma
+        Standard deviation of g at :data:`RESPONSE_LEVELS`, shape (256,); None where unknown.
+    support
+        Lowest and highest grey level of the samples.
+    """
+    return Response.from_values(
+        polyval(RESPONSE_LEVELS, coefficients),
+        inverse_sigma=sigma,
+        support=support,
+        model={"name": "polynomial", "coefficients": coefficients.tolist()},
     )
+
+
+# Section 3.2, vignette.
+
+_VIGNETTE_POWERS = np.array([2, 4, 6])
+"""Powers of R in V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶ (eq. radial)."""
+
+_MOST_ROUNDS, _CONVERGED = 100, 1e-9
+"""Most rounds of reweighting, and the relative change of the solution at which it has converged."""
+
+
+def vignette_rows(pairs: Correspondences, ratio: float, response: Response) -> tuple[FloatArray, FloatArray]:
+    """Return the rows [R₀²−ψR₁², R₀⁴−ψR₁⁴, R₀⁶−ψR₁⁶] and right-hand sides ψ−1, ψ = g(M₀)/g(M₁)/k (eq. martix_v).
+
+    Returns
+    -------
+    tuple of FloatArray
+        Shapes (n, 3) and (n,).
+    """
+    psi = response.inverse(pairs.grey0) / response.inverse(pairs.grey1) / ratio
+    rows = pairs.radius0[:, None] ** _VIGNETTE_POWERS - psi[:, None] * pairs.radius1[:, None] ** _VIGNETTE_POWERS
+    return np.asarray(rows), np.asarray(psi - 1)
+
+
+def solver_weights(solver: str, residuals: FloatArray, tuning: float) -> FloatArray:
+    """Return the weights of equations, shape (n,), from their residuals, shape (n,) (section 5).
+
+    "l2" is plain least squares, "l1" minimises the sum of absolute residuals, and "m-estimator" is Huber's (1964),
+    whose threshold is ``tuning`` times the standard deviation, estimated from the residuals.
+    """
+    if solver == "l2":
+        return np.ones_like(residuals)
+    scale = max(robust_scale(residuals), float(np.finfo(float).tiny))
+    # A residual far below the scale counts as zero; without the limit its weight would be infinite.
+    size = np.maximum(np.abs(residuals), 1e-6 * scale)
+    return np.asarray(1 / size if solver == "l1" else np.minimum(1.0, tuning * scale / size))
+
+
+def solve_vignette(rows: FloatArray, target: FloatArray, solver: str, tuning: float) -> FloatArray:
+    """Return (v₁, v₂, v₃) by iteratively reweighted least squares.
+
+    Parameters
+    ----------
+    rows, target
+        As from :func:`vignette_rows`.
+    solver, tuning
+        As for :func:`solver_weights`.
+    """
+    solution = np.linalg.lstsq(rows, target, rcond=None)[0]
+    for _ in range(_MOST_ROUNDS):
+        root = np.sqrt(solver_weights(solver, rows @ solution - target, tuning))
+        previous, solution = solution, np.linalg.lstsq(rows * root[:, None], target * root, rcond=None)[0]
+        if np.linalg.norm(solution - previous) <= _CONVERGED * max(float(np.linalg.norm(solution)), 1e-12):
+            break
+    return np.asarray(solution)
+
+
+# Section 3.2, exposure.
+
+
+def irradiance_ratios(pairs: Correspondences, response: Response, vignette: Vignette | None) -> FloatArray:
+    """Return g(M₀)V(R₁) / (g(M₁)V(R₀)) of each correspondence, shape (n,); V ≡ 1 where it is None."""
+    ratio = response.inverse(pairs.grey0) / response.inverse(pairs.grey1)
+    if vignette is not None:
+        ratio = ratio * vignette.at(pairs.points1) / vignette.at(pairs.points0)
+    return np.asarray(ratio)
+
+
+def estimate_ratios(
+    samples: Sequence[tuple[Correspondences, float]], response: Response, vignette: Vignette | None
+) -> ExposureRatios:
+    """Return k̂, the mean ratio of each pair of frames (eq. mean), beside the k that comes with its matches."""
+    used = [(pairs, ratio) for pairs, ratio in samples if len(pairs)]
+    if not used:
+        return ExposureRatios.none()
+    return ExposureRatios(
+        np.array([pairs.frames for pairs, _ in used], dtype=np.int64),
+        np.array([ratio for _, ratio in used]),
+        np.array([float(np.mean(irradiance_ratios(pairs, response, vignette))) for pairs, _ in used]),
+        np.array([len(pairs) for pairs, _ in used], dtype=np.int64),
+    )
+
+
+def disagreement(ratios: ExposureRatios) -> float:
+    """Return the median of |ln k̂ − ln k| over the pairs; infinite without pairs."""
+    residual = np.abs(ratios.log_residual)
+    return float(np.median(residual)) if residual.size else float("inf")
+
+
+# Section 4.1: estimates are repeated over the sequence and averaged.
+
+
+@dataclass
+class Estimates:
+    """Estimates of the coefficients of one curve, one per window, and why others were not accepted.
+
+    Attributes
+    ----------
+    accepted
+        Coefficients of the accepted estimates.
+    rejected
+        Windows whose estimate did not predict the exposure ratios, or was no response at all.
+    impossible
+        Windows whose estimate was a vignette that is not positive everywhere.
+    """
+
+    accepted: list[FloatArray] = field(default_factory=list)
+    rejected: int = 0
+    impossible: int = 0
+
+    @property
+    def mean(self) -> FloatArray:
+        """Average of the accepted estimates."""
+        return np.asarray(np.mean(self.accepted, axis=0))
+
+    def covariance(self, symbol: str, first: int) -> dict[str, object] | None:
+        """Return the covariance of the average with its parameters' names, numbered from ``first``; None for one."""
+        if len(self.accepted) < 2:
+            return None
+        matrix = np.cov(np.array(self.accepted).T) / len(self.accepted)
+        return {
+            "parameters": [f"{symbol}{first + i}" for i in range(len(matrix))],
+            "matrix": matrix.tolist(),
+        }
+
+
+def standard_error(curves: FloatArray) -> FloatArray | None:
+    """Return the standard error of the average of curves, shape (estimates, n) -> (n,); None for fewer than two."""
+    if len(curves) < 2:
+        return None
+    return np.asarray(np.std(curves, axis=0, ddof=1) / np.sqrt(len(curves)))
+
+
+# The method.
 
 
 class PaperMethod:
@@ -48,9 +411,16 @@ class PaperMethod:
     max_grey
         Largest grey value of the frames.
     matcher
-        Finds and matches features; that of the settings where not given. Methods that differ in what comes after may
-        share one.
+        Finds and matches features; that of the settings where not given.
+
+    Raises
+    ------
+    FrameError
+        If the images are too small.
     """
+
+    wanted: frozenset[int] = frozenset()
+    """It has no state, so it never needs earlier frames again."""
 
     def __init__(
         self, settings: PaperSettings, size: ImageSize, max_grey: int, matcher: Matcher | None = None
@@ -59,152 +429,191 @@ class PaperMethod:
         self._settings = settings
         self._size = size
         self._max_grey = max_grey
-        self._matcher = matcher or feature_matcher(settings)
-        self._weights = vignette_solver(settings.vignette_solver, settings.huber_tuning)
-        self._response_pairs = ExposureChangePairs(
-            settings.response_window, settings.exposure_ratio_low, settings.exposure_ratio_high
-        )
-        self._vignette_pairs = OffsetPairs(settings.vignette_window, settings.vignette_offset)
+        self._matcher = matcher or FeatureMatcher(settings)
+        self._frames = 0
+        self._waiting: list[Features] = []
+        self._recent: deque[Features] = deque()
         self._response_samples: list[Correspondences] = []
         self._vignette_samples: list[Correspondences] = []
         self._responses = Estimates()
         self._vignettes = Estimates()
         self._ratios = ExposureRatios.none()
-        self._exposure_range = (np.inf, 0.0)
+        self._log_exposure_range = (np.inf, -np.inf)
         self._reach = 0.0
-        self._compared = 0
-        self._used = 0
+        self._progress = Progress()
 
-    def push(self, frame: Frame) -> None:
-        """Take the next frame: match it with earlier ones, and solve at the end of each window."""
+    def push(self, frame: Frame, exposures: ExposureLookup) -> None:
+        """Take the next frame: match it with earlier ones, and solve at the end of each window.
+
+        Parameters
+        ----------
+        frame
+            The frame; its ``index`` numbers it.
+        exposures
+            Knows the exposures of all frames up to this one.
+
+        Raises
+        ------
+        FrameError
+            If the frame's image cannot be read; the method goes on as if it had not been pushed.
+        """
         features = self._matcher.features(frame)
-        self._exposure_range = (
-            min(self._exposure_range[0], frame.exposure_ms),
-            max(self._exposure_range[1], frame.exposure_ms),
-        )
-        for pair in self._response_pairs.push(features):
-            self._response_samples.append(self._still_points(self._correspondences(*pair)))
-        for pair in self._vignette_pairs.push(features):
-            self._vignette_samples.append(self._moving_points(self._correspondences(*pair)))
-        if self._response_pairs.window_full:
-            self._close_response_window()
-        if self._vignette_pairs.window_full:
-            self._close_vignette_window()
+        log_exposure = float(exposures.log_exposure_of(np.array([frame.index]))[0])
+        low, high = self._log_exposure_range
+        self._log_exposure_range = (min(low, log_exposure), max(high, log_exposure))
+        self._frames += 1
+        for left in self._with_exposure_change(features, exposures):
+            found = self._correspondences(left, features)
+            still = found.radial_displacement <= self._settings.response_max_radial_displacement
+            self._keep(found.select(still), self._response_samples, exposures)
+        self._recent.append(features)
+        if len(self._recent) > self._settings.vignette_offset:
+            found = self._correspondences(self._recent.popleft(), features)
+            moving = found.radial_displacement >= self._settings.vignette_min_radial_displacement
+            self._keep(found.select(moving), self._vignette_samples, exposures)
+        if self._frames % self._settings.response_window == 0:
+            self._close_response_window(exposures)
+        if self._frames % self._settings.vignette_window == 0:
+            self._close_vignette_window(exposures)
 
     @property
     def progress(self) -> Progress:
         """How far it has come."""
-        response = self._responses.spread_of_curve(self._response_curves())
-        vignette = self._vignettes.spread_of_curve(self._vignette_curves())
+        response, vignette = standard_error(self._response_curves()), standard_error(self._vignette_curves())
         return Progress(
-            self._compared,
-            self._used,
+            self._progress.pairs,
+            self._progress.samples,
             None if response is None else float(response.max()),
             None if vignette is None else float(vignette[-1]),
         )
 
-    def calibration(self) -> Calibration:
+    def calibration(self, exposures: ExposureLookup) -> Calibration:
         """Return the averages of the accepted estimates; an open window counts only where no full one did."""
-        return self._with_open_windows_closed()._summary()
-
-    def _with_open_windows_closed(self) -> PaperMethod:
-        """Return a copy whose open windows made their estimates, so that being asked changes nothing here."""
+        # Closing windows on a copy leaves this object as it was: asking changes nothing.
         closed = copy.copy(self)
         closed._responses, closed._vignettes = copy.deepcopy((self._responses, self._vignettes))
         if not closed._responses.accepted:
-            closed._close_response_window()
+            closed._close_response_window(exposures)
         if closed._responses.accepted and not closed._vignettes.accepted:
-            closed._close_vignette_window()
-        return closed
+            closed._close_vignette_window(exposures)
+        return closed._summary()
+
+    def state(self) -> None:
+        """Return None: the features of hundreds of frames are too large for a state file."""
+
+    def inputs(self, exposures: ExposureLookup) -> None:
+        """Return None: the method keeps no observations after a window is closed."""
+
+    def preview(self, exposures: ExposureLookup) -> None:
+        """Return None: there is no estimate between the ends of two windows."""
+
+    def recall(self, frame: Frame) -> None:
+        """Do nothing: no frame is :attr:`wanted`."""
+
+    # The steps.
+
+    def _with_exposure_change(self, latest: Features, exposures: ExposureLookup) -> list[Features]:
+        """Return the frames of the window for which the latest is the first with enough change of exposure."""
+        candidates = [*self._waiting, latest]
+        log_exposure = exposures.log_exposure_of(np.array([one.frame for one in candidates]))
+        log_ratio = log_exposure - log_exposure[-1]
+        low, high = np.log([self._settings.exposure_ratio_low, self._settings.exposure_ratio_high])
+        # The ratio of the latest to itself is one, so that it joins those that wait.
+        changed = (log_ratio <= low) | (log_ratio >= high)
+        self._waiting = [one for one, enough in zip(candidates, changed, strict=True) if not enough]
+        return [one for one, enough in zip(candidates, changed, strict=True) if enough]
+
+    def _correspondences(self, left: Features, right: Features) -> Correspondences:
+        """Return the matches of two frames of which neither is clipped."""
+        found = self._matcher.correspondences(left, right, self._size)
+        if len(found):
+            self._reach = max(self._reach, float(np.quantile(found.radial_displacement, 0.9)))
+        grey0, grey1 = found.grey0, found.grey1
+        return found.select((grey0 > 0) & (grey0 < 1) & (grey1 > 0) & (grey1 < 1))
+
+    def _keep(self, pairs: Correspondences, samples: list[Correspondences], exposures: ExposureLookup) -> None:
+        samples.append(pairs)
+        usable = len(in_order(pairs, exposure_ratio(pairs, exposures)))
+        self._progress = Progress(self._progress.pairs + 1, self._progress.samples + usable)
+
+    def _with_ratios(
+        self, pairs: Sequence[Correspondences], exposures: ExposureLookup
+    ) -> list[tuple[Correspondences, float]] | None:
+        """Return what a window is solved from, each pair with its exposure ratio; None where it is too little."""
+        ratios = [exposure_ratio(p, exposures) for p in pairs]
+        samples = [(in_order(p, ratio), ratio) for p, ratio in zip(pairs, ratios, strict=True)]
+        return samples if sum(len(p) for p, _ in samples) >= self._settings.min_samples else None
+
+    def _close_response_window(self, exposures: ExposureLookup) -> None:
+        samples = self._with_ratios(self._response_samples, exposures)
+        self._response_samples, self._waiting = [], []
+        if samples is None:
+            return
+        rows = [response_rows(pairs, ratio, self._settings.response_degree) for pairs, ratio in samples]
+        coefficients = solve_response(np.sum([a.T @ a for a in rows], axis=0), self._settings.response_positivity)
+        if coefficients is None:
+            self._responses.rejected += 1
+            return
+        self._accept_or_reject(
+            self._responses, coefficients, estimate_ratios(samples, polynomial_response(coefficients), None)
+        )
+
+    def _close_vignette_window(self, exposures: ExposureLookup) -> None:
+        samples = self._with_ratios(self._vignette_samples, exposures)
+        self._vignette_samples = []
+        response = self._mean_response()
+        if samples is None or response is None:
+            return
+        rows, targets = zip(*(vignette_rows(pairs, ratio, response) for pairs, ratio in samples), strict=True)
+        solver, tuning = self._settings.vignette_solver, self._settings.huber_tuning
+        coefficients = solve_vignette(np.concatenate(rows), np.concatenate(targets), solver, tuning)
+        vignette = PolynomialVignette(self._size, tuple(coefficients.tolist()))
+        if not np.all(vignette.profile(PROFILE_RADII) > 0):
+            self._vignettes.impossible += 1
+            return
+        self._accept_or_reject(self._vignettes, coefficients, estimate_ratios(samples, response, vignette))
+
+    def _accept_or_reject(self, estimates: Estimates, coefficients: FloatArray, ratios: ExposureRatios) -> None:
+        """Judge an estimate by the exposure ratios it predicts."""
+        if disagreement(ratios) > self._settings.acceptance_tolerance:
+            estimates.rejected += 1
+            return
+        estimates.accepted.append(coefficients)
+        self._ratios = ratios
+
+    # The result.
 
     def _summary(self) -> Calibration:
         response, vignette = self._mean_response(), self._mean_vignette()
+        low, high = np.exp(self._log_exposure_range)
         verdicts = {
-            "response": response_verdict(self._settings, self._responses, self._exposure_range),
+            "response": response_verdict(self._settings, self._responses, (float(low), float(high))),
             "vignette": vignette_verdict(self._settings, self._vignettes, self._reach, response is not None),
+        }
+        covariance = {
+            "response": self._responses.covariance("c", 0),
+            "vignette": self._vignettes.covariance("v", 1),
         }
         return Calibration(
             size=self._size,
             response=response,
             vignette=vignette,
             verdicts=verdicts,
-            vignette_sigma=self._vignettes.spread_of_curve(self._vignette_curves()),
+            vignette_sigma=standard_error(self._vignette_curves()),
             exposure_ratios=self._ratios,
-            covariance=self._covariance(),
+            covariance={name: known for name, known in covariance.items() if known is not None},
             max_grey=self._max_grey,
             converged=min(len(self._responses.accepted), len(self._vignettes.accepted)) >= 2,
-            counts={"pairs": self._compared, "samples": self._used},
+            counts={"pairs": self._progress.pairs, "samples": self._progress.samples},
             advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
         )
-
-    # The steps of the method, in the paper's order.
-
-    def _correspondences(self, left: Features, right: Features) -> Correspondences:
-        found = self._matcher.correspondences(left, right, self._size)
-        grey0, grey1 = found.grey0, found.grey1
-        exposed = (grey0 > 0) & (grey0 < 1) & (grey1 > 0) & (grey1 < 1)
-        # Equal grey levels, or the brighter one at the smaller exposure, contradict an increasing response.
-        ordered = (grey0 - grey1) * (found.exposure_ratio - 1) > 0
-        self._compared += 1
-        moved = found.radial_displacement
-        if len(moved):
-            self._reach = max(self._reach, float(np.quantile(moved, 0.9)))
-        return found.select(exposed & ordered)
-
-    def _still_points(self, pairs: Correspondences) -> Correspondences:
-        kept = pairs.select(pairs.radial_displacement <= self._settings.response_max_radial_displacement)
-        self._used += len(kept)
-        return kept
-
-    def _moving_points(self, pairs: Correspondences) -> Correspondences:
-        kept = pairs.select(pairs.radial_displacement >= self._settings.vignette_min_radial_displacement)
-        self._used += len(kept)
-        return kept
-
-    def _close_response_window(self) -> None:
-        pairs, self._response_samples = self._response_samples, []
-        if sum(map(len, pairs)) < self._settings.min_samples:
-            self._responses.poor += 1
-            return
-        rows = (response_rows(p, self._settings.response_degree) for p in pairs)
-        positivity: Positivity = self._settings.response_positivity  # type: ignore[assignment]
-        coefficients = solve_response(np.sum([a.T @ a for a in rows], axis=0), positivity)
-        if coefficients is None:
-            self._responses.rejected += 1
-            return
-        ratios = estimate_ratios(pairs, polynomial_response(coefficients, None, (0, 1)), None)
-        if disagreement(ratios) > self._settings.acceptance_tolerance:
-            self._responses.rejected += 1
-            return
-        self._responses.accepted.append(coefficients)
-        self._ratios = ratios
-
-    def _close_vignette_window(self) -> None:
-        pairs, self._vignette_samples = self._vignette_samples, []
-        response = self._mean_response()
-        if response is None or sum(map(len, pairs)) < self._settings.min_samples:
-            self._vignettes.poor += 1
-            return
-        rows, targets = zip(*(vignette_rows(p, response) for p in pairs), strict=True)
-        coefficients = solve_vignette(np.concatenate(rows), np.concatenate(targets), self._weights)
-        vignette = PolynomialVignette(self._size, tuple(coefficients.tolist()))
-        if not np.all(vignette.profile(PROFILE_RADII) > 0):
-            self._vignettes.impossible += 1
-            return
-        ratios = estimate_ratios(pairs, response, vignette)
-        if disagreement(ratios) > self._settings.acceptance_tolerance:
-            self._vignettes.rejected += 1
-            return
-        self._vignettes.accepted.append(coefficients)
-        self._ratios = ratios
-
-    # What the accepted estimates amount to.
 
     def _mean_response(self) -> Response | None:
         if not self._responses.accepted:
             return None
-        spread = self._responses.spread_of_curve(self._response_curves())
-        return polynomial_response(self._responses.mean, spread, (1 / 255, 254 / 255))
+        # No sample is clipped, so that black and white are outside of the support.
+        support = (float(RESPONSE_LEVELS[1]), float(RESPONSE_LEVELS[-2]))
+        return polynomial_response(self._responses.mean, standard_error(self._response_curves()), support)
 
     def _mean_vignette(self) -> PolynomialVignette | None:
         if not self._vignettes.accepted:
@@ -212,20 +621,76 @@ class PaperMethod:
         return PolynomialVignette(self._size, tuple(self._vignettes.mean.tolist()))
 
     def _response_curves(self) -> FloatArray:
-        levels = np.linspace(0, 1, 256)
-        return np.array([np.polynomial.polynomial.polyval(levels, c) for c in self._responses.accepted])
+        return np.array([polyval(RESPONSE_LEVELS, c) for c in self._responses.accepted])
 
     def _vignette_curves(self) -> FloatArray:
         estimates = self._vignettes.accepted
         return np.array([PolynomialVignette(self._size, tuple(v)).profile(PROFILE_RADII) for v in estimates])
 
-    def _covariance(self) -> dict[str, dict[str, object]]:
-        found: dict[str, dict[str, object]] = {}
-        for name, symbol, estimates in (("response", "c", self._responses), ("vignette", "v", self._vignettes)):
-            n = len(estimates.accepted)
-            if n >= 2:
-                matrix = np.cov(np.array(estimates.accepted).T) / n
-                first = 0 if name == "response" else 1
-                names = [f"{symbol}{i + first}" for i in range(len(matrix))]
-                found[name] = {"parameters": names, "matrix": matrix.tolist()}
-        return found
+
+# What could be determined, and what to record instead where it could not.
+
+
+def response_verdict(
+    settings: PaperSettings, estimates: Estimates, exposure_range_ms: tuple[float, float]
+) -> Verdict:
+    """Return whether the response is known, from the responses accepted and the shortest and longest exposure."""
+    low, high = exposure_range_ms
+    if high / low < settings.exposure_ratio_high:
+        return Verdict(
+            "not identifiable",
+            f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response leaves no trace",
+            "record with auto exposure on while moving between dark and bright places, or sweep the exposure",
+        )
+    if estimates.accepted:
+        return _verdict_of_accepted(estimates)
+    remedy = (
+        "check that exposures belong to their frames, and that gain and tone mapping are fixed"
+        if estimates.rejected
+        else "record a scene with more texture, moving slowly while the exposure changes"
+    )
+    return Verdict("not identifiable", _why_none(estimates, "small radial displacement"), remedy)
+
+
+def vignette_verdict(settings: PaperSettings, estimates: Estimates, reach: float, response_known: bool) -> Verdict:
+    """Return whether the vignette is known.
+
+    Parameters
+    ----------
+    settings
+        The method's settings.
+    estimates
+        The vignettes accepted so far.
+    reach
+        Largest radial displacement that a tenth of some pair's matches exceeded, in half diagonals.
+    response_known
+        Whether there is a response to correct the grey levels with.
+    """
+    if not response_known:
+        return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
+    if estimates.accepted:
+        return _verdict_of_accepted(estimates)
+    needed = settings.vignette_min_radial_displacement
+    reason = (
+        f"hardly any scene point moves radially by {needed:g} of the half diagonal "
+        f"(nine in ten move less than {reach:.2g})"
+        if reach < needed
+        else _why_none(estimates, "large radial displacement")
+    )
+    remedy = "pan and roll the camera so that the same objects cross the image between centre and corners"
+    return Verdict("not identifiable", reason, remedy)
+
+
+def _verdict_of_accepted(estimates: Estimates) -> Verdict:
+    count = len(estimates.accepted)
+    if count < 2:
+        return Verdict("marginal", "a single window of frames gave an estimate", "record longer")
+    return Verdict("identifiable", f"{count} windows of frames gave estimates that were accepted")
+
+
+def _why_none(estimates: Estimates, wanted: str) -> str:
+    if estimates.rejected:
+        return f"none of {estimates.rejected} estimates predicted the exposure ratios of the metadata"
+    if estimates.impossible:
+        return f"none of {estimates.impossible} estimates is positive everywhere"
+    return f"too few matches with {wanted} between frames of different exposure"

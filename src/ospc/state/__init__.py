@@ -1,1 +1,1 @@
-"""Values on disk that can be continued and added to one another: one safe container, and typed values in it."""
+"""States in files: a checksummed container, and dataclasses packed into it."""

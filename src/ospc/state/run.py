@@ -1,4 +1,4 @@
-"""The state of a run over a recording: one file from which it goes on, and from which it can be merged."""
+"""The state of a run over a recording: one file to resume from, and to merge with others."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from ospc.state import container
 from ospc.state.container import Array, Container
 from ospc.state.values import layout, pack, unpack
 
-KIND, VERSION = "calibrator", 2
-"""What files say they hold."""
+KIND, VERSION = "calibrator", 3
+"""What the files claim to hold."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class RunState:
-    """What a run knows beside its method.
+    """What a run knows besides the state of its method.
 
     Attributes
     ----------
     settings
         Name of the preset and all settings.
     size, max_grey
-        Of the frames; (0, 0) and 0 before there was one.
+        Size of the frames in pixels, and their largest grey value; (0, 0) and 0 before the first.
     frames
         Frames pushed.
     skipped, reasons
-        How many of them could not be used, and why the last ones could not.
+        Number of frames that could not be used, and why the last of them could not.
     first_reasons
-        Why the first ones could not.
+        Why the first of them could not.
     first_frames
-        Hash over the first usable frames, and how many it covers: tells live streams apart.
+        Hash over the first usable frames, and how many it covers; it tells live streams apart.
     source
         Identification of the recording, empty for a live stream.
     versions
-        Versions of the software that made it.
+        Versions of the software that wrote the state.
     """
 
     settings: dict[str, Any]
@@ -57,14 +57,14 @@ class RunState:
 
 @dataclass(frozen=True)
 class SavedRun:
-    """A file's content, of which the larger parts are unpacked when asked for.
+    """The content of a file; its larger parts are unpacked on demand.
 
     Attributes
     ----------
     name
-        What to call the file in messages.
+        Name of the file for messages.
     run
-        What the run knows.
+        All but the method's state.
     """
 
     name: str
@@ -73,12 +73,12 @@ class SavedRun:
     _arrays: Mapping[str, Array] = field(repr=False)
 
     def method(self, kind: type[T]) -> T | None:
-        """Return the state of the method, None where no frame had been usable.
+        """Return the state of the method; None where there was no usable frame.
 
         Raises
         ------
         FormatError
-            If another version of the method made it.
+            If another version of the method wrote it.
         """
         if self._content.get("method") is None:
             return None

@@ -1,7 +1,7 @@
-"""Dataclasses as JSON and arrays, and back: by the types their fields declare, so a file can only hold what fits.
+"""Dataclasses as JSON and arrays, and back, by the declared types of their fields.
 
-No name of a class or function is ever read from a file. What is packed is decided by the type annotations alone:
-truth values, numbers, texts, arrays, tuples, lists, None, and dataclasses of these.
+The type annotations alone decide what is read: booleans, numbers, strings, arrays, tuples, lists, None, and
+dataclasses of these. No name of a class or function is ever taken from a file.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
     value
         The dataclass.
     name
-        What the names of its arrays begin with.
+        Prefix of the names of its arrays.
 
     Raises
     ------
     TypeError
-        If there is something in it that no file may hold.
+        If a value has a type that cannot be stored.
     """
     arrays: dict[str, Array] = {}
     return _packed(value, type(value), name, arrays), arrays
 
 
 def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T:
-    """Return the dataclass that :func:`pack` made content and arrays of.
+    """Return the dataclass whose content and arrays :func:`pack` returned.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T
 
 
 def layout(kind: type[Any]) -> str:
-    """Return a hash of the names and types of all fields of a dataclass, those of its parts included."""
+    """Return a hash of the names and types of all fields of a dataclass and of the dataclasses in it."""
     return sha256(_described(kind).encode()).hexdigest()[:16]
 
 
@@ -77,7 +77,7 @@ def _described(hint: Any) -> str:
 
 
 def _is_column_wise(kind: Any) -> bool:
-    """Tell whether a list of these is packed as one array a field: thousands of small arrays would be slow."""
+    """Tell whether a list of these is packed as one array per field; thousands of small arrays would be slow."""
     return is_dataclass(kind) and all(get_origin(h) is np.ndarray for h in _hints(typing.cast(type, kind)).values())
 
 

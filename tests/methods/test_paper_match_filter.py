@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.correspondence.match_filter import DirectionFilter
+from ospc.methods.paper import follows_its_block
+from ospc.settings import PaperSettings
 
 SIZE = (300, 200)
 seeds = st.integers(0, 2**32 - 1)
 BLOCKS = 3
+SETTINGS = replace(PaperSettings(), filter_blocks=BLOCKS)
+ANY_LENGTH = replace(SETTINGS, filter_length_sigmas=1e9)
 
 
 def matches(seed, count=150):
@@ -24,9 +29,9 @@ def matches(seed, count=150):
     return points, direction, random.uniform(5, 15, count)
 
 
-def survivors(points, direction, length, *, size=SIZE, **settings):
+def survivors(points, direction, length, *, size=SIZE, settings=SETTINGS):
     displacement = length[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1)
-    return DirectionFilter(blocks=BLOCKS, **settings)(points, points + displacement, size)
+    return follows_its_block(points, points + displacement, size, settings)
 
 
 def blocks_of(points, blocks=BLOCKS, size=SIZE):
@@ -78,7 +83,7 @@ def test_the_scale_of_the_image_does_not_matter(seed, scale):
 @given(seeds)
 def test_survivors_of_a_block_point_one_way_and_outnumber_any_other_such_group(seed):
     points, direction, length = matches(seed)
-    kept = survivors(points, direction, length, length_sigmas=np.inf)
+    kept = survivors(points, direction, length, settings=ANY_LENGTH)
     for block in range(BLOCKS**2):
         inside = blocks_of(points) == block
         if inside.sum() <= 5:
@@ -94,12 +99,12 @@ def test_survivors_of_a_block_point_one_way_and_outnumber_any_other_such_group(s
 @given(seeds)
 def test_blocks_decide_for_themselves(seed):
     points, direction, length = matches(seed)
-    kept = survivors(points, direction, length, length_sigmas=np.inf)
+    kept = survivors(points, direction, length, settings=ANY_LENGTH)
     block = blocks_of(points)
     for number in np.unique(block):
         alone = block == number
         np.testing.assert_array_equal(
-            survivors(points[alone], direction[alone], length[alone], length_sigmas=np.inf), kept[alone]
+            survivors(points[alone], direction[alone], length[alone], settings=ANY_LENGTH), kept[alone]
         )
 
 
@@ -114,7 +119,9 @@ def test_only_blocks_of_more_than_five_matches_are_judged(count, left):
 @given(seeds, st.floats(0.5, 3.0))
 def test_no_survivor_is_longer_than_the_rule_allows(seed, sigmas):
     points, direction, length = matches(seed)
-    kept = survivors(points, np.zeros_like(direction), length, length_sigmas=sigmas)
+    kept = survivors(
+        points, np.zeros_like(direction), length, settings=replace(SETTINGS, filter_length_sigmas=sigmas)
+    )
     np.testing.assert_array_equal(kept, length <= length.mean() + sigmas * length.std())
 
 
@@ -125,6 +132,6 @@ def test_points_on_the_far_border_belong_to_the_last_block():
 
 def test_nothing_comes_of_nothing():
     empty = np.empty((0, 2))
-    assert DirectionFilter()(empty, empty, SIZE).shape == (0,)
+    assert follows_its_block(empty, empty, SIZE, PaperSettings()).shape == (0,)
     still = np.full((8, 2), 10.0)
-    assert DirectionFilter()(still, still, SIZE).all()
+    assert follows_its_block(still, still, SIZE, PaperSettings()).all()
