@@ -19,6 +19,7 @@ from ospc.estimation.robust import (
 from ospc.photometry.response import Response
 
 DEGREE = 3
+"""Terms R², R⁴ and R⁶ of the paper's vignette (paper, eq. radial)."""
 
 
 def vignette_rows(pairs: Correspondences, response: Response) -> tuple[FloatArray, FloatArray]:
