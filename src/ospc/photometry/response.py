@@ -54,9 +54,7 @@ class Response:
             raise FormatError("an inverse response must be finite everywhere")
         if not np.all(np.diff(table) > 0):
             worst = int(np.argmin(np.diff(table)))
-            raise FormatError(
-                f"an inverse response must increase strictly; this one does not after grey level {worst}"
-            )
+            raise FormatError(f"an inverse response must increase strictly; it does not after grey level {worst}")
         if abs(table[0]) > 1e-9 or abs(table[-1] - 1) > 1e-9:
             raise FormatError(
                 "an inverse response must begin at 0 and end at 1; use Response.from_values to normalise"
