@@ -5,7 +5,8 @@ with the two ends of it on six simulated recordings (200 frames of 480×360 pixe
 both noise levels, and one each with moving objects and with flicker). "No effect" means that the medians over them of
 the response's shape error, κ and the vignette's error changed by less than 3 per cent; otherwise the change is
 stated. "Raises the vignette error by half" and "raises κ by a quarter" mostly stand for one recording in which
-another model of the vignette is chosen."""
+another model of the vignette is chosen.
+"""
 
 from __future__ import annotations
 
