@@ -121,7 +121,7 @@ class DefaultSettings:
     views
         Most keyframes kept to compare with.
     max_log_ratio
-        Change of exposure, in ln, beyond which a pair does not tell more about the response.
+        Change of exposure, in ln, beyond which a pair has no more information on the response.
     longest_side_px
         Length of the longer side, in pixels, to which images are reduced before they are compared.
     smoothing_px

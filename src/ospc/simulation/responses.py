@@ -39,7 +39,7 @@ def logarithmic(steepness: float = 50.0) -> Response:
 
 
 def filmic(exponent: float = 1.25, half: float = 0.18) -> Response:
-    """Return an S-curve with toe and shoulder, f(I) = (1 + c) I^p / (I^p + c), with c = ``half``^p.
+    """Return an S-curve with toe and shoulder, f(I) = (1 + c) I^p / (I^p + c), where c = halfᵖ.
 
     This is the function of Naka and Rushton (1966), scaled to reach 1. Its inverse is
     g(M) = (cM / (1 + c − M))^(1/p).
