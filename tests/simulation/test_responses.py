@@ -7,7 +7,7 @@ import pytest
 
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.response import Response
-from ospc.simulation.responses import RESPONSES, make_response, read_response
+from ospc.simulation.responses import RESPONSES, make_response
 
 GREY = np.linspace(0, 1, 256)
 
@@ -62,7 +62,7 @@ def test_a_file_that_is_no_response_is_refused(tmp_path, content):
     path = tmp_path / "pcalib.txt"
     path.write_text(content, encoding="latin-1")
     with pytest.raises(FormatError, match=r"pcalib\.txt"):
-        read_response(path)
+        make_response(path)
 
 
 def test_an_unknown_name_is_refused():

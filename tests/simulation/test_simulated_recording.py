@@ -103,7 +103,8 @@ def test_pcalib_keeps_the_rules_of_its_readers(tmp_path, name):
     assert values.shape == (256,)
     assert (values[0], values[-1]) == (0, 255)
     assert np.all(np.diff(values.astype(np.float32)) > 0)
-    np.testing.assert_allclose(values / 255, made.response.resampled(256), rtol=1e-9, atol=1e-12)
+    # The programs read 32-bit floats, and as such the values are written.
+    np.testing.assert_allclose(values / 255, made.response.resampled(256), rtol=1e-7)
 
 
 def test_the_other_files_keep_the_rules_of_their_readers(recording):

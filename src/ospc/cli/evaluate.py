@@ -1,4 +1,4 @@
-"""``ospc evaluate``: figures of merit of what is made with a calibration."""
+"""``ospc evaluate``: the effect of a calibration on tracking and odometry."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @click.group("evaluate")
 def command() -> None:
-    """Evaluate trajectories, and what a calibration does for tracking."""
+    """Evaluate trajectories, and the effect of a calibration on tracking."""
 
 
 command.add_command(odometry)
@@ -30,13 +30,13 @@ command.add_command(odometry)
 @click.option("--interval", default=1.0, show_default=True, help="Seconds between the poses of relative errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> None:
-    """Drift of TRAJECTORY from the alignments to the two halves of TRUTH.
+    """Compute the drift of TRAJECTORY from its alignments to the two halves of TRUTH.
 
-    Both hold rows 'stamp tx ty tz qx qy qz qw', as result.txt of DSO and groundtruthSync.txt of the TUM monocular
-    data set; rows of NaN in the truth are unknown. Prints e_align (root mean square distance between the trajectory
-    aligned to the first half and to the second, in units of the truth), e_s (ratio of the two scales), e_r (angle
-    between the two rotations, in degrees), and after one similarity over all poses with truth the absolute error
-    (ATE) and that of motions over an interval (RPE), root mean squares.
+    Both files have rows 'stamp tx ty tz qx qy qz qw', like result.txt of DSO and groundtruthSync.txt of the TUM
+    monocular dataset. Rows of the truth with NaN are unknown. Prints e_align (root mean square distance between the
+    trajectory aligned to the first half and aligned to the second, in units of the truth), e_s (ratio of the two
+    scales) and e_r (angle between the two rotations, in degrees). After one alignment to all poses with truth, it
+    also prints the root mean square absolute error (ATE) and that of the motions over an interval (RPE).
     """
     from ospc.errors import FormatError, NotObservableError
     from ospc.evaluation.trajectory import alignment_error, read_trajectory, relative_pose_error
@@ -66,7 +66,7 @@ def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> Non
 
 def _print_drift(figures: dict[str, Any]) -> None:
     click.echo("e_align  {e_align:.4f}   in units of the truth".format(**figures))
-    click.echo("e_s      {e_s:.4f}   scale by the first half over scale by the second".format(**figures))
+    click.echo("e_s      {e_s:.4f}   scale of the first alignment over that of the second".format(**figures))
     click.echo("e_r      {e_r_deg:.3f}°   in degrees".format(**figures))
     click.echo("ATE      {ate:.4f}   after one alignment to all of the truth, in its units".format(**figures))
     if figures["rpe_translation"] is None:
@@ -86,22 +86,22 @@ def _print_drift(figures: dict[str, Any]) -> None:
     "--calibration", required=True, help="calibration.json, 'pcalib.txt,vignette.png', or a folder with them."
 )
 @click.option(
-    "--assume-missing", is_flag=True, help="Take a response that is unknown for linear, a vignette for none."
+    "--assume-missing", is_flag=True, help="Take an unknown response as linear and an unknown vignette as none."
 )
-@click.option("--kind", help="Kind of recording, instead of recognising it (tum_mono, euroc, …).")
+@click.option("--kind", help="Kind of recording (tum_mono, euroc, …), if it is not recognised.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def tracking(recording: Path, calibration: str, assume_missing: bool, kind: str | None, as_json: bool) -> None:
-    """Tell whether a calibration helps to track points in RECORDING, and how much.
+    """Measure whether a calibration helps to track points in RECORDING, and how much.
 
-    Corners of the frames as they are get followed by the Lucas-Kanade method, with the same settings, through the
-    frames as they are and through frames as the camera would have recorded them without vignette and, two
-    successive ones each, at one exposure. A track is lost where the method gives up, where following it back ends
-    more than a pixel away, where the two windows differ by more than half of the contrast within them, or where the
-    mean grey level has changed by more than that since the track began, which direct methods do not endure. One that
-    leaves the image is not lost but merely no longer watched.
+    Corners of the raw frames are tracked by the Lucas-Kanade method with the same settings through the raw frames and
+    through corrected ones: as the camera would have recorded them without vignette and, for each two successive
+    frames, at the same exposure. A track is lost if the method fails, if tracking it back ends more than a pixel
+    away, if the two windows differ by more than half of their contrast, or if the mean grey level has changed by more
+    than that since the track began, which direct methods do not tolerate. A track that leaves the image is not lost;
+    it just ends.
 
-    The brightness residual is the change of a track's mean grey level since its beginning, relative to the contrast
-    within its window: what a direct method has to explain away.
+    The brightness residual is the change of a track's mean grey level since its start, relative to the contrast
+    within its window. A direct method has to account for it.
     """
     from ospc.correction.recording import corrector_for
     from ospc.evaluation.tracking import compare_tracking

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a request to finish early instead of losing everything."""
+"""Ctrl-C and SIGTERM as a request to finish early and keep the results so far."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from typing import Any, Literal
 _Mode = Literal["at once", "deferred", "held"]
 
 _SAME_S = 2.0
-"""Signals within this time are one request: keys repeat, and a long step of the work delays their notice."""
+"""Signals within this time, in seconds, count as one request: keys repeat, and the first may be noticed late."""
 
 
 class Interruption:
-    """Catches SIGINT and SIGTERM while it is entered.
+    """Handles SIGINT and SIGTERM as a context manager.
 
-    At first, a signal raises ``KeyboardInterrupt`` at once. While :meth:`deferred`, the first only sets
-    :attr:`requested`, so that no step of the work is cut in two, and one that comes some seconds later raises. While
+    By default, a signal raises ``KeyboardInterrupt`` at once. Within :meth:`deferred`, the first only sets
+    :attr:`requested`, so that no step of the work is interrupted; a second one, some seconds later, raises. Within
     :meth:`held`, none raises.
     """
 
@@ -32,7 +32,7 @@ class Interruption:
 
     @property
     def count(self) -> int:
-        """How many signals there were."""
+        """Number of signals so far."""
         return self._count
 
     @property
@@ -42,18 +42,18 @@ class Interruption:
 
     @contextmanager
     def deferred(self) -> Iterator[None]:
-        """Let the first signal wait until it is asked for."""
+        """Defer the first signal until the caller asks for :attr:`requested`."""
         with self._switched("deferred"):
             yield
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Let all signals wait: for the moment in which files are written."""
+        """Hold back all signals, while files are written."""
         with self._switched("held"):
             yield
 
     def __enter__(self) -> Interruption:
-        # Python lets only the main thread handle signals; elsewhere they stay with whoever runs it.
+        # Only the main thread can handle signals; in others, the handlers stay as they are.
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._before[number] = signal.signal(number, self._handle)

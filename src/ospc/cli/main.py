@@ -1,4 +1,4 @@
-"""The ``ospc`` command: loads a subcommand only when it is called, and turns errors into one line."""
+"""The ``ospc`` command: imports a subcommand only when it is called, and prints errors as one line."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from ospc import __version__
 from ospc.errors import OspcError
 
 _COMMANDS = {
-    "batch": "Calibrate many recordings, here or on a cluster, and merge those of one camera.",
-    "bench": "Measure the methods on recordings whose truth is known.",
+    "batch": "Calibrate many recordings, locally or on a cluster, and merge those of one camera.",
+    "bench": "Benchmark the methods on recordings with known truth.",
     "calibrate": "Calibrate the camera of a recording.",
-    "check": "Say what a calibration of a recording could find, and what is wrong with it.",
+    "check": "Check whether a recording is suitable for calibration, and what is wrong with it.",
     "compare": "Compare two calibrations.",
-    "convert": "Write any recording as a folder that DSO and its descendants read.",
-    "correct": "Take response and vignette out of a recording's images.",
+    "convert": "Convert any recording to a folder that DSO and its descendants read.",
+    "correct": "Remove response and vignette from the images of a recording.",
     "demo": "Simulate a short recording, calibrate it and compare with the truth.",
-    "evaluate": "Evaluate trajectories, and what a calibration does for tracking.",
-    "experiments": "Make the paper's figures and tables anew.",
-    "export": "Write a calibration for another program.",
-    "import": "Make a calibration of somebody else's pcalib.txt and vignette.png.",
-    "report": "Write the report on a calibration anew, as a page for browsers or PDF.",
-    "merge": "Make one calibration of several recordings of one camera.",
-    "record": "Film with a camera into a folder that can be calibrated.",
-    "simulate": "Make a recording with known truth.",
+    "evaluate": "Evaluate trajectories, and the effect of a calibration on tracking.",
+    "experiments": "Reproduce the figures and tables of the paper.",
+    "export": "Export a calibration for another program.",
+    "import": "Import a calibration from pcalib.txt and vignette.png, or from another program.",
+    "report": "Write the report on a calibration again, as HTML or PDF.",
+    "merge": "Combine several recordings of one camera into one calibration.",
+    "record": "Record from a camera to a folder that can be calibrated.",
+    "simulate": "Simulate a recording with known truth.",
     "validate": "Check parameter files against the rules of the programs that read them.",
 }
-"""Name of each command, which is also its module's, and its line in the overview."""
+"""Name of each command, also that of its module, and its line in the overview."""
 
 _MODULES = {"import": "import_"}
-"""Modules of commands whose own name no module can have."""
+"""Modules of commands whose name is a keyword of Python."""
 
 
 class _Commands(click.Group):
@@ -59,7 +59,7 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Run the command; an expected error becomes one line on standard error and exit code 1."""
+    """Run the command; expected errors become one line on standard error and exit code 1."""
     try:
         cli(prog_name="ospc")
     except OspcError as error:

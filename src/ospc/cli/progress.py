@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def progress_bar(stage: str, total: int, *, visible: bool) -> Iterator[Callable[[int, int], None]]:
-    """Give a function that shows how many frames are done, or does nothing where nobody looks."""
+    """Yield a function that shows how many frames are done, or does nothing if the bar is not visible."""
     if not visible:
         yield lambda _done, _total: None
         return

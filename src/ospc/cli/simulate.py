@@ -1,4 +1,4 @@
-"""``ospc simulate``: make a recording with known truth."""
+"""``ospc simulate``: simulate a recording with known truth."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _exposures_of(path: Path) -> tuple[float, ...]:
 @click.option("--frames", default=500, show_default=True, help="Number of images.")
 @click.option("--size", default="640x480", show_default=True, callback=_size, help="Width x height in pixels.")
 @click.option("--fps", default=20.0, show_default=True, help="Images per second.")
-@click.option("--seed", default=0, show_default=True, help="Seeds scene, motion and noise.")
+@click.option("--seed", default=0, show_default=True, help="Seed of scene, motion and noise.")
 @click.option(
     "--response",
     default="gamma2.2",
@@ -56,7 +56,7 @@ def _exposures_of(path: Path) -> tuple[float, ...]:
     "--vignette",
     default="polynomial",
     show_default=True,
-    help="none, polynomial, cos4, decentred, or an image.",
+    help="none, polynomial, cos4, decentred, or a vignette.png.",
 )
 @click.option(
     "--vignette-coefficients",
@@ -70,14 +70,14 @@ def _exposures_of(path: Path) -> tuple[float, ...]:
     type=click.Choice(["auto", "sweep", "cycle", "file", "constant"]),
     default="auto",
     show_default=True,
-    help="How exposures come about.",
+    help="How the exposures are set.",
 )
-@click.option("--exposure-range", nargs=2, type=float, metavar="MIN MAX", help="Limits in ms of auto and sweep.")
-@click.option("--exposures", metavar="MS,MS,…", callback=_numbers, help="Exposures of cycle; one for constant.")
+@click.option("--exposure-range", nargs=2, type=float, metavar="MIN MAX", help="Limits of auto and sweep, in ms.")
+@click.option("--exposures", metavar="MS,MS,…", callback=_numbers, help="Exposures in ms of cycle; one for constant.")
 @click.option(
     "--exposure-file",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="For file: one exposure in ms at each line's end, as in times.txt.",
+    help="For file: exposures in ms, the last column of a text file such as times.txt.",
 )
 @click.option(
     "--motion",
@@ -86,20 +86,26 @@ def _exposures_of(path: Path) -> tuple[float, ...]:
     show_default=True,
 )
 @click.option("--speed", default=1.0, show_default=True, help="Factor on the speed of the motion.")
-@click.option("--lag", default=0, show_default=True, help="Frames by which the metadata come late.")
-@click.option("--metadata-error", default=0.0, show_default=True, help="Relative error of the metadata (sigma).")
-@click.option("--flicker", default=0.0, show_default=True, help="Relative amplitude of the light's flicker.")
-@click.option("--moving-objects", default=0, show_default=True, help="Patches that move in front of the scene.")
-@click.option("--motion-blur", "motion_blur_samples", default=1, show_default=True, help="Instants averaged a frame.")
+@click.option("--lag", default=0, show_default=True, help="Number of frames by which the metadata are late.")
+@click.option(
+    "--metadata-error", default=0.0, show_default=True, help="Relative standard deviation of errors in the metadata."
+)
+@click.option("--flicker", default=0.0, show_default=True, help="Relative amplitude of flicker of the light.")
+@click.option(
+    "--moving-objects", default=0, show_default=True, help="Number of patches that move in front of the scene."
+)
+@click.option(
+    "--motion-blur", "motion_blur_samples", default=1, show_default=True, help="Instants averaged per frame."
+)
 @click.option("--bit-depth", default=8, show_default=True, help="Bits per grey value, 8 to 16.")
 @click.option("--jpg", is_flag=True, help="Store JPEG instead of PNG.")
 @click.option("--archive", is_flag=True, help="Store images.zip instead of the folder images.")
 @click.option("--force", is_flag=True, help="Replace an earlier simulated recording at OUT.")
 def command(out: Path, force: bool, **options: Any) -> None:
-    """Make a recording with known truth in the folder OUT.
+    """Simulate a recording with known truth in the folder OUT.
 
-    The folder gets images, times.txt and camera.txt, as a real recording has them, and what is true of it:
-    pcalib.txt, vignette.png, groundtruthSync.txt and truth.json.
+    The folder contains images, times.txt and camera.txt like a real recording, and the truth in pcalib.txt,
+    vignette.png, groundtruthSync.txt and truth.json.
     """
     from rich.progress import Progress
 
@@ -122,7 +128,7 @@ def command(out: Path, force: bool, **options: Any) -> None:
 
 
 def _settings(options: dict[str, Any]) -> SimulationSettings:
-    """Turn the command's options into settings of the simulation."""
+    """Return the settings of the simulation from the options of the command."""
     from ospc.simulation import SimulationSettings
 
     limits, listed, source = (options.pop(name) for name in ("exposure_range", "exposures", "exposure_file"))
@@ -134,7 +140,7 @@ def _settings(options: dict[str, Any]) -> SimulationSettings:
         options["exposures_ms"], options["exposure_ms"] = listed, listed[0]
     if options["exposure"] == "file":
         if source is None:
-            raise SettingError("--exposure file needs --exposure-file with one exposure a frame")
+            raise SettingError("--exposure file needs --exposure-file with one exposure for each frame")
         options["exposures_ms"] = _exposures_of(source)[: options["frames"]]
     if coefficients:
         options["vignette_coefficients"] = coefficients

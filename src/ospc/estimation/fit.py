@@ -1,4 +1,4 @@
-"""What a fit of response and vignette found, and how sure it is."""
+"""The result of a fit of response and vignette, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.settings.estimation import SYSTEMATIC_VIGNETTE_SHARE
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
-_SYSTEMATIC_SHARE = 0.008
-"""Share of ln V by which registration, drawn to where brightness agrees, is wrong however many samples there are;
-measured on simulated recordings."""
+"""Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Fit:
     Attributes
     ----------
     response_basis, vignette_basis
-        What the parameters multiply.
+        The bases that the parameters belong to.
     parameters
         Response coefficients, then vignette parameters, shape (p,).
     covariance
@@ -33,11 +32,12 @@ class Fit:
     errors
         Error model of the observations.
     hyperparameters
-        PriorHyperparameters of the prior that the data chose.
+        Hyperparameters of the prior, as chosen by the data.
     misfit
-        Tempered sum of squared residuals: comparable between vignette models of the same observations.
+        Weighted sum of squared residuals times the information scale; comparable between vignette models of the same
+        observations.
     points
-        Number of scene points with weight.
+        Number of scene points in which some observation has weight.
     groups
         Number of groups of observations.
     """
@@ -77,15 +77,16 @@ class Fit:
     def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,).
 
-        It is the root mean square of those towards the four corners, which differ where the centre is elsewhere.
+        It is the root mean square over the directions to the four corners, which differ if the centre is not that of
+        the image.
         """
         along = _along_diagonals(radius)
         value = self.vignette_basis.log_value(self.vignette_parameters, along).reshape(len(_DIAGONALS), -1)
-        systematic = np.mean((_SYSTEMATIC_SHARE * value) ** 2, axis=0)
+        systematic = np.mean((SYSTEMATIC_VIGNETTE_SHARE * value) ** 2, axis=0)
         return np.asarray(np.sqrt(self.chance_log_vignette_sigma(radius) ** 2 + systematic))
 
     def chance_log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
-        """Return the part of :meth:`log_vignette_sigma` that more samples would reduce, shape (n,) -> (n,)."""
+        """Return the random part of :meth:`log_vignette_sigma`, which more samples reduce, shape (n,) -> (n,)."""
         n = len(self.response_basis)
         rows = self.vignette_basis.jacobian(self.vignette_parameters, _along_diagonals(radius))
         variance = np.einsum("ij,jk,ik->i", rows, self.covariance[n:, n:], rows)
@@ -100,5 +101,5 @@ class Fit:
 
 
 def _along_diagonals(radius: FloatArray) -> FloatArray:
-    """Return the places at radii towards the four corners, shape (n,) -> (4 n, 2)."""
+    """Return the positions at radii along the four half diagonals, shape (n,) -> (4 n, 2)."""
     return np.asarray((radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2))

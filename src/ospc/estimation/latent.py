@@ -1,10 +1,10 @@
-"""The radiance of every scene point, eliminated: what the observations say given response and vignette.
+"""The latent radiance of every scene point, and the observations linearised about the grey levels it predicts.
 
-A point of log radiance u shows h(M) = u + ln e + ln V(x), with h = ln g. Its u is the weighted mean over its
-observations. The model is linearised at the grey levels that u predicts, not at the noisy ones measured. The rows of
-the linear system are then functions of the model and the exposures, their noise is orthogonal to that of the
-right-hand side, and the fit is not attenuated: this is the orthogonal distance in grey levels, or maximum likelihood
-with latent irradiance.
+A point of log radiance u gives h(M) = u + ln e + ln V(x), with h = ln g; its u is estimated by the weighted mean over
+its observations. The model is linearised at the grey levels that u predicts, not at the noisy measured ones. The rows
+of the linear system then depend on the model and the exposures only, their noise is orthogonal to that of the
+right-hand side, and the fit is not attenuated. This is orthogonal distance regression in grey levels, or maximum
+likelihood with latent irradiance.
 """
 
 from __future__ import annotations
@@ -20,26 +20,27 @@ from ospc.estimation.noisy_mean import mean_shift
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
-
-DARKEST = 0.25 / 255
-"""Lowest grey level with a logarithm of its own."""
-
-_FARTHEST = 6.0
-_ITERATIONS = 3
+from ospc.settings.estimation import (
+    DARKEST_GREY,
+    LATENT_ITERATIONS,
+    MAX_DEVIATION_SIGMAS,
+    MIN_ONE_MINUS_LEVERAGE,
+    PIXEL_NOISE_STRIDE,
+)
 
 
 @dataclass(frozen=True)
 class Latent:
-    """The observations as the current model sees them.
+    """The observations, linearised with the current model.
 
     Attributes
     ----------
     index
-        Index into the basis's grid of the grey level the model predicts, shape (n,).
+        Index of the predicted grey level in the basis's grid, shape (n,).
     grey
-        That grey level, shape (n,).
+        Predicted grey level, shape (n,).
     log_response_slope
-        dh/dM there, shape (n,).
+        dh/dM at the predicted grey level, shape (n,).
     linear_log
         h at the measured grey level, linearised at the predicted one, shape (n,).
     precision
@@ -49,7 +50,7 @@ class Latent:
     residual
         linear_log − ln e − ln V − u, shape (n,).
     studentised
-        Residual over its standard deviation, leverage taken into account, shape (n,).
+        Residual over its standard deviation, which accounts for the leverage, shape (n,).
     one_minus_leverage
         One minus the leverage, shape (n,).
     """
@@ -67,12 +68,12 @@ class Latent:
 
 @dataclass(frozen=True)
 class LatentModel:
-    """Predicts the observations from a response, a vignette and an error model.
+    """Linearises observations with a response, a vignette and an error model.
 
     Attributes
     ----------
     basis
-        The response's basis.
+        Basis of the response.
     log_response
         h on the basis's grid.
     gamma
@@ -80,10 +81,10 @@ class LatentModel:
     errors
         Error model of the observations.
     noise
-        Noise of the single pixels behind an observation: clipping it shifts means near black and white. None where an
-        observation is a single pixel, so that the error model tells.
+        Noise of the single pixels that an observation is a mean of: clipped, it shifts the mean near black and white.
+        None where an observation is a single pixel; the error model then describes its noise.
     trusted
-        Whether the model is good enough to predict; otherwise it is linearised at the measured grey levels.
+        Whether the model is good enough to predict grey levels; otherwise it is linearised at the measured ones.
     """
 
     basis: ResponseBasis
@@ -94,7 +95,7 @@ class LatentModel:
     trusted: bool
 
     def __call__(self, observations: Observations, log_vignette: FloatArray, weight: FloatArray) -> Latent:
-        """Return the observations as the model sees them.
+        """Return the linearised observations.
 
         Parameters
         ----------
@@ -105,17 +106,19 @@ class LatentModel:
         weight
             Robust weights, shape (n,).
         """
-        measured = np.clip(observations.grey, DARKEST, 1.0)
+        measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
         offset = observations.log_exposure + log_vignette
         state = self._linearised(measured, measured, offset, weight, observations)
         if self.trusted:
-            for _ in range(_ITERATIONS):
-                near = _FARTHEST / (state.log_response_slope * np.sqrt(state.precision))
+            for _ in range(LATENT_ITERATIONS):
+                near = MAX_DEVIATION_SIGMAS / (state.log_response_slope * np.sqrt(state.precision))
                 predicted = np.interp(state.mean + offset, self.log_response, self.basis.grid)
                 grey = np.clip(predicted, measured - near, measured + near)
                 state = self._linearised(measured, grey, offset, weight, observations)
         residual = state.linear_log - offset - state.mean
-        one_minus_leverage = np.clip(1 - weight * state.precision / np.maximum(state.total, 1e-300), 1e-3, 1)
+        one_minus_leverage = np.clip(
+            1 - weight * state.precision / np.maximum(state.total, 1e-300), MIN_ONE_MINUS_LEVERAGE, 1
+        )
         return Latent(
             index=state.index,
             grey=state.grey,
@@ -130,7 +133,7 @@ class LatentModel:
 
     @cached_property
     def _log_response_slope(self) -> FloatArray:
-        return self.gamma / np.maximum(self.basis.grid, DARKEST)
+        return self.gamma / np.maximum(self.basis.grid, DARKEST_GREY)
 
     @cached_property
     def _irradiance(self) -> FloatArray:
@@ -145,7 +148,7 @@ class LatentModel:
         """Noise of single pixels."""
         if self.noise is not None:
             return self.noise
-        grid = slice(None, None, 16)
+        grid = slice(None, None, PIXEL_NOISE_STRIDE)
         slope = 1 / np.maximum(self._log_response_slope[grid], 1e-12)
         variance = self.errors.variance(self.basis.grid[grid], slope, self._irradiance[grid], np.zeros(1))
         return NoiseModel(0.0, 0.0, tuple(variance))
@@ -158,7 +161,7 @@ class LatentModel:
         weight: FloatArray,
         observations: Observations,
     ) -> _Linearised:
-        # The grid is finer than anything that matters here: its nearest point is as good a place to linearise at.
+        # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
         level, log_response_slope = self.basis.grid[index], self._log_response_slope[index]
         excess = measured - level
@@ -199,13 +202,13 @@ def weighted_means(
     Returns
     -------
     tuple of FloatArray
-        Shapes (n,) and that of ``values``; the mean is zero where all weights are.
+        Shapes (n,) and that of ``values``; the mean is zero where all weights of a point are.
     """
     columns = values if values.ndim == 2 else values[:, None]
     weighted = columns * weights[:, None]
     counts = observations.counts
     if len(counts) and np.all(counts == counts[0]):
-        # Pairs, and static series, have as many observations of each point: plain sums, no index.
+        # Pairs and static series have the same number of observations of every point: plain sums are faster.
         shape = (len(counts), counts[0])
         total = weights.reshape(shape).sum(axis=1)
         mean = weighted.reshape(*shape, -1).sum(axis=1)

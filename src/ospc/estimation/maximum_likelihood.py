@@ -26,15 +26,21 @@ from ospc.estimation.robust import robust_scale
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
-
-_CHUNK = 20_000
-_FLOOR = 0.05
-_CORE = 3.0
-_CUT = 4.5
-_CLEAR = 2.0
-_SETTLED = 0.1
-_GROUPS_PER_BLOCK = 12
-_MIN_BLOCKS = 16
+from ospc.settings.estimation import (
+    CHUNK_OBSERVATIONS,
+    CLEAR_OF_ENDS_SIGMAS,
+    GROUPS_PER_BLOCK,
+    MAX_DARK_CLEARANCE,
+    MAX_GAMMA_CHANGE,
+    MIN_BLOCKS,
+    MIN_GAMMA,
+    MIN_SANDWICH_FACTOR,
+    SETTLED_SIGMAS,
+    START_DRIFT,
+    START_WALK,
+    WEIGHT_CUT_SIGMAS,
+    WEIGHT_SCALE_SIGMAS,
+)
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ class MaximumLikelihoodEstimator:
         parameters = self._first_parameters(start)
         errors = start.errors if start else ErrorModel()
         weight = np.ones(len(observations))
-        hyperparameters = start.hyperparameters if start else PriorHyperparameters(1.0, 1.0)
+        hyperparameters = start.hyperparameters if start else PriorHyperparameters(START_WALK, START_DRIFT)
         for round_number in range(self.rounds + 1):
             trusted = round_number > 0 or start is not None
             model = self._latent_model(parameters, errors, trusted)
@@ -98,7 +104,7 @@ class MaximumLikelihoodEstimator:
             )
             precision = equations.posterior_precision(prior, hyperparameters)
             change = parameters - previous
-            if round_number > 1 and float(change @ precision @ change) < _SETTLED**2 * len(change):
+            if round_number > 1 and float(change @ precision @ change) < SETTLED_SIGMAS**2 * len(change):
                 break
         return Fit(
             self.response_basis,
@@ -131,7 +137,7 @@ class MaximumLikelihoodEstimator:
             latent = model(observations, log_vignette, np.ones(len(observations)))
             latent = model(observations, log_vignette, self._weights(latent, model.pixel_noise)[0])
             weight, sandwich_factor = self._weights(latent, model.pixel_noise)
-            # The other model's response may not be one of these exactly; what was seen stays what it was.
+            # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
             here = self.response_basis.log_of(about[: len(self.response_basis)])
             latent = replace(latent, linear_log=latent.linear_log + (here - model.log_response)[latent.index])
             equations = self._equations(observations, latent, weight, about)
@@ -145,7 +151,12 @@ class MaximumLikelihoodEstimator:
     def _limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
         """Return the parameters with no gamma further from the previous one than its linearised logarithm holds."""
         n = len(self.response_basis)
-        return np.concatenate([np.clip(parameters[:n], previous[:n] / 3, previous[:n] * 3), parameters[n:]])
+        return np.concatenate(
+            [
+                np.clip(parameters[:n], previous[:n] / MAX_GAMMA_CHANGE, previous[:n] * MAX_GAMMA_CHANGE),
+                parameters[n:],
+            ]
+        )
 
     def _first_parameters(self, start: Fit | None) -> FloatArray:
         if start is None:
@@ -159,7 +170,7 @@ class MaximumLikelihoodEstimator:
 
     def _floor(self) -> FloatArray:
         floor = np.full(len(self.response_basis) + len(self.vignette_basis), -np.inf)
-        floor[: len(self.response_basis)] = _FLOOR
+        floor[: len(self.response_basis)] = MIN_GAMMA
         return floor
 
     def _latent_model(self, parameters: FloatArray, errors: ErrorModel, trusted: bool) -> LatentModel:
@@ -171,13 +182,13 @@ class MaximumLikelihoodEstimator:
 
     def _weights(self, latent: Latent, noise: NoiseModel) -> tuple[FloatArray, float]:
         """Return redescending weights (Geman and McClure 1987, cut off), and E[ψ'] / E[w] of those that count."""
-        scaled = latent.studentised / (_CORE * max(robust_scale(latent.studentised), 1e-6))
+        scaled = latent.studentised / (WEIGHT_SCALE_SIGMAS * max(robust_scale(latent.studentised), 1e-6))
         squared = scaled**2
-        weight = np.where(np.abs(scaled) < _CUT / _CORE, 1 / (1 + squared) ** 2, 0.0)
+        weight = np.where(np.abs(scaled) < WEIGHT_CUT_SIGMAS / WEIGHT_SCALE_SIGMAS, 1 / (1 + squared) ** 2, 0.0)
         weight = np.where(_unclipped(latent, noise), weight, 0.0)
         derivative = np.where(weight > 0, (1 - 3 * squared) / (1 + squared) ** 3, 0.0)
         sandwich_factor = float(derivative.sum() / max(weight.sum(), 1e-300))
-        return weight, max(sandwich_factor, 0.2)
+        return weight, max(sandwich_factor, MIN_SANDWICH_FACTOR)
 
     def _refitted(
         self, errors: ErrorModel, latent: Latent, parameters: FloatArray, observations: Observations
@@ -217,7 +228,7 @@ class MaximumLikelihoodEstimator:
         rows, target = self._rows(seen, latent, part, parameters)
         factor = weight[part] * latent.precision[part]
         if np.all(seen.counts == 2):
-            # Two observations less their weighted mean say the same twice: their difference says it once.
+            # Minus their weighted mean, the two observations of a pair give the same equation: keep one difference.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
             return rows[0::2] - rows[1::2], target[0::2] - target[1::2], factor, slice(0, None, 2)
@@ -248,7 +259,7 @@ def _blocks_of(group: IntArray) -> IntArray:
     one another are taken together, as far as enough blocks remain to measure a spread between.
     """
     _, number = np.unique(group, return_inverse=True)
-    size = int(np.clip((number.max() + 1) // _MIN_BLOCKS, 1, _GROUPS_PER_BLOCK))
+    size = int(np.clip((number.max() + 1) // MIN_BLOCKS, 1, GROUPS_PER_BLOCK))
     return np.asarray(number // size)
 
 
@@ -257,7 +268,7 @@ def _chunks(observations: Observations) -> Iterator[slice]:
     starts = np.append(observations.starts, len(observations))
     begin = 0
     while begin < len(observations):
-        end = int(starts[np.searchsorted(starts, begin + _CHUNK, side="right") - 1])
+        end = int(starts[np.searchsorted(starts, begin + CHUNK_OBSERVATIONS, side="right") - 1])
         end = end if end > begin else int(starts[np.searchsorted(starts, begin, side="right")])
         yield slice(begin, end)
         begin = end
@@ -268,5 +279,5 @@ def _unclipped(latent: Latent, noise: NoiseModel) -> BoolArray:
 
     Judging by the measured one would keep just those samples whose noise happens to lead away from the end.
     """
-    reach = _CLEAR * np.sqrt(noise.variance(latent.grey))
-    return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, 0.1)))
+    reach = CLEAR_OF_ENDS_SIGMAS * np.sqrt(noise.variance(latent.grey))
+    return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, MAX_DARK_CLEARANCE)))

@@ -1,8 +1,8 @@
-"""What noise does to a mean of grey values: it shifts it, wherever the response bends or ends.
+"""The shift of the mean of noisy grey values where the response is curved or clips.
 
-A sensor adds its noise to the irradiance; the camera bends and clips what comes out. The mean of noisy pixels is then
-not the grey level of the mean irradiance: near black, where responses are steep and noise reaches zero, the
-difference is the largest error of all.
+A sensor adds noise to the irradiance; the response then bends and clips the sum. The mean of noisy pixels is
+therefore not the grey level of the mean irradiance. Near black, where responses are steep and the noise is clipped,
+this is the largest error of all unless it is corrected.
 """
 
 from __future__ import annotations
@@ -13,15 +13,20 @@ from scipy.special import ndtri
 
 from ospc.arrays import FloatArray
 from ospc.photometry.noise import NoiseModel
+from ospc.settings.estimation import (
+    MIN_NOISE_IRRADIANCE,
+    MIN_NOISE_LEVELS,
+    SHIFT_LEVELS,
+    SHIFT_QUANTILES,
+    UNCLIPPED_SIGMAS,
+)
 
-_LEVELS = 513
-_FEWEST = 4
-_NORMAL = ndtri((np.arange(65) + 0.5) / 65)
-"""Equally probable values of a standard normal variable."""
+_NORMAL = ndtri((np.arange(SHIFT_QUANTILES) + 0.5) / SHIFT_QUANTILES)
+"""Equally probable values of a standard normal variable, shape (65,)."""
 
 
 def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) -> FloatArray:
-    """Return the mean of noisy pixels minus the grey level without noise, at the grey levels of a grid, shape (n,).
+    """Return the mean of noisy pixels minus the noise-free grey level, at each grey level of a grid, shape (n,).
 
     Parameters
     ----------
@@ -30,9 +35,9 @@ def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) ->
     log_response
         ln g at them, increasing, shape (n,).
     noise
-        Noise of single pixels, as variance of their grey level.
+        Noise of single pixels.
     """
-    level = np.linspace(0, 1, _LEVELS)
+    level = np.linspace(0, 1, SHIFT_LEVELS)
     log_g = np.interp(level, grid, log_response)
     irradiance = np.where(level > 0, np.exp(log_g), 0.0)
     constant, proportional = _irradiance_noise(level, irradiance, noise)
@@ -43,13 +48,13 @@ def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) ->
 
 
 def _irradiance_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseModel) -> tuple[float, float]:
-    """Return variance of the irradiance at black, and its growth with irradiance: read and shot noise."""
+    """Return the variance of the irradiance at black and its growth with irradiance: read and shot noise."""
     variance = noise.variance(level)
     slope = np.gradient(irradiance, level)
-    # Where noise reaches an end the gauge knows nothing, and repeats what it found nearest.
-    # A gamma as steep as a step leaves next to nothing below it.
-    known = (np.minimum(level, 1 - level) > 4 * np.sqrt(variance)) & (irradiance > 1e-9)
-    if np.count_nonzero(known) < _FEWEST:
+    # Near the ends, noise cannot be measured, and the model repeats the nearest measurement.
+    unclipped = np.minimum(level, 1 - level) > UNCLIPPED_SIGMAS * np.sqrt(variance)
+    known = unclipped & (irradiance > MIN_NOISE_IRRADIANCE)
+    if np.count_nonzero(known) < MIN_NOISE_LEVELS:
         return 0.0, 0.0
     of_irradiance = variance[known] * slope[known] ** 2
     rows = np.stack([np.ones(len(of_irradiance)), irradiance[known]], axis=1) / of_irradiance[:, None]

@@ -1,4 +1,4 @@
-"""The linear system of all observations in compressed, additive form, and its solution with a prior."""
+"""The normal equations of all observations, which can be added up, and their solution with a prior."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ospc.estimation.prior import CANDIDATES, Prior, PriorHyperparameters
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """AᵀWA, AᵀWb and bᵀWb of a weighted linear system, and the spread of its groups' contributions.
+    """AᵀWA, AᵀWb and bᵀWb of a weighted linear system, and the scatter of its groups' scores.
 
     Attributes
     ----------
@@ -25,10 +25,10 @@ class NormalEquations:
     square
         bᵀWb.
     scatter
-        Σ over the groups of the outer product of their score, shape (p, p).
+        Sum over the groups of the outer product of their scores, shape (p, p).
     information_scale
-        What :attr:`matrix` is multiplied by to become information: below one, as errors within a group have common
-        causes and robust weights lose some.
+        Factor that turns :attr:`matrix` into information. It is below one because errors within a group have common
+        causes and because robust weights discard information.
     """
 
     matrix: FloatArray
@@ -38,12 +38,12 @@ class NormalEquations:
     information_scale: float = 1.0
 
     def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
-        """Return the equations with the information_scale that the scatter between groups calls for.
+        """Return the equations with the information scale that follows from the scatter between groups.
 
         Parameters
         ----------
         prior_precision
-            Precision of the prior, which keeps undetermined directions from having a say, shape (p, p).
+            Precision of the prior, which makes directions that the data do not determine count little, shape (p, p).
         sandwich_factor
             Mean derivative of the influence function over the mean weight (Huber 1981, asymptotic variance).
         """
@@ -61,7 +61,7 @@ class NormalEquations:
         return max(CANDIDATES, key=lambda hyperparameters: self._log_evidence(prior, hyperparameters))
 
     def solve(self, prior: Prior, hyperparameters: PriorHyperparameters, floor: FloatArray) -> FloatArray:
-        """Return the most probable parameters not below ``floor``, shape (p,): a non-negative least squares problem.
+        """Return the most probable parameters not below ``floor``, shape (p,), by non-negative least squares.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class NormalEquations:
         free = cho_solve(cho_factor(precision), target)
         if np.all(free >= floor):
             return np.asarray(free)
-        # Parameters without a floor follow from the others and are eliminated; what remains is non-negative.
+        # Eliminate the parameters without a floor; the rest, minus their floors, is a non-negative problem.
         bound = np.isfinite(floor)
         inside, cross, outside = precision[~bound][:, ~bound], precision[~bound][:, bound], precision[bound][:, bound]
         factor = cho_factor(inside) if len(inside) else (inside, False)
@@ -91,7 +91,7 @@ class NormalEquations:
         return found
 
     def misfit(self, parameters: FloatArray) -> float:
-        """Return the scaled weighted sum of squares left by parameters, shape (p,)."""
+        """Return the weighted sum of squared residuals at parameters, shape (p,), times the information scale."""
         square = self.square - 2 * self.vector @ parameters + parameters @ self.matrix @ parameters
         return float(self.information_scale * square)
 

@@ -1,4 +1,4 @@
-"""What is believed before any measurement, and how strongly."""
+"""The prior of response and vignette: a normal distribution whose roughness the data choose."""
 
 from __future__ import annotations
 
@@ -9,35 +9,31 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.response_basis import typical_gamma
-
-LEVEL_SIGMA = 0.6
-"""Standard deviation of the logarithm of a camera's gamma about the typical one; two in three of the 201 measured
-responses of Grossberg and Nayar (2003) lie within it."""
-
-SLOPE_SIGMA = 1.0
-"""Standard deviation of the slope of ln γ over the whole range of grey levels, in the middle."""
-
-SHOULDER_SIGMA = 0.5
-"""Standard deviation of the bend of ln γ between grey levels 0.75 and 1, beyond what the curve does below; of the 201
-measured responses two in three lie between no bend and one by a factor of 2.6."""
-
-WHITE_SIGMA, BLACK_SIGMA = 0.3, 0.2
-"""Standard deviations of what ln γ does besides in the last and first few grey levels."""
-
-_MIDDLE = 0.4
-_NUGGET = 1e-6
+from ospc.settings.estimation import (
+    BLACK_SIGMA,
+    DRIFT_CANDIDATES,
+    END_EXPONENT,
+    LEVEL_SIGMA,
+    PRIOR_MIDDLE_GREY,
+    PRIOR_NUGGET,
+    SHOULDER_GREY,
+    SHOULDER_SIGMA,
+    SLOPE_SIGMA,
+    WALK_CANDIDATES,
+    WHITE_SIGMA,
+)
 
 
 @dataclass(frozen=True)
 class PriorHyperparameters:
-    """How much the logarithm of the local gamma wanders over the range of grey levels.
+    """How rough ln γ is expected to be.
 
     Attributes
     ----------
     walk
-        Standard deviation of a random walk over the whole range: kinks anywhere.
+        Standard deviation of a random walk over the whole range of grey levels: allows kinks anywhere.
     drift
-        Standard deviation, over the whole range, of a random walk of the slope: smooth bends, going on as they began.
+        Standard deviation of a random walk of the slope over the whole range: allows smooth bends.
     """
 
     walk: float
@@ -46,9 +42,10 @@ class PriorHyperparameters:
 
 CANDIDATES = tuple(
     PriorHyperparameters(float(walk), float(drift))
-    for walk in np.geomspace(0.03, 10.0, 11)
-    for drift in (0.3, 1.0, 3.0, 10.0, 30.0)
+    for walk in np.geomspace(*WALK_CANDIDATES)
+    for drift in DRIFT_CANDIDATES
 )
+"""The hyperparameters among which :meth:`NormalEquations.maximize_evidence` chooses."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,7 @@ class Prior:
     knots
         Grey levels of the response's knots, shape (n,).
     about
-        Response coefficients about which the logarithm is linearised, shape (n,).
+        Response coefficients at which ln γ is linearised, shape (n,).
     vignette_sigma
         Standard deviation of each vignette parameter about zero, shape (q,).
     """
@@ -92,15 +89,15 @@ class Prior:
 def _precision(knots: int, hyperparameters: PriorHyperparameters) -> tuple[FloatArray, float]:
     """Return the precision of ln γ at equidistant knots, shape (knots, knots), and its log determinant."""
     grey = np.linspace(0, 1, knots)
-    covariance = _covariance(grey, hyperparameters) + _NUGGET * np.eye(knots)
+    covariance = _covariance(grey, hyperparameters) + PRIOR_NUGGET * np.eye(knots)
     precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
     precision.setflags(write=False)
     return precision, -float(np.linalg.slogdet(covariance)[1])
 
 
 def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> FloatArray:
-    """Return the covariance of ln γ at grey levels, shape (n,) -> (n, n): walks to both sides of the middle."""
-    offset = grey - _MIDDLE
+    """Return the covariance of ln γ at grey levels, shape (n,) -> (n, n): random walks from the middle outwards."""
+    offset = grey - PRIOR_MIDDLE_GREY
     same_side = offset[:, None] * offset > 0
     near, far = (
         np.minimum(np.abs(offset)[:, None], np.abs(offset)),
@@ -113,13 +110,14 @@ def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> Floa
 
 
 def _ends(grey: FloatArray) -> FloatArray:
-    """Return the covariance of what happens at the ends, whatever the curve does between them, shape (n, n)."""
+    """Return the covariance of ln γ that is independent of the curve in the middle, at both ends, shape (n, n)."""
     shoulder = SHOULDER_SIGMA * _shoulder(grey)
-    white, black = WHITE_SIGMA**2 * grey**40, BLACK_SIGMA**2 * (1 - grey) ** 40
+    white, black = WHITE_SIGMA**2 * grey**END_EXPONENT, BLACK_SIGMA**2 * (1 - grey) ** END_EXPONENT
     return np.asarray(
         np.outer(shoulder, shoulder) + np.minimum(white[:, None], white) + np.minimum(black[:, None], black)
     )
 
 
 def _shoulder(grey: FloatArray) -> FloatArray:
-    return np.clip((grey - 0.75) / 0.25, 0.0, 1.0)
+    """Return a ramp from 0 where the shoulder begins to 1 at white, shape (n,)."""
+    return np.clip((grey - SHOULDER_GREY) / (1 - SHOULDER_GREY), 0.0, 1.0)

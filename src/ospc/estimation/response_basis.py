@@ -1,11 +1,12 @@
-"""The response as a sum of local pieces: ln g is linear in them, and increases if none is negative.
+"""The response in a basis of local functions: ln g is linear in the coefficients and increases if all are positive.
 
-What is expanded is the local gamma, γ(M) = d ln g / d ln M: a constant for g = Mᵞ, one for a linear camera, smooth
-for sRGB, logarithmic and filmic curves, a jump at the knees of piecewise linear ones. With hat functions Bⱼ on knots,
+The basis expands the local gamma, γ(M) = d ln g / d ln M: constant for g = Mᵞ, 1 for a linear camera, smooth for
+sRGB, logarithmic and filmic curves, with a jump at each knee of a piecewise linear one. With hat functions Bⱼ on
+knots,
 
     γ(M) = Σ cⱼ Bⱼ(M),     ln g(M) = −∫_M^1 γ(m)/m dm = Σ cⱼ Hⱼ(M),
 
-so ln g is linear in c, g(0) = 0 and g(1) = 1 hold by themselves, and c > 0 is strict monotonicity.
+so ln g is linear in c, g(0) = 0 and g(1) = 1 hold by construction, and g increases strictly if all c are positive.
 """
 
 from __future__ import annotations
@@ -17,9 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
-
-_FINE = 4096
-_SUBSTEPS = 4
+from ospc.settings.estimation import (
+    FIRST_GRID_STEP_BEGINS,
+    QUADRATURE_POINTS,
+    RESPONSE_GRID_STEPS,
+    TYPICAL_GAMMA_BLACK,
+    TYPICAL_GAMMA_RISE,
+)
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,8 @@ class ResponseBasis:
 
     @cached_property
     def grid(self) -> FloatArray:
-        """Fine grey levels on which the functions are tabulated, shape (4097,)."""
-        return np.linspace(0.0, 1.0, _FINE + 1)
+        """Fine grid of grey levels on which the functions are tabulated, shape (4097,)."""
+        return np.linspace(0.0, 1.0, RESPONSE_GRID_STEPS + 1)
 
     @cached_property
     def gamma_table(self) -> FloatArray:
@@ -57,16 +62,16 @@ class ResponseBasis:
     def log_table(self) -> FloatArray:
         """Hⱼ on the grid, shape (4097, len).
 
-        ln g tends to −∞ at M = 0; the first value is that of a quarter of the first step, where nothing is measured.
+        ln g tends to −∞ at M = 0, so the first value is taken a quarter of a step above black, below any measurement.
         """
-        edges = np.concatenate([[0.25 / _FINE], self.grid[1:]])
-        # Gauss–Legendre on each step, in ln m, where the integrand is a hat function and nothing worse.
-        nodes, weights = np.polynomial.legendre.leggauss(_SUBSTEPS)
+        edges = np.concatenate([[FIRST_GRID_STEP_BEGINS / RESPONSE_GRID_STEPS], self.grid[1:]])
+        # Gauss–Legendre quadrature on each step in ln m: the 1/m drops out and the integrand is the hat function.
+        nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
         log_edges = np.log(edges)
         half = np.diff(log_edges)[:, None] / 2
         places = np.exp((log_edges[:-1] + log_edges[1:])[:, None] / 2 + half * nodes)
         steps = np.einsum("sq,sqj->sj", half * weights, self._hats(places))
-        table = np.zeros((_FINE + 1, len(self)))
+        table = np.zeros((RESPONSE_GRID_STEPS + 1, len(self)))
         table[:-1] = -steps[::-1].cumsum(axis=0)[::-1]
         return table
 
@@ -79,14 +84,14 @@ class ResponseBasis:
         return np.asarray(self.log_table @ coefficients)
 
     def index_of(self, grey: npt.ArrayLike) -> IntArray:
-        """Return the index of the grid's grey level nearest to each, black excepted, shape (n,) -> (n,)."""
-        nearest = np.rint(np.asarray(grey, dtype=np.float64) * _FINE).astype(np.int64)
-        return np.clip(nearest, 1, _FINE)
+        """Return the index of the grid point nearest to each grey level, never black itself, shape (n,) -> (n,)."""
+        nearest = np.rint(np.asarray(grey, dtype=np.float64) * RESPONSE_GRID_STEPS).astype(np.int64)
+        return np.clip(nearest, 1, RESPONSE_GRID_STEPS)
 
     def log_rows(self, grey: npt.ArrayLike) -> FloatArray:
         """Return Hⱼ at grey levels, shape (n,) -> (n, len)."""
-        at = np.clip(np.asarray(grey, dtype=np.float64), 0, 1) * _FINE
-        lower = np.minimum(at.astype(np.int64), _FINE - 1)
+        at = np.clip(np.asarray(grey, dtype=np.float64), 0, 1) * RESPONSE_GRID_STEPS
+        lower = np.minimum(at.astype(np.int64), RESPONSE_GRID_STEPS - 1)
         part = (at - lower)[:, None]
         return np.asarray(self.log_table[lower] * (1 - part) + self.log_table[lower + 1] * part)
 
@@ -98,9 +103,8 @@ class ResponseBasis:
 def typical_gamma(grey: npt.ArrayLike) -> FloatArray:
     """Return a typical local gamma at grey levels in [0, 1].
 
-    A smooth curve through the medians over 201 measured responses of films and cameras (Grossberg and Nayar, 2003,
-    database of response functions) up to grey level 0.8; the shoulder above differs too much between cameras for a
-    typical one to help.
+    A straight line through the medians over 201 measured responses of films and cameras (Grossberg and Nayar 2003,
+    database of response functions) up to grey level 0.8. Above, cameras differ too much for a median to help.
     """
     m = np.asarray(grey, dtype=np.float64)
-    return np.asarray(1.1 + 0.9 * m)
+    return np.asarray(TYPICAL_GAMMA_BLACK + TYPICAL_GAMMA_RISE * m)

@@ -1,4 +1,4 @@
-"""ln V as a sum of terms, each zero at the image centre."""
+"""ln V as a sum of terms, each of which is zero at the vignette's centre."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.photometry.vignette import LogVignette
-
-_SIGMA = 2.0
+from ospc.settings.estimation import VIGNETTE_SIGMA
 
 
 @dataclass(frozen=True)
 class VignetteBasis:
-    """Radial terms R², R⁴, …, optionally about a centre of their own, optionally with non-radial harmonics.
+    """Radial terms R², R⁴, …, optionally about a free centre and with non-radial terms.
 
     Attributes
     ----------
     radial
         Number of radial terms.
     free_centre
-        Whether the centre is estimated: two more parameters, about which the model is linearised.
+        Whether the centre is estimated: two more parameters, in which ln V is not linear.
     non_radial
         Whether x·y, x²−y², x·R², y·R² are added.
     """
@@ -36,12 +35,12 @@ class VignetteBasis:
 
     @property
     def prior_sigma(self) -> FloatArray:
-        """Standard deviation of each parameter before any measurement, shape (len,): wide where data can tell.
+        """Prior standard deviation of each parameter about zero, shape (len,).
 
-        The fall-off by the fourth power of the cosine has coefficients that decrease like one over their order, and
-        wider lenses larger ones: few samples shall not make the corners what higher orders happen to reach.
+        It decreases like one over the order of a radial term, as the coefficients of the cos⁴ law do: a few samples
+        must not let high orders decide what the corners look like.
         """
-        sigma = np.full(len(self), _SIGMA)
+        sigma = np.full(len(self), VIGNETTE_SIGMA)
         sigma[: self.radial] /= np.arange(1, self.radial + 1)
         return sigma
 
@@ -86,7 +85,7 @@ class VignetteBasis:
         return parameters[self.radial : self.radial + 2] if self.free_centre else np.zeros(2)
 
     def vignette(self, parameters: FloatArray, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
-        """Return the vignette of the parameters for an image size, of which a part up to some radius is usable."""
+        """Return the vignette for an image size; beyond the usable radius it keeps its last value."""
         model = self._model(parameters, size)
         if usable_radius >= 1:
             return model

@@ -1,4 +1,4 @@
-"""How rich a vignette the data ask for, chosen by information."""
+"""The choice between radial, decentred and non-radial vignettes, by an information criterion."""
 
 from __future__ import annotations
 
@@ -12,26 +12,22 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
-
-_SYSTEMATIC = 0.004
-"""Errors of registration common to all samples imitate asymmetries of this size, in ln V over a half diagonal."""
-
-_FIRST_POINTS = 10_000
+from ospc.settings.estimation import ASYMMETRY_SIGMA, FIRST_FIT_POINTS
 
 
 def fit_with_chosen_vignette(
     observations: Observations, response: ResponseBasis, widest: VignetteBasis, noise: NoiseModel | None, rounds: int
 ) -> Fit:
-    """Fit response and vignette, with only as many vignette parameters as the data ask for.
+    """Fit response and vignette, with no more vignette parameters than the data support.
 
-    From the widest model on, the non-radial part and then the free centre are given up where the criterion of Schwarz
-    (1978) says so: their joint Wald statistic, which has the covariance of correlated errors in it, is compared with
-    their number times the logarithm of the number of groups.
+    Starting from the purely radial model, first the free centre and then the non-radial terms are added, as long as
+    the criterion of Schwarz (1978) is met: the joint Wald statistic of the added parameters, whose covariance
+    includes correlated errors, must exceed their number times the logarithm of the number of groups.
 
     Parameters
     ----------
     observations
-        What was seen.
+        The observations.
     response
         Basis of the response.
     widest
@@ -39,12 +35,12 @@ def fit_with_chosen_vignette(
     noise
         Noise of single pixels; None where the observations are single pixels themselves.
     rounds
-        Rounds of each fit.
+        Most rounds of each fit after the first, convex one.
     """
     simplest = replace(widest, free_centre=False, non_radial=False)
     estimator = MaximumLikelihoodEstimator(response, simplest, noise, rounds)
-    # Most of the way to the solution is gone with a part of the points; the last rounds are for all of them.
-    step = len(observations.starts) // _FIRST_POINTS
+    # A part of the points already gives most of the solution; only the last rounds need all of them.
+    step = len(observations.starts) // FIRST_FIT_POINTS
     start = estimator.fit(observations.of_points(slice(None, None, step))) if step > 1 else None
     fit = estimator.fit(observations, start)
     for richer in (replace(simplest, free_centre=True), widest):
@@ -58,8 +54,8 @@ def fit_with_chosen_vignette(
 
 
 def asked_for(fit: Fit, last: int) -> bool:
-    """Return whether the last so many parameters are worth their number."""
+    """Return whether the last ``last`` parameters meet the criterion of Schwarz (1978)."""
     value = fit.parameters[-last:]
-    covariance = fit.covariance[-last:, -last:] + _SYSTEMATIC**2 * np.eye(last)
+    covariance = fit.covariance[-last:, -last:] + ASYMMETRY_SIGMA**2 * np.eye(last)
     statistic = float(value @ np.linalg.solve(covariance, value))
     return bool(statistic > last * np.log(max(fit.groups, 3)))

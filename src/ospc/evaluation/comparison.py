@@ -1,4 +1,4 @@
-"""Two calibrations of a camera side by side, whatever files they come in."""
+"""Comparison of two calibrations of a camera, in whatever format they are."""
 
 from __future__ import annotations
 
@@ -24,20 +24,27 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette, radial_profile
 
 _EXPONENTS = (0.1, 10.0)
+"""Range in which the aligning exponent is sought; no two responses of cameras differ by more."""
+
+_AT_THE_END = 1e-3
+"""Distance from the ends of that range, in ln γ, at which there is no minimum within it."""
+
+_RAMP = 1e-12
+"""Height of a ramp added to a power of g: values that it would round together stay apart."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """How far one calibration is from another that is taken for the truth; None where either lacks the part.
+    """Errors of one calibration against another that is taken for the truth; None if either lacks the part.
 
     Attributes
     ----------
     exponent
-        γ the first was raised to before; 1 for none.
+        Power γ to which the first was raised before; 1 for none.
     response_rmse, response_shape_rmse, log_ratio_error, vignette_rmse, vignette_pixel_rmse
-        The metrics of these names; the last for vignettes of equal size only.
+        The metrics of these names; the last only for vignettes of equal size.
     response_coverage
-        Share of the second's response within the first's standard deviations, where it states them.
+        Share of the second response within the standard deviations of the first, if it states them.
     """
 
     exponent: float = 1.0
@@ -50,14 +57,14 @@ class Comparison:
 
 
 def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> Comparison:
-    """Return how far a calibration is from another.
+    """Return the errors of a calibration against another.
 
     Parameters
     ----------
     estimate, truth
         The calibrations; the second is taken for the truth.
     exponent
-        Response and vignette of the first are raised to this power before. Uncertainties are compared only with 1.
+        Response and vignette of the first are raised to this power before. Uncertainties are compared only at 1.
 
     Raises
     ------
@@ -87,17 +94,17 @@ def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> C
 
 
 def aligning_exponent(estimate: Photometry, truth: Photometry) -> float:
-    """Return the one exponent γ with which g^γ and V^γ of the first come nearest to the second.
+    """Return the common exponent γ for which g^γ and V^γ of the first are nearest to the second.
 
-    It makes the sum of the squared shape error of the response and the squared error of the vignette's profile
-    smallest; what either lacks does not count.
+    It minimises the squared shape error of the response plus the squared error of the vignette's profile; a part that
+    either lacks does not count.
 
     Raises
     ------
     FormatError
         If they have neither response nor vignette in common.
     NotObservableError
-        If no exponent between 0.1 and 10 does.
+        If there is no minimum between 0.1 and 10.
     """
     _check_common(estimate, truth)
     profiles: tuple[FloatArray, FloatArray] | None = None
@@ -115,7 +122,7 @@ def aligning_exponent(estimate: Photometry, truth: Photometry) -> float:
 
     ends = np.log(_EXPONENTS)
     best = minimize_scalar(error, bounds=tuple(ends), method="bounded", options={"xatol": 1e-6})
-    if min(abs(best.x - ends)) < 1e-3:
+    if min(abs(best.x - ends)) < _AT_THE_END:
         raise NotObservableError(
             f"no exponent between {_EXPONENTS[0]} and {_EXPONENTS[1]} brings {estimate.name} near {truth.name}"
         )
@@ -131,14 +138,10 @@ def _check_common(a: Photometry, b: Photometry) -> None:
 def _powered_response(response: Response, exponent: float) -> Response:
     if exponent == 1:
         return response
-    # a ramp far below what is shown keeps values apart that the power would round together
-    ramp = np.linspace(0, 1e-12, GREYS)
-    return Response.from_values(response.resampled(GREYS) ** exponent + ramp)
+    return Response.from_values(response.resampled(GREYS) ** exponent + np.linspace(0, _RAMP, GREYS))
 
 
 def _powered_vignette(vignette: Vignette, exponent: float) -> Vignette:
-    return (
-        vignette
-        if exponent == 1
-        else RasterVignette(np.maximum(vignette.image(), np.float32(0)) ** np.float32(exponent))
-    )
+    if exponent == 1:
+        return vignette
+    return RasterVignette(np.maximum(vignette.image(), np.float32(0)) ** np.float32(exponent))

@@ -1,4 +1,4 @@
-"""Frames as recorded, and as the same camera would have recorded them without its vignette and at one exposure."""
+"""Frames as recorded, and as the camera would have recorded them without vignette and at equal exposure."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from ospc.photometry.response import Response
 from ospc.recording import Frame
 
 _LEAST_HEADROOM = 0.25
+"""Least factor by which corrected frames are darkened; beyond it, strongly vignetted corners are clipped."""
+
 _LEVELS = 65536
+"""Entries of the table from 16-bit irradiance to 8-bit grey values."""
 
 
 class FrameKind(Protocol):
-    """A way to look at frames."""
+    """A way to prepare two successive frames for tracking."""
 
     def pair(self, before: Frame, after: Frame) -> tuple[Image, Image]:
         """Return the images of two successive frames, 8 bit, shape (height, width) each."""
@@ -48,10 +51,10 @@ class RawFrames:
 
 
 class CorrectedFrames:
-    """Both frames of a pair as recorded at the longer of their exposures and without vignette, f(s·g(M')/V).
+    """Both frames of a pair as if recorded at the longer of their exposures and without vignette, f(s·g(M')/V).
 
-    M' is the frame warped to that exposure. s makes room for what the vignette hid: corners become brighter than
-    anything the camera can record in the middle.
+    M' is the frame warped to that exposure. The factor s ≤ 1 makes room for the corrected corners, which can be
+    brighter than white in the middle of the image.
 
     Parameters
     ----------
@@ -72,11 +75,11 @@ class CorrectedFrames:
         return self._at(before, longer_ms), self._at(after, longer_ms)
 
     def radiance(self, frame: Frame) -> Float32Array:
-        """Return the radiance at every pixel, NaN where saturated."""
+        """Return the radiance at every pixel, NaN if saturated."""
         return np.asarray(self._corrector.correct(frame.image, frame.exposure_ms), dtype=np.float32)
 
     def greys(self, radiance: FloatArray, exposure_ms: float) -> FloatArray:
-        """Return the grey values, 0 to 255, of radiances in frames of this kind and an exposure."""
+        """Return the grey values, 0 to 255, that radiances have in corrected frames of an exposure."""
         return 255 * self._encoded(self._headroom * exposure_ms * radiance)
 
     def _at(self, frame: Frame, exposure_ms: float) -> Image:

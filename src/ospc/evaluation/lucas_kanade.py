@@ -1,4 +1,4 @@
-"""Following points from frame to frame, and telling when one is lost (Lucas and Kanade 1981; Bouguet 2000)."""
+"""Tracking of points from frame to frame, and detection of lost ones (Lucas and Kanade 1981; Bouguet 2000)."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, Image
 
 LOSSES = ("gave up", "came back elsewhere", "looks different")
-"""How a point is lost: Lucas–Kanade itself fails; going back does not lead to where it came from; the windows match
-badly."""
+"""Causes of loss: the Lucas–Kanade method itself fails; tracking back does not return to the start; the windows
+differ too much."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """Points one frame later.
+    """Points in the next frame.
 
     Attributes
     ----------
     places
         Pixel coordinates, shape (n, 2).
     losses
-        Which points are lost and how, one row for each of :data:`LOSSES`, at most one true in a column; shape (3, n).
+        Which points are lost by each of :data:`LOSSES`, at most one true in a column; shape (3, n).
     """
 
     places: FloatArray
@@ -37,7 +37,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Follower:
-    """Follows points with the pyramidal Lucas–Kanade method, always with the same settings.
+    """Tracks points with the pyramidal Lucas–Kanade method.
 
     Attributes
     ----------
@@ -46,10 +46,10 @@ class Follower:
     levels
         Pyramid levels above the image itself.
     max_return_px
-        Largest distance between a point and where following it forth and back ends.
+        Largest forward-backward error: distance between a point and the end of tracking it there and back.
     max_mismatch
-        Largest mean absolute difference of the two windows, in units of the mean absolute deviation within them:
-        the share of the structure that the match does not explain.
+        Largest mean absolute difference of the two windows over the mean absolute deviation within them: the share
+        of the structure that the match does not explain.
     """
 
     window_px: int = 21
@@ -58,7 +58,7 @@ class Follower:
     max_mismatch: float = 0.5
 
     def step(self, before: Image, after: Image, places: FloatArray) -> Step:
-        """Follow points from one image to the next.
+        """Track points from one image to the next.
 
         Parameters
         ----------
@@ -74,12 +74,12 @@ class Follower:
         gave_up = ~(found & found_back)
         elsewhere = ~gave_up & (np.linalg.norm(back - places, axis=1) > self.max_return_px)
         windows = self.windows(before, places), self.windows(after, there)
-        forward_backward_error = np.abs(windows[0] - windows[1]).mean(axis=1) / np.maximum(contrast(*windows), 1e-9)
-        different = ~gave_up & ~elsewhere & (forward_backward_error > self.max_mismatch)
+        mismatch = np.abs(windows[0] - windows[1]).mean(axis=1) / np.maximum(contrast(*windows), 1e-9)
+        different = ~gave_up & ~elsewhere & (mismatch > self.max_mismatch)
         return Step(there, np.stack([gave_up, elsewhere, different]))
 
     def windows(self, image: Image, places: FloatArray) -> FloatArray:
-        """Return the values around places, bilinear, shape (n, window_px²)."""
+        """Return the values around places, interpolated bilinearly, shape (n, window_px²)."""
         reach = np.arange(self.window_px, dtype=np.float64) - self.window_px // 2
         y, x = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
         at = [(places[:, i, None] + offset).astype(np.float32) for i, offset in enumerate((x, y))]
@@ -94,6 +94,6 @@ class Follower:
 
 
 def contrast(*windows: FloatArray) -> FloatArray:
-    """Return the mean over several windows of the mean absolute deviation within, shape (n, pixels) -> (n,)."""
+    """Return the mean absolute deviation within windows, mean over the arguments, shape (n, pixels) -> (n,)."""
     deviations = [np.abs(w - w.mean(axis=1, keepdims=True)).mean(axis=1) for w in windows]
     return np.asarray(np.mean(deviations, axis=0))

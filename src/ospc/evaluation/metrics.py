@@ -1,6 +1,6 @@
-"""How far an estimated response, vignette or exposure ratio is from the truth.
+"""Metrics: errors of an estimated response, vignette or exposure ratio against the truth.
 
-All figures are of curves with g(0) = 0, g(255) = 1, and V = 1 at the centre. Nothing here is aligned by an exponent.
+Curves are normalised to g(0) = 0, g(255) = 1, and V = 1 at the centre. No metric aligns by an exponent.
 """
 
 from __future__ import annotations
@@ -17,23 +17,27 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 
 GREYS = 256
-"""Grey levels a response is compared at."""
+"""Grey levels at which responses are compared."""
 
 _CENTRE_BINS = 3
+"""Bins of the radial profile that count as the centre, where a vignette is normalised."""
+
 _RANDOM_PAIRS = 20_000
 _DARKEST, _BRIGHTEST = 15.0, 245.0
 _LOG_GREY_SPREAD = 0.3
+"""Pairs of grey values of the log-ratio error: their number, their range (the ends of a response are hardly ever
+measured), and the standard deviation of the log ratio within a pair, typical of what a direct method compares."""
 
 
 class RatioError(NamedTuple):
-    """Error of exposure ratios.
+    """Errors of exposure ratios.
 
     Attributes
     ----------
     median_abs
         Median of |ln k̂ − ln k|.
     bias
-        Median of (ln k̂ − ln k)·sign(ln k): positive where exposure changes look too large.
+        Median of (ln k̂ − ln k)·sign(ln k): positive if exposure changes are overestimated.
     """
 
     median_abs: float
@@ -53,9 +57,9 @@ def response_rmse(estimate: Response, truth: Response) -> float:
 
 
 def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high: int = 250) -> float:
-    """Return the root mean square of s·g − G over greys low…high, with the scale s that makes it smallest.
+    """Return the root mean square of s·g − G over greys low…high, with the scale s that minimises it.
 
-    The scale of a response cannot be observed, and its last grey levels, which fix it, are hardly ever measured.
+    The scale of a response is not observable, and the last grey levels, which fix it, are hardly ever measured.
     """
     g, truth_g = (r.resampled(GREYS)[low : high + 1] for r in (estimate, truth))
     scale = float(g @ truth_g) / float(g @ g)
@@ -65,15 +69,15 @@ def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high:
 def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float:
     """Return κ, the median over random pairs of grey values of |ln g(a)/g(b) − ln G(a)/G(b)|.
 
-    20 000 pairs, a uniform in 15…245 and b = a·exp(N(0, 0.3)) clipped to the same range: the pairs that a direct
-    method compares.
+    There are 20 000 pairs: a is uniform in 15…245, and b = a·exp(N(0, 0.3)) is clipped to the same range. A direct
+    method compares such pairs.
 
     Parameters
     ----------
     estimate, truth
         The responses.
     seed
-        Of the random pairs.
+        Seed of the random pairs.
     """
     random = np.random.default_rng(seed)
     a = random.uniform(_DARKEST, _BRIGHTEST, _RANDOM_PAIRS)
@@ -92,9 +96,9 @@ def vignette_rmse(estimate: Vignette, truth: Vignette, bins: int = 50) -> float:
     Parameters
     ----------
     estimate, truth
-        The vignettes; their sizes may differ, for the radius is 1 at the corner of each.
+        The vignettes; their sizes may differ, because the radius is 1 at the corner of each.
     bins
-        Number of equal bins of R in [0, 1]; those without a pixel in either do not count.
+        Number of equal bins of R in [0, 1]; bins without a pixel in either vignette do not count.
     """
     difference = radial_profile(estimate, bins) - radial_profile(truth, bins)
     return _rms(difference[np.isfinite(difference)])
@@ -128,7 +132,7 @@ def vignette_pixel_rmse(estimate: Vignette, truth: Vignette, bins: int = 50) -> 
 
 
 def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) -> RatioError:
-    """Return how far estimated exposure ratios are from the metadata, on pairs that were not used in fitting.
+    """Return the errors of estimated exposure ratios against the metadata, for pairs that were not used in the fit.
 
     Parameters
     ----------
@@ -138,11 +142,11 @@ def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) 
     Raises
     ------
     ExposureError
-        If there are none, their numbers differ, or some are not positive.
+        If there are none, their numbers differ, or some ratio is not positive.
     """
     ratios = np.asarray(k_estimated, dtype=np.float64), np.asarray(k_metadata, dtype=np.float64)
     if ratios[0].shape != ratios[1].shape or ratios[0].size == 0:
-        raise ExposureError(f"{ratios[0].size} estimated exposure ratios for {ratios[1].size} in the metadata")
+        raise ExposureError(f"{ratios[0].size} estimated exposure ratios, but {ratios[1].size} in the metadata")
     if not all(np.all(np.isfinite(k) & (k > 0)) for k in ratios):
         raise ExposureError("exposure ratios must be finite and positive")
     log_true = np.log(ratios[1])
@@ -151,9 +155,9 @@ def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) 
 
 
 def coverage(estimate: npt.ArrayLike, sigma: npt.ArrayLike, truth: npt.ArrayLike) -> Coverage:
-    """Return the share of curve points within ±1σ and ±2σ of the truth; 0.683 and 0.954 if σ tells the truth.
+    """Return the share of curve points within ±1σ and ±2σ of the truth: 0.683 and 0.954 if σ is right.
 
-    Points that are exact with σ = 0, as the ends of a response are by convention, do not count.
+    Points without error and with σ = 0 do not count; the ends of a response are such by convention.
 
     Parameters
     ----------
@@ -163,7 +167,7 @@ def coverage(estimate: npt.ArrayLike, sigma: npt.ArrayLike, truth: npt.ArrayLike
     Raises
     ------
     FormatError
-        If a standard deviation is negative, anything is not finite, or no point counts.
+        If a standard deviation is negative, a value is not finite, or no point counts.
     """
     e, s, t = np.broadcast_arrays(
         *(np.asarray(array, dtype=np.float64) for array in (estimate, sigma, truth)), subok=False

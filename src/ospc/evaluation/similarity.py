@@ -1,4 +1,4 @@
-"""The similarity between two sets of points: what a single camera cannot know of its world."""
+"""Alignment of two sets of points by a similarity, which a single camera leaves undetermined."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from ospc.arrays import FloatArray
 from ospc.errors import NotObservableError
 
 _FEWEST_POSES = 3
+"""Poses that determine a similarity."""
+
 _DEGENERATE = 1e-9
+"""Ratio of singular values below which points lie on a line, up to rounding."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,12 @@ class Similarity:
     translation: FloatArray
 
     def __call__(self, points: FloatArray) -> FloatArray:
-        """Return the images of points, shape (n, 3) -> (n, 3)."""
+        """Return the transformed points, shape (n, 3) -> (n, 3)."""
         return np.asarray(self.scale * points @ self.rotation.T + self.translation)
 
 
 def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
-    """Return the similarity that takes points to their targets with the least sum of squares (Umeyama 1991).
+    """Return the similarity from points to their targets with the least sum of squares (Umeyama 1991).
 
     Parameters
     ----------
@@ -47,7 +50,7 @@ def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
     Raises
     ------
     NotObservableError
-        If there are fewer than three points, or they lie on a line, so that the rotation is not determined.
+        If there are fewer than three points, or they lie on a line and do not determine the rotation.
     """
     if points.shape[0] < _FEWEST_POSES:
         raise NotObservableError(f"an alignment needs {_FEWEST_POSES} poses with truth; there are {points.shape[0]}")
@@ -55,7 +58,7 @@ def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
     centred = points - centre
     left, singular, right = np.linalg.svd((target - target_centre).T @ centred)
     if singular[1] <= _DEGENERATE * singular[0] or not np.isfinite(singular).all():
-        raise NotObservableError("the poses lie on a line or in a point, so that no alignment is determined")
+        raise NotObservableError("the poses lie on a line or in one point, which determines no alignment")
     mirror = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     rotation = np.asarray((left * mirror) @ right)
     scale = float(singular @ mirror / np.sum(centred**2))

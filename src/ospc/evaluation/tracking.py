@@ -1,18 +1,18 @@
-"""Does a calibration help, and how much: points followed through a recording as it is and corrected.
+"""The effect of a calibration on tracking: points are tracked through a recording as it is and corrected.
 
-Both start from the same points, found in the frames as they are. Both are followed by the same Lucas–Kanade method
-with the same settings (:class:`~ospc.evaluation.lucas_kanade.Follower`), from frame to frame:
+Both start from the same points, detected in the raw frames. Both are tracked from frame to frame by the same
+Lucas–Kanade method with the same settings (:class:`~ospc.evaluation.lucas_kanade.Follower`):
 
 - *raw*: in the grey values as recorded;
 - *corrected*: in what the same camera would have recorded without vignette and at the longer exposure of the two
-  frames (:class:`~ospc.evaluation.frame_kinds.CorrectedFrames`). Encoded by the camera's own response, the two kinds
-  of frames have like grey levels, noise and contrast, and no setting suits one better.
+  frames (:class:`~ospc.evaluation.frame_kinds.CorrectedFrames`). Since these are encoded by the camera's own
+  response, both kinds of frames have similar grey levels, noise and contrast, and no setting favours one of them.
 
-A track's life ends when it is lost; when it leaves the image or the recording ends it merely stops being watched. It
-is lost where the method from frame to frame loses it, or where its window is so much brighter or darker than when the
-track began that direct methods, which compare with the frame a point was first seen in, would reject it (features are
-monitored against their first appearance, as Shi and Tomasi 1994 do, by their brightness alone). The former happens
-where the exposure leaps, the latter also where it creeps. How many were lost by which cause is counted.
+A track ends when it is lost. It is censored when it leaves the image or the recording ends. It is lost if the
+tracking from frame to frame fails, or if its window has become so much brighter or darker since the track began that
+a direct method, which compares with the first frame of a point, would reject it (monitoring against the first
+appearance as in Shi and Tomasi 1994, but by brightness alone). Jumps of the exposure cause the former, slow changes
+the latter. Losses are counted by cause.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
 
 _NOTICEABLE = 1.1
-"""Ratio up to which nothing is claimed to have changed."""
+"""Ratio up to which a change counts as none."""
 
 
 @dataclass(frozen=True)
 class TrackingComparison:
-    """What a calibration does for tracking.
+    """The effect of a calibration on tracking.
 
     Attributes
     ----------
     raw, corrected
-        Figures of either kind of frames. Both residuals are read at the same places: along the track in the corrected
-        frames, and where that is lost and the other is not, along the other.
+        Statistics of both kinds of frames. Both residuals are computed at the same places: along the track in the
+        corrected frames or, if only that one is lost, along the raw one.
     tracks
-        Points that tracks began at.
+        Number of tracks.
     frames, skipped
-        Frames used, and those that could not be read.
+        Numbers of frames used and of frames that could not be read.
     horizon
-        Frames that tracks were watched at most.
+        Most frames for which a track was followed.
     largest_step
         Largest ratio of the exposures of two successive frames.
     """
@@ -63,7 +63,7 @@ class TrackingComparison:
 
     @property
     def residual_ratio(self) -> float:
-        """Residual in raw frames over that in corrected ones: how many times smaller it is."""
+        """Residual in raw frames over that in corrected ones: the factor by which correction reduces it."""
         return self.raw.residual / self.corrected.residual
 
     @property
@@ -74,8 +74,8 @@ class TrackingComparison:
         worse = any(gain < 1 / _NOTICEABLE for gain in gains)
         verdict = {
             (True, False): "helps",
-            (True, True): "helps in one way and harms in another",
-            (False, True): "harms (is it this camera's, and are the exposures those of their frames?)",
+            (True, True): "helps in one respect and harms in another",
+            (False, True): "harms (is it of this camera, and do the exposures belong to their frames?)",
             (False, False): "hardly changes anything here",
         }[better, worse]
         life = f"{self.raw.mean_life:.1f} → {self.corrected.mean_life:.1f} of at most {self.horizon} frames"
@@ -89,7 +89,7 @@ class TrackingComparison:
 
 
 def _times(ratio: float, what: str, same: str) -> str:
-    """Say a ratio in words: 4.2 times as long, 1/20 as large."""
+    """Return a ratio in words: 4.2 times as long, 1/20 as large."""
     if not ratio > 0:
         return "unknown"
     if 1 / _NOTICEABLE <= ratio <= _NOTICEABLE:
@@ -105,23 +105,23 @@ def compare_tracking(
     settings: TrackingSettings | None = None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> TrackingComparison:
-    """Follow points through a recording as it is and corrected.
+    """Track points through a recording as it is and corrected.
 
     Parameters
     ----------
     recording
         The recording.
     corrector
-        What corrects its images.
+        Response and vignette of the camera.
     settings
-        How tracks are made.
+        Settings of the tracks.
     progress
-        Called with the number of frames done and of all frames.
+        Called with the number of frames done and the total.
 
     Raises
     ------
     NotObservableError
-        If the calibration lacks a part, less than two frames can be read, or nothing in them can be followed.
+        If the calibration lacks a part, fewer than two frames can be read, or nothing in them can be tracked.
     SettingError
         If the calibration is for images of another size.
     """
@@ -151,7 +151,7 @@ def compare_tracking(
 
 
 def _readable(recording: Recording) -> Iterator[Frame | None]:
-    """Give the frames; None for those that cannot be read."""
+    """Yield the frames; None for those that cannot be read."""
     for frame in recording:
         try:
             _ = frame.image

@@ -1,4 +1,4 @@
-"""Points followed through two kinds of frames side by side, and what became of them."""
+"""Tracks of the same points through raw and corrected frames, with their survival and brightness residuals."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from ospc.recording import Frame
 
 KINDS = ("raw", "corrected")
 CAUSES = (*LOSSES, "too bright or dark")
-"""How a track ends: the point is lost on the way from frame to frame, or its brightness is no longer that it began
-with, which a method that compares brightness with where a point was first seen cannot follow."""
+"""Causes that end a track: the point is lost from one frame to the next, or its brightness differs from that at the
+start, so that a method which compares brightness with the first frame cannot track it."""
 
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """How tracks are made; the same for raw and corrected frames.
+    """Settings of the tracks, the same for raw and corrected frames.
 
     Attributes
     ----------
     follower
-        How points are followed and when one is lost.
+        How points are tracked from frame to frame and when they are lost.
     points
-        Most points that tracks begin at in one frame.
+        Most tracks that start in one frame.
     every
-        Frames from one beginning to the next.
+        Number of frames between frames in which tracks start.
     horizon
-        Frames after which a track is no longer watched.
+        Number of frames after which a track is no longer followed.
     max_change
         Largest change of a window's mean grey level since its track began, in units of the contrast within it.
     quality, distance_px, block_px
-        Detection: least corner response relative to the best (Shi and Tomasi 1994), least distance between points,
-        side of the block a corner is measured in.
+        Detection of corners: least response relative to the best (Shi and Tomasi 1994), least distance between
+        points, side of the block in which the response is computed.
     """
 
     follower: Follower = field(default_factory=Follower)
@@ -53,28 +53,28 @@ class TrackingSettings:
     block_px: int = 7
 
     def __post_init__(self) -> None:
-        """Refuse what makes no tracks."""
+        """Check that there will be tracks."""
         if min(self.points, self.every, self.horizon) < 1:
             raise SettingError("points, every and horizon must be at least 1")
 
 
 @dataclass(frozen=True)
 class TrackFigures:
-    """How tracks fared in one kind of frames.
+    """Statistics of the tracks in one kind of frames.
 
     Attributes
     ----------
     steps
-        Attempts to follow a point to the next frame.
+        Attempts to track a point to the next frame.
     lost
-        How many of them failed, by :data:`CAUSES`.
+        Number of failures by cause, see :data:`CAUSES`.
     mean_life
-        Mean life in frames, the first included, of tracks watched for ``horizon`` frames at most.
+        Mean life in frames, including the first, of tracks followed for at most ``horizon`` frames.
     median_life
-        Frames that half of the tracks do not outlive; None where more than half outlive the horizon.
+        Frames that half of the tracks do not outlive; None if more than half outlive the horizon.
     residual
         Median over tracks and frames of the brightness residual: the change of the window's mean grey level since the
-        track began, over the contrast (mean absolute deviation) within the window; NaN where there is none.
+        track began over the contrast (mean absolute deviation) within the window; NaN without any.
     """
 
     steps: int
@@ -85,14 +85,14 @@ class TrackFigures:
 
 
 class Tracks:
-    """Tracks in raw and corrected frames that begin at the same points.
+    """Tracks in raw and corrected frames that start at the same points.
 
     Parameters
     ----------
     settings
-        How tracks are made.
+        Settings of the tracks.
     corrector
-        What makes corrected frames.
+        Response and vignette for the corrected frames.
     """
 
     def __init__(self, settings: TrackingSettings, corrector: Corrector) -> None:
@@ -112,7 +112,7 @@ class Tracks:
         self.begun = 0
 
     def begin(self, frame: Frame) -> None:
-        """Begin tracks at the corners of a frame as recorded, none of them where it is saturated."""
+        """Start tracks at the corners of a raw frame that are not saturated."""
         s, image = self._settings, self._raw.image(frame)
         side = s.follower.window_px
         usable = cv2.erode((frame.image < self._max_grey).view(np.uint8), np.ones((side, side), np.uint8))
@@ -130,7 +130,7 @@ class Tracks:
         self.begun += count
 
     def follow(self, before: Frame, after: Frame) -> None:
-        """Follow all tracks from a frame to the next one."""
+        """Continue all tracks from one frame to the next."""
         watched = self._inside(before) & (self._age < self._settings.horizon)
         self._alive &= watched
         radiance = self._corrected.radiance(after)
@@ -150,7 +150,7 @@ class Tracks:
         self._keep(np.asarray(self._alive.any(axis=0)))
 
     def figures(self) -> tuple[TrackFigures, TrackFigures, int]:
-        """Return the figures of raw and of corrected frames, and the age up to which both are known."""
+        """Return the statistics of raw and of corrected frames, and the age up to which both are known."""
         horizon = min(life.horizon for life in self._lives)
         raw, corrected = (
             TrackFigures(
@@ -165,13 +165,13 @@ class Tracks:
         return raw, corrected, horizon
 
     def _inside(self, frame: Frame) -> BoolArray:
-        """Return which places are a window's side from the border at least, shape (2, n)."""
+        """Return which places are at least a window's side from the border, shape (2, n)."""
         margin = self._settings.follower.window_px
         far = np.array(frame.image.shape[::-1]) - 1 - margin
         return np.asarray(np.all((self._places >= margin) & (self._places <= far), axis=-1))
 
     def _compare_with_first(self, frame: Frame, radiance: Float32Array) -> None:
-        """Read the brightness residual of both kinds at the same places."""
+        """Add the brightness residuals of both kinds, computed at the same places."""
         alive = self._alive & self._inside(frame)
         index = np.flatnonzero(alive.any(axis=0))
         places = np.where(alive[1, index, None], self._places[1, index], self._places[0, index])
@@ -181,7 +181,7 @@ class Tracks:
     def _changes(
         self, frame: Frame, radiance: Float32Array, index: IntArray, places: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the brightness residual of tracks at places, in raw and in corrected frames; NaN if saturated."""
+        """Return the brightness residuals of tracks at places, in raw and in corrected frames; NaN if saturated."""
         if not index.size:
             return np.empty(0), np.empty(0)
         windows = self._settings.follower.windows

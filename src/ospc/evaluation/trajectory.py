@@ -1,8 +1,8 @@
-"""How far a trajectory is from the truth, up to the similarity that a single camera cannot know.
+"""Errors of a trajectory against the truth, up to the similarity that a single camera leaves undetermined.
 
-The alignment error e_align is that of the TUM monocular visual odometry data set (Engel, Usenko, Cremers, "A
-photometrically calibrated benchmark for monocular visual odometry", 2016): the truth is known at the beginning and
-the end only, and the drift in between shows as the disagreement of the two alignments.
+The alignment error e_align is that of the TUM monocular visual odometry dataset (Engel, Usenko, Cremers, "A
+photometrically calibrated benchmark for monocular visual odometry", 2016). The truth is known only at the beginning
+and at the end, and the drift in between is the difference of the two alignments.
 """
 
 from __future__ import annotations
@@ -20,10 +20,16 @@ from ospc.evaluation.similarity import Similarity, align_similarity
 from ospc.formats.files import read_text
 
 STAMP_TOLERANCE_S = 1e-3
-"""How far a pose's time stamp may be from that of its truth, in seconds."""
+"""Largest difference of the time stamps of a pose and its truth, in seconds."""
 
 _LARGEST_FILE = 2**29
+"""Largest file that is read, in bytes: a day of poses at 50 Hz in ample digits."""
+
 _COLUMNS = 8
+"""Columns of a row: stamp, position, quaternion."""
+
+_QUATERNION_LENGTHS = (0.5, 2.0)
+"""Lengths accepted for unit quaternions: files round them to a few digits."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +41,9 @@ class Trajectory:
     stamps_s
         Time stamps in seconds, shape (n,), not decreasing.
     positions
-        Of the camera in the world, shape (n, 3); NaN where unknown.
+        Positions of the camera in the world, shape (n, 3); NaN if unknown.
     quaternions
-        Orientations (x, y, z, w) that turn camera into world coordinates, shape (n, 4); NaN where unknown.
+        Orientations (x, y, z, w) from camera to world coordinates, shape (n, 4); NaN if unknown.
     """
 
     stamps_s: FloatArray
@@ -49,7 +55,7 @@ class Trajectory:
         count = self.stamps_s.shape[0]
         if self.positions.shape != (count, 3) or self.quaternions.shape != (count, 4):
             raise FormatError(
-                f"a trajectory has one stamp, position and quaternion a pose, not {self.stamps_s.shape}, "
+                f"a trajectory has a stamp, a position and a quaternion for each pose, not {self.stamps_s.shape}, "
                 f"{self.positions.shape} and {self.quaternions.shape}"
             )
 
@@ -70,9 +76,10 @@ class AlignmentError:
     Attributes
     ----------
     e_align
-        Root mean square distance, over all poses, of the copies aligned to either half, in units of the truth.
+        Root mean square distance, over all poses, between the trajectory aligned to the first half and aligned to the
+        second, in units of the truth.
     e_s
-        Scale by the first half over scale by the second.
+        Scale of the first alignment over that of the second.
     e_r_deg
         Angle between the two alignments' rotations, in degrees.
     rmse
@@ -80,7 +87,7 @@ class AlignmentError:
     poses
         Number of poses of the trajectory.
     first, second
-        Number of poses that have a truth in either half.
+        Number of poses with truth in the first and in the second half.
     unmatched
         Number of poses without a row of the truth within the tolerance.
     """
@@ -117,12 +124,12 @@ class RelativeError:
 def read_trajectory(path: str | Path) -> Trajectory:
     """Read rows ``stamp tx ty tz qx qy qz qw``, separated by white space or commas; ``#`` begins a comment.
 
-    Further columns are ignored, NaN is allowed, and the rows are sorted by their stamps.
+    Further columns are ignored, NaN is allowed, and rows are sorted by stamp.
 
     Raises
     ------
     FormatError
-        If a row is not of this form, a stamp is not finite, or there is no row.
+        If a row has another form, a stamp is not finite, or there is no row.
     """
     rows: list[list[float]] = []
     for number, line in enumerate(read_text(path, _LARGEST_FILE).splitlines(), start=1):
@@ -150,7 +157,7 @@ def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray, tolerance_s: flo
     Parameters
     ----------
     stamps_s, truth_stamps_s
-        In seconds, shapes (n,) and (m,), m ≥ 1; the true ones not decreasing.
+        In seconds, shapes (n,) and (m,), m ≥ 1; the second not decreasing.
     tolerance_s
         In seconds.
     """
@@ -162,16 +169,14 @@ def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray, tolerance_s: flo
 
 
 def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
-    """Return e_align, e_s and e_r of a trajectory.
-
-    The truth is split at its middle row, unknown rows included.
+    """Return e_align, e_s and e_r of a trajectory; the truth is split at its middle row, NaN rows included.
 
     Parameters
     ----------
     estimate
-        All poses known.
+        The trajectory; all its positions are known.
     truth
-        Unknown positions are NaN.
+        The truth; unknown positions are NaN.
 
     Raises
     ------
@@ -211,7 +216,9 @@ def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
 
 
 def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
-    """Return the root mean square distance of the poses to the truth after the best similarity, in its units.
+    """Return the root mean square distance of the poses to the truth after the best similarity.
+
+    It is in units of the truth.
 
     Raises
     ------
@@ -226,23 +233,24 @@ def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
 
 
 def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: float = 1.0) -> RelativeError:
-    """Return how wrong the motions over an interval of time are, after the best similarity over all poses.
+    """Return the errors of the motions over an interval of time, after the best similarity over all poses.
 
     Parameters
     ----------
     estimate, truth
-        Both of the same camera frame.
+        Trajectories of the same camera frame.
     interval_s
-        Time in seconds between the poses of a pair; each pose is paired with the first at least as much later.
+        Time in seconds between the poses of a pair; each pose is paired with the first that is at least this much
+        later.
 
     Raises
     ------
     SettingError
         If the interval is not positive.
     FormatError
-        If a position of the estimate is not finite, or a quaternion is none.
+        If a position of the estimate is not finite, or a quaternion is not of length 1.
     NotObservableError
-        If too few poses have a truth, or none are so far apart.
+        If too few poses have a truth, or no two are so far apart.
     """
     if not interval_s > 0:
         raise SettingError(f"the interval of relative errors must be positive, not {interval_s}")
@@ -268,7 +276,7 @@ def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: flo
 
 
 def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, FloatArray]:
-    """Return which poses have a known truth, shape (n,), and the true position of each, shape (n, 3)."""
+    """Return which poses have a truth, shape (n,), and their true positions, shape (n, 3)."""
     if not estimate.known.all():
         raise FormatError(
             f"{np.count_nonzero(~estimate.known)} of {len(estimate)} estimated positions are not finite; "
@@ -281,7 +289,7 @@ def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, FloatA
 
 def _rotations(quaternions: FloatArray) -> Rotation:
     length = np.linalg.norm(quaternions, axis=1)
-    if not np.all((length > 0.5) & (length < 2)):
+    if not np.all((length > _QUATERNION_LENGTHS[0]) & (length < _QUATERNION_LENGTHS[1])):
         raise FormatError("a quaternion of a matched pose is not of length 1")
     return Rotation.from_quat(quaternions)
 

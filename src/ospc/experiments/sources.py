@@ -16,6 +16,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError
+from ospc.formats.dso import read_pcalib
 from ospc.formats.files import read_text
 from ospc.formats.opening import Photometry
 from ospc.odometry.calibrations import true_photometry
@@ -24,7 +25,7 @@ from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording import Frame, open_recording
 from ospc.simulation import SimulationSettings
 from ospc.simulation import frames as simulated_frames
-from ospc.simulation.responses import make_response, read_response
+from ospc.simulation.responses import make_response
 from ospc.simulation.vignettes import make_vignette
 
 RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narrow_radial_DIGITISED.csv"
@@ -132,7 +133,7 @@ def _camera(size: ImageSize, data: Path | None) -> tuple[str | Response, str | V
     """Return response and vignette of the narrow camera, or names of analytic ones."""
     if data is None or not (data / RESPONSE).is_file() or not (data / VIGNETTE).is_file():
         return "tum_narrow", "polynomial"
-    return read_response(data / RESPONSE), _radial(data / VIGNETTE, size)
+    return read_pcalib(data / RESPONSE), _radial(data / VIGNETTE, size)
 
 
 def _radial(path: Path, size: ImageSize) -> PolynomialVignette:

@@ -1,4 +1,4 @@
-"""A calibration as a value: what is known of a camera's photometry, how well, and what is still missing."""
+"""A photometric calibration as a value: what is known, how well, and what is still missing."""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ __all__ = ["PROFILE_RADII", "SCHEMA", "Calibration", "ExposureRatios", "State", 
 
 SCHEMA = "ospc-calibration/1"
 PROFILE_RADII = np.linspace(0.0, 1.0, 51)
+"""Radii, in half diagonals, at which the vignette's uncertainty is given: 0, 0.02, … 1."""
+
 PROFILE_RADII.setflags(write=False)
 _MAX_BYTES = 100_000_000
+"""Largest calibration file that is read: one with a covariance of 100 parameters has less than a megabyte."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +43,17 @@ class Calibration:
     Attributes
     ----------
     size
-        Width and height in pixels of the images it belongs to.
+        Width and height in pixels of the images it is for.
     response
-        The camera response; None where it is not observable.
+        The camera response; None if it is not identifiable.
     vignette
-        The vignette; None where it is not observable.
+        The vignette; None if it is not identifiable.
     verdicts
-        For ``"response"`` and ``"vignette"``: identifiable, marginal or not, why, and what to record instead.
+        For ``"response"`` and ``"vignette"``: whether it is identifiable, why, and what to record instead.
     vignette_sigma
         Standard deviation of the radial profile at the 51 radii 0, 0.02, … 1, shape (51,).
     noise
-        Noise of a grey value as estimated from the recording.
+        Noise of a grey value, estimated from the recording.
     exposure_ratios
         Re-estimated exposure ratios against the metadata.
     covariance
@@ -58,22 +61,25 @@ class Calibration:
     max_grey
         Largest grey value of the images: 255 for 8 bit.
     converged
-        Whether more of the same recording would hardly change the result.
+        Whether more frames of the same kind would hardly change the result.
     partial
         Whether the run was interrupted before the end of the recording.
     counts
-        Frames, skipped frames, pairs and samples used.
+        Numbers of frames, skipped frames, pairs and samples used.
     settings
-        Every setting of the method that made it.
+        All settings of the method.
     source
         Identification of the input.
+    versions
+        Versions of the software used.
     advice
-        What would reduce the uncertainty most, most helpful first.
+        What would reduce the uncertainty, most helpful first.
     coverage
-        What the measurements cover and how far they are from the calibration; None where the method keeps no tables.
+        What the observations cover, and their residuals; None if the method keeps no tables.
     exponent_sigma
-        Standard deviation of ln γ where response, vignette and exposures are known only up to a common exponent γ,
-        for no exposures were known; contained in the other deviations, not in the covariance. 0 otherwise.
+        Standard deviation of ln γ, if response, vignette and exposures are known only up to a common exponent γ
+        because no exposures were given; included in the other standard deviations, but not in the covariance. 0
+        otherwise.
     """
 
     size: ImageSize
@@ -113,15 +119,15 @@ class Calibration:
     ) -> npt.NDArray[Any]:
         """Return the irradiance e·L = g(M)/V(x) of an image, or the radiance L where its exposure is given.
 
-        As :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`, which has all about it; to be
-        applied before any undistortion or scaling.
+        Apply it before any undistortion or scaling. Details:
+        :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`.
 
         Parameters
         ----------
         image, exposure_ms, dtype, white, mark_saturated
             As there.
         max_grey
-            Largest grey value of the image where it is not that of the calibration.
+            Largest grey value of the image, if it differs from that of the calibration.
         assume_missing
             Whether an unknown response or vignette is taken to be the identity instead of refused.
 
@@ -136,7 +142,7 @@ class Calibration:
         return corrector.correct(image, exposure_ms, dtype=dtype, white=white, mark_saturated=mark_saturated)
 
     def saturated(self, image: Image, *, max_grey: int | None = None) -> BoolArray:
-        """Return which pixels have the largest grey value and so are known only to be at least that bright."""
+        """Return which pixels have the largest grey value: only a lower bound of their irradiance is known."""
         return self._corrector(max_grey, assume_missing=True).saturated(image)
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float, *, max_grey: int | None = None) -> Image:
@@ -154,7 +160,7 @@ class Calibration:
         return self._corrector(max_grey, assume_missing=False).warp_exposure(image, from_ms, to_ms)
 
     def _corrector(self, max_grey: int | None, assume_missing: bool) -> Corrector:
-        from ospc.photometry.correction import Corrector  # loads OpenCV, which the value itself does not need
+        from ospc.photometry.correction import Corrector  # loads OpenCV, which a calibration does not need otherwise
 
         grey = self.max_grey if max_grey is None else max_grey
         key = (grey, assume_missing)
@@ -167,9 +173,9 @@ class Calibration:
         return {}
 
     def save(self, path: str | Path) -> Path:
-        """Write the calibration as JSON, whole or not at all, and return the path.
+        """Write the calibration as JSON, completely or not at all, and return the path.
 
-        A raster vignette goes beside it as ``.vignette.npz``.
+        A raster vignette is written beside it as ``.vignette.npz``.
 
         Raises
         ------

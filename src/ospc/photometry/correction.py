@@ -1,8 +1,8 @@
-"""Using a calibration: from grey values to the light that reached the lens.
+"""Applying a calibration: from grey values to the light that reached the lens.
 
-The order with geometry is: **first this, then undistort, rectify, scale or crop.** Response and vignette belong to
-single pixels of the sensor; an interpolated pixel is a mean of grey values, which a response does not invert, at a
-place that has another vignette.
+**Correct first; undistort, rectify, scale or crop afterwards.** Response and vignette hold for single pixels of the
+sensor. An interpolated pixel is a mean of grey values, which the inverse response does not invert, at another place,
+where the vignette is different.
 """
 
 from __future__ import annotations
@@ -21,35 +21,43 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
 LEAST_ATTENUATION = 1e-3
-"""Where less than this share of the light arrives, as around a fisheye's image circle, there is no image."""
+"""Attenuation below which there is no image, as outside a fisheye's image circle."""
 
 _EXPOSURE_RANGE_MS = (1e-9, 1e9)
+"""Exposures accepted, in milliseconds: no camera is near either limit, and results stay finite in float32."""
+
+_WHITE_RANGE = (1e-12, 1e12)
+"""Irradiances or radiances accepted as white, for the same reason."""
+
 _BEYOND = float(2**20)
-"""Above the largest grey value of any integer type by enough that no vignette brings it back, and far below where
-conversion to integers overflows."""
+"""Stands for saturation in integer output: so far above 65535 that division by V ≤ 1 keeps it there, and far below
+what overflows on conversion to an integer."""
 
 _ROWS_AT_ONCE = 16
+"""Rows looked up in one go: 16 rows of 64-bit indices stay in the cache of a processor core."""
+
 _OUTPUT_TYPES = (np.dtype(np.float32), np.dtype(np.uint8), np.dtype(np.uint16))
 
 
 @dataclass(frozen=True)
 class Corrector:
-    """Takes response and vignette out of images: e·L = g(M) / V(x) (paper, image formation M = f(e V L)).
+    """Removes response and vignette from images: e·L = g(M) / V(x) (paper, image formation M = f(e V L)).
 
-    Made once a camera; what an image costs is one table look-up and one multiplication a pixel. It can be used from
-    several threads.
+    Make one for each camera. An image then costs one table look-up and one multiplication per pixel. Several threads
+    may share one.
 
     Attributes
     ----------
     response
-        The response; for colour images also one for each channel, in the images' own order. None where unknown.
+        The response, or three responses for the channels of colour images, in the order of the images. None if
+        unknown.
     vignette
-        The vignette; None where unknown.
+        The vignette; None if unknown.
     max_grey
         Largest grey value of the images; pixels that reach it are saturated.
     assume_missing
-        Whether a part that is unknown is taken to be the identity (g(M) = M, V = 1) instead of refused;
-        :attr:`assumed` then names it, to be said wherever the result goes.
+        Whether an unknown part is taken to be the identity (g(M) = M, V = 1) instead of refused. :attr:`assumed` then
+        names it; say so wherever the result is used.
     """
 
     response: Response | Sequence[Response] | None
@@ -58,15 +66,15 @@ class Corrector:
     assume_missing: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what no image has."""
+        """Check the bit depth and the number of responses."""
         if not 1 <= self.max_grey <= 65535:
             raise SettingError(f"max_grey is {self.max_grey}; give the largest grey value of the images, up to 65535")
         if isinstance(self.response, Sequence) and len(self.response) != 3:
-            raise SettingError(f"{len(self.response)} responses; give one, or one for each of three channels")
+            raise SettingError(f"{len(self.response)} responses given; give one, or three for colour images")
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """Names of the parts that are not known but assumed to be the identity."""
+        """Names of the unknown parts that are taken to be the identity."""
         return tuple(part for part in ("response", "vignette") if self.assume_missing and getattr(self, part) is None)
 
     def correct(
@@ -78,23 +86,23 @@ class Corrector:
         white: float = 1.0,
         mark_saturated: bool = True,
     ) -> npt.NDArray[np.generic]:
-        """Return the irradiance of every pixel as it would be without vignette, or the radiance.
+        """Return the irradiance of every pixel without the vignette, or the radiance if the exposure is given.
 
-        Apply it to images as the sensor gives them, before any undistortion, scaling or filtering.
+        Apply it to images as they come from the sensor, before any undistortion, scaling or filtering.
 
         Parameters
         ----------
         image
-            Shape (height, width) or (height, width, 3); uint8, or uint16 where ``max_grey`` is above 255.
+            Shape (height, width) or (height, width, 3); uint16, or uint8 if ``max_grey`` is at most 255.
         exposure_ms
-            Exposure time in milliseconds times linear gain. Where given, the result is divided by it: images of
-            different exposures become comparable.
+            Exposure time in milliseconds times linear gain. If given, the result is divided by it, which makes images
+            of different exposures comparable.
         dtype
             float32, or uint8 or uint16 for viewers and programs that read nothing else. The scale stays linear, so
-            8 bits lose the darkest greys of a camera with a gamma curve.
+            8 bits lose the darkest grey levels of a camera with a gamma curve.
         white
-            For uint8 and uint16: the irradiance (or radiance) that becomes the largest value. Brighter pixels become
-            that value too.
+            For uint8 and uint16: the irradiance (or radiance) that becomes the largest value. Brighter pixels are
+            clipped to it.
         mark_saturated
             Whether saturated pixels, of which only a lower bound is known, become NaN (float32) or the largest value
             (integers). Otherwise they hold the lower bound g(1)/V(x).
@@ -102,17 +110,17 @@ class Corrector:
         Returns
         -------
         numpy.ndarray
-            e·L, or L in units of 1/ms, in the image's shape and of type ``dtype``. The unit is the irradiance that
-            saturates the camera where V = 1. Where V is below :data:`LEAST_ATTENUATION` there is no image: NaN, or 0.
+            e·L, or L per millisecond, with the shape of the image and of type ``dtype``. The unit is the irradiance
+            that saturates the camera where V = 1. Where V is below :data:`LEAST_ATTENUATION` the result is NaN, or 0.
 
         Raises
         ------
         NotObservableError
             If response or vignette is unknown.
         SettingError
-            If the image has another size than the vignette, or an option has a value that cannot be.
+            If the size of the image is not that of the vignette, or an option has an invalid value.
         FrameError
-            If it is not an image of that bit depth.
+            If the image is not one of that bit depth.
         ExposureError
             If the exposure is not a positive number.
         """
@@ -128,7 +136,7 @@ class Corrector:
             bound = np.nan if mark_saturated else scale
             light = look_up(pixels, self._filled(self._inverse_columns * scale, bound, pixels).astype(np.float32))
             return light if inverse is None else np.asarray(cv2.multiply(light, inverse, light))
-        if not (np.isfinite(white) and 1e-12 < white < 1e12):
+        if not (np.isfinite(white) and _WHITE_RANGE[0] < white < _WHITE_RANGE[1]):
             raise SettingError(f"white is {white}; give the irradiance, a positive number, that becomes white")
         limit = float(np.iinfo(kind).max)
         scale *= limit / white
@@ -139,32 +147,32 @@ class Corrector:
         return np.asarray(cv2.multiply(light, inverse, dtype=cv2.CV_8U if kind == np.uint8 else cv2.CV_16U))
 
     def saturated(self, image: Image) -> BoolArray:
-        """Return which pixels have the largest grey value and so are known only to be at least that bright.
+        """Return which pixels have the largest grey value: only a lower bound of their irradiance is known.
 
         Raises
         ------
         FrameError
-            If it is not an image of that bit depth.
+            If the image is not one of that bit depth.
         """
         return np.asarray(self._checked(image) >= self.max_grey)
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float) -> Image:
         """Return what the camera would have recorded of the same scene at another exposure: f(g(M) · to / from).
 
-        The vignette is the same in both and need not be known.
+        The vignette cancels and need not be known.
 
         Parameters
         ----------
         image
-            As for :meth:`correct`, taken with ``from_ms``.
+            As for :meth:`correct`, taken with the exposure ``from_ms``.
         from_ms, to_ms
             Exposures in milliseconds times linear gain.
 
         Returns
         -------
         numpy.ndarray
-            Of the image's shape and type. What saturates at the new exposure has the largest grey value, and what was
-            saturated keeps it, since nobody knows by how much it was; :meth:`saturated` finds both.
+            The image, same shape and type. Pixels that saturate at the new exposure have the largest grey value.
+            Those that were saturated before keep it, since their irradiance is unknown. :meth:`saturated` finds both.
 
         Raises
         ------
@@ -187,24 +195,24 @@ class Corrector:
         return tuple(self.response) if isinstance(self.response, Sequence) else (self.response,)
 
     def _curve(self, response: Response | None) -> tuple[FloatArray, FloatArray]:
-        """Return the grey levels of the images and g at them, each of shape (max_grey + 1,)."""
+        """Return the grey levels of the images and g at these levels, each of shape (max_grey + 1,)."""
         levels = np.linspace(0.0, 1.0, self.max_grey + 1)
         return levels, levels if response is None else response.inverse(levels)
 
     @cached_property
     def _inverse_columns(self) -> FloatArray:
-        """The values g(M), shape (max_grey + 1, channels or 1)."""
+        """G at all grey levels, shape (max_grey + 1, channels or 1)."""
         return np.stack([self._curve(response)[1] for response in self._responses], axis=-1)
 
     def _filled(self, columns: FloatArray, saturated: float, pixels: Image) -> FloatArray:
-        """Return tables as long as the pixels' type has values, so that no pixel can be out of their bounds."""
+        """Return tables with an entry for every value of the pixels' type, so that no index is out of bounds."""
         greys = np.iinfo(pixels.dtype).max + 1
         return np.concatenate(
             [columns[: self.max_grey], np.full((greys - self.max_grey, columns.shape[1]), saturated)]
         )
 
     def _inverse_vignette(self, pixels: Image) -> Float32Array | None:
-        """Return 1/V for every value of an image; None where V is assumed to be 1."""
+        """Return 1/V for every value of an image; None if V is assumed to be 1."""
         if self.vignette is None:
             return None
         found, expected = (pixels.shape[1], pixels.shape[0]), self.vignette.size
@@ -227,30 +235,32 @@ class Corrector:
         for part in parts:
             if getattr(self, part) is None and not self.assume_missing:
                 raise NotObservableError(
-                    f"the calibration knows no {part}, and images are not corrected with a part of it unless asked "
-                    f"for; calibrate from a recording that determines it, or let it be assumed to be the identity"
+                    f"the calibration has no {part}; calibrate from a recording that determines it, or allow it to "
+                    f"be taken for the identity"
                 )
 
     def _checked(self, image: Image) -> Image:
         pixels = np.asarray(image)
         if pixels.dtype not in (np.uint8, np.uint16) or pixels.size == 0:
-            raise FrameError(f"an image to correct holds uint8 or uint16, not {pixels.dtype} of shape {pixels.shape}")
+            raise FrameError(
+                f"an image to correct is of type uint8 or uint16, not {pixels.dtype}, shape {pixels.shape}"
+            )
         if pixels.ndim != 2 and not (pixels.ndim == 3 and pixels.shape[2] == 3):
             raise FrameError(f"an image to correct is grey or has three channels, not shape {pixels.shape}")
         if len(self._responses) > 1 and pixels.ndim == 2:
-            raise FrameError("three responses are for an image of three channels; this one is grey")
-        # Words of 16 bit may hold 8-bit greys, as some recorders store them.
+            raise FrameError("three responses need an image of three channels; this one is grey")
+        # Some recorders store 8-bit grey values in 16-bit words; that is fine as long as they fit.
         deeper = pixels.dtype == np.uint16 and self.max_grey < 256 and int(pixels.max()) > self.max_grey
         if deeper or (pixels.dtype == np.uint8 and self.max_grey > 255):
             raise FrameError(
-                f"this image of {pixels.dtype} cannot be one with grey values up to {self.max_grey}, for which the "
-                f"calibration is; state max_grey if the response holds for its depth, too"
+                f"the calibration is for grey values up to {self.max_grey}, which does not fit this {pixels.dtype} "
+                f"image; state max_grey if the response also holds for its bit depth"
             )
         return pixels
 
 
 def wrong_size(what: str, found: ImageSize, calibration: str, expected: ImageSize) -> str:
-    """Return the message for images of another size than the calibration's, with what to do."""
+    """Return the error message for images whose size is not that of the calibration."""
     size = f"{found[0]}x{found[1]}"
     return (
         f"{what} has {size} pixels, {calibration} is for {expected[0]}x{expected[1]}; "
@@ -262,7 +272,7 @@ def _checked_exposure(exposure_ms: float) -> float:
     low, high = _EXPOSURE_RANGE_MS
     if not low <= exposure_ms <= high:
         raise ExposureError(
-            f"exposure {exposure_ms} ms is not a positive number of milliseconds; give that of the image"
+            f"exposure {exposure_ms} ms is not a positive number of milliseconds; give the exposure of the image"
         )
     return float(exposure_ms)
 
@@ -277,7 +287,7 @@ def look_up(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.ge
 
 @cache
 def _opencv_reads_16_bit_tables() -> bool:
-    """Tell whether this OpenCV looks up 16-bit pixels, as releases from 5.0 on do."""
+    """Tell whether this OpenCV supports tables for 16-bit pixels, as releases from 5.0 on do."""
     try:
         cv2.LUT(np.zeros((1, 1), np.uint16), np.zeros((1, 65536), np.float32))
     except cv2.error:
@@ -290,7 +300,7 @@ def _look_up_16_bit(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArr
     for channel in np.ndindex(pixels.shape[2:]):
         column = np.ascontiguousarray(tables[0, :, channel[0] if channel and tables.shape[2] > 1 else 0])
         source, target = pixels[(..., *channel)], found[(..., *channel)]
-        # Indices are widened to 64 bits on the way; a few rows at a time they stay in the cache.
+        # NumPy widens the indices to 64 bits; a few rows at a time, they stay in the cache.
         for row in range(0, pixels.shape[0], _ROWS_AT_ONCE):
             part = slice(row, row + _ROWS_AT_ONCE)
             target[part] = np.take(column, source[part], mode="clip")

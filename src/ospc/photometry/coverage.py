@@ -1,4 +1,4 @@
-"""What the measurements behind a calibration cover, and how far they are from it: a few small tables."""
+"""Tables of what the observations behind a calibration cover, and of their residuals."""
 
 from __future__ import annotations
 
@@ -13,32 +13,34 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.errors import FormatError
 
 QUANTILES = (0.16, 0.5, 0.84)
-"""Of the residuals: the middle, and where two thirds of them end."""
+"""Quantiles of the residuals: the median and the ends of the middle 68 per cent, ±1σ of a normal distribution."""
 
-_MOST_CELLS = 128
+_MAX_CLASSES = 128
+"""Most classes along any axis of a table that is read: bounds the memory a damaged file can ask for."""
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Counts and residuals of observations, each of one scene point in one frame.
+    """Counts and residuals of observations; an observation is one scene point in one frame.
 
-    Residuals are those of ln(g(M) / (e·V)) at an observation, against the mean over its point: 0.01 is
-    one per cent of irradiance.
+    A residual is ln(g(M) / (e·V)) of an observation minus its mean over the point: 0.01 is one per cent of the
+    radiance.
 
     Attributes
     ----------
     exposure_edges_ms
         Limits of the classes of exposure, shape (exposures + 1,).
     grey_exposure
-        Observations by class of exposure and by grey level, in equal classes from 0 to 1, shape (exposures, greys).
+        Number of observations by class of exposure and by grey level, the latter in equal classes from 0 to 1, shape
+        (exposures, greys).
     radius_radius
-        Observations by radius of the point where it was seen before and where it is seen now, in equal classes from
-        centre to corner, shape (radii, radii).
+        Number of observations by the radius of the point in the first and in the second frame, in equal classes from
+        the centre to the corner, shape (radii, radii).
     residual_by_grey, residual_by_radius
-        :data:`QUANTILES` of the residuals in each class, shapes (greys, 3) and (radii, 3); NaN where too few are.
-        None where there is no calibration to measure them by.
+        :data:`QUANTILES` of the residuals in each class, shapes (greys, 3) and (radii, 3); NaN where there are too
+        few. None without a calibration to compute residuals with.
     residual_by_place
-        Their median in equal cells of the image, shape (rows, columns); NaN where too few are.
+        Median residual in equal cells of the image, shape (rows, columns); NaN where there are too few.
     """
 
     exposure_edges_ms: FloatArray
@@ -59,7 +61,7 @@ class Coverage:
         return np.asarray(self.radius_radius.sum(axis=0))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as JSON-compatible values; NaN is None."""
+        """Return all tables as JSON-compatible values; NaN becomes None."""
         return {
             "exposure_edges_ms": self.exposure_edges_ms.tolist(),
             "grey_exposure": self.grey_exposure.tolist(),
@@ -72,12 +74,12 @@ class Coverage:
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Coverage:
-        """Return what :meth:`as_dict` wrote.
+        """Return the tables from the output of :meth:`as_dict`.
 
         Raises
         ------
         FormatError
-            If the tables are not of shapes that fit together.
+            If the shapes of the tables do not fit together.
         """
         edges = np.array(content["exposure_edges_ms"], dtype=np.float64)
         grey_exposure = np.array(content["grey_exposure"], dtype=np.int64)
@@ -94,7 +96,7 @@ class Coverage:
         _check_shape(by_radius, (radii, len(QUANTILES)))
         if not np.all(np.isfinite(edges)) or grey_exposure.min(initial=0) < 0 or radius_radius.min(initial=0) < 0:
             raise FormatError("the tables of the coverage hold negative counts or infinite exposures")
-        if max(*grey_exposure.shape, radii) > _MOST_CELLS or (by_place is not None and by_place.ndim != 2):
+        if max(*grey_exposure.shape, radii) > _MAX_CLASSES or (by_place is not None and by_place.ndim != 2):
             raise FormatError("the tables of the coverage are too large")
         return cls(edges, grey_exposure, radius_radius, by_grey, by_radius, by_place)
 

@@ -1,4 +1,4 @@
-"""Exposure ratios, re-estimated and as the metadata have them."""
+"""Exposure ratios of pairs of frames: re-estimated from the images, and from the metadata."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from ospc.arrays import FloatArray
 
 @dataclass(frozen=True)
 class ExposureRatios:
-    """Exposure ratios of pairs of frames, estimated and according to the metadata (paper, eq. mean).
+    """Exposure ratios of pairs of frames, estimated (paper, eq. mean) and from the metadata.
 
     Attributes
     ----------
     frames
         Indices of the two frames of each pair, shape (pairs, 2).
     metadata
-        k = e₀/e₁ from the recording's exposures, shape (pairs,).
+        k = e₀/e₁ from the exposures of the recording, shape (pairs,).
     estimated
-        The same from grey values, response and vignette, shape (pairs,).
+        k from grey values, response and vignette, shape (pairs,).
     samples
         Number of correspondences behind each estimate, shape (pairs,).
     """
@@ -33,7 +33,7 @@ class ExposureRatios:
 
     @classmethod
     def none(cls) -> ExposureRatios:
-        """Return the ratios of no pairs at all."""
+        """Return an empty table."""
         empty = np.empty(0)
         return cls(np.empty((0, 2), np.int64), empty, empty, np.empty(0, np.int64))
 
@@ -44,6 +44,6 @@ class ExposureRatios:
 
     @property
     def bias(self) -> float:
-        """Median of the log residual signed by ln k: how much too large exposure changes look; NaN without pairs."""
+        """Median of log residual · sign(ln k): positive if exposure changes are overestimated; NaN without pairs."""
         residual = self.log_residual * np.sign(np.log(self.metadata))
         return float(np.median(residual)) if residual.size else float("nan")

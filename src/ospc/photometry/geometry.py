@@ -1,4 +1,4 @@
-"""Where a pixel lies relative to the image centre."""
+"""Pixel coordinates relative to the image centre."""
 
 from __future__ import annotations
 

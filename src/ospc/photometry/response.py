@@ -22,20 +22,19 @@ def _read_only(values: npt.ArrayLike) -> FloatArray:
 class Response:
     """Camera response with a strictly increasing inverse, g(0) = 0 and g(1) = 1.
 
-    ``M = f(e V L)`` maps irradiance to grey level; ``g = f⁻¹`` is what is estimated and what the literature calls
-    "CRF" in its figures. Both live on [0, 1]. The scale of g is not observable: g(1) = 1 is a convention.
+    ``M = f(e V L)`` maps irradiance to grey level. ``g = f⁻¹`` is what is estimated, and what the figures of the
+    literature call "CRF". Both map [0, 1] to [0, 1]. The scale of g is not observable: g(1) = 1 is a convention.
 
     Attributes
     ----------
     inverse_table
         g at the grey levels i/(n-1), shape (n,), strictly increasing from 0 to 1.
     inverse_sigma
-        Standard deviation of g at the same levels, shape (n,); None where nothing is known about it.
+        Standard deviation of g at the same levels, shape (n,); None if unknown.
     log_sigma
-        Standard deviation of ln g relative to the middle of the supported range, shape (n,); None where unknown.
+        Standard deviation of ln g relative to the middle of the supported range, shape (n,); None if unknown.
     support
-        Lowest and highest grey level, in [0, 1], between which measurements carry the curve. Outside, the curve is
-        the prior's continuation.
+        Lowest and highest grey level, in [0, 1], that were measured. Outside, the curve follows the prior.
     model
         Name and parameters of the model behind the table, as JSON-compatible values.
     """
@@ -110,5 +109,5 @@ class Response:
         return np.interp(np.asarray(grey, dtype=np.float64), self.levels, self.inverse_table)
 
     def resampled(self, levels: int) -> FloatArray:
-        """Return g at ``levels`` equidistant grey levels, shape (levels,): the table other programs ask for."""
+        """Return g at ``levels`` equidistant grey levels from 0 to 1, shape (levels,)."""
         return self.inverse(np.linspace(0.0, 1.0, levels))

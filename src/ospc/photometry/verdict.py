@@ -1,4 +1,4 @@
-"""How well one quantity of a camera is known."""
+"""A verdict: how well a recording determines one quantity of a camera."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ State = Literal["identifiable", "marginal", "not identifiable"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How well one quantity is known.
+    """How well a recording determines one quantity.
 
     Attributes
     ----------
     state
         Whether the recording determines the quantity.
     reason
-        Why, in one sentence with the figures behind it.
+        Why, in one sentence with the numbers behind it.
     remedy
-        What to record instead or in addition; empty where nothing is missing.
+        What to record instead or in addition; empty if nothing is missing.
     """
 
     state: State

@@ -1,4 +1,4 @@
-"""The vignette: how much light of the centre reaches each place of the image."""
+"""The vignette: the attenuation of light at each place of the image relative to the centre."""
 
 from __future__ import annotations
 
@@ -23,15 +23,17 @@ LARGEST_ATTENUATION = 1e3
 
 _MAP_NAME = "vignette.npy"
 _MAP_HEADER_BYTES = 4096
+"""Most bytes of a ``.npy`` header; what is read is bounded by this and the size of the map."""
+
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
 
 
 class Vignette(Protocol):
-    """What every vignette can do; attenuation is 1 at the image centre (or at its maximum, for measured maps)."""
+    """Attenuation as a function of place, 1 at the centre of the vignette (measured maps: at their maximum)."""
 
     @property
     def size(self) -> ImageSize:
-        """Width and height in pixels of the images it belongs to."""
+        """Width and height in pixels of the images it is for."""
         ...
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
@@ -83,7 +85,7 @@ class PolynomialVignette:
 
 @dataclass(frozen=True)
 class LogVignette:
-    """ln V = Σ aᵢ(R²ⁱ) about a centre of its own, plus a smooth non-radial part; zero at the vignette's centre.
+    """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre.
 
     Attributes
     ----------
@@ -94,10 +96,10 @@ class LogVignette:
     centre
         Centre of the fall-off relative to the image centre, in half diagonals.
     non_radial
-        Coefficients of the harmonics x·y, x²−y², and of x, y times R², in this order; empty for none.
+        Coefficients of x·y, x²−y², x·R² and y·R², in this order; empty for none.
     limit
-        Distance from ``centre``, in half diagonals, beyond which nothing is known, as around a fisheye's image
-        circle: V stays there what it is at this distance.
+        Distance from ``centre``, in half diagonals, beyond which V is unknown, as outside a fisheye's image circle:
+        it keeps its value at this distance.
     """
 
     size: ImageSize
@@ -115,7 +117,7 @@ class LogVignette:
         return self._at_offsets(position[..., 0] - self.centre[0], position[..., 1] - self.centre[1])
 
     def _at_offsets(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the attenuation at places relative to the vignette's own centre, of any shapes that go together."""
+        """Return the attenuation at offsets from the vignette's centre, of shapes that broadcast."""
         squared = x**2 + y**2
         if squared.size and squared.max() > self.limit**2:
             inwards = np.minimum(1.0, self.limit / np.sqrt(np.maximum(squared, 1e-300)))
@@ -127,14 +129,14 @@ class LogVignette:
         return np.asarray(np.exp(log_v))
 
     def profile(self, radius: npt.ArrayLike) -> FloatArray:
-        """Return the radial part of V at distances from its centre, in half diagonals."""
+        """Return the radial part of V at distances from its centre in half diagonals."""
         squared = np.asarray(radius, dtype=np.float64) ** 2
         return np.asarray(np.exp(np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])))
 
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""
         width, height = self.size
-        # A row of x and a column of y make up the grid of pixels.
+        # x is the same in every column and y in every row: a row and a column broadcast to all pixels.
         diagonal = normalised(np.stack([np.arange(max(self.size))] * 2, axis=1).astype(np.float64), self.size)
         x, y = diagonal[:width, 0] - self.centre[0], diagonal[:height, 1, None] - self.centre[1]
         return self._at_offsets(x, y).astype(np.float32)
@@ -153,14 +155,14 @@ class LogVignette:
 
 @dataclass(frozen=True)
 class RasterVignette:
-    """A measured vignette, one value a pixel.
+    """A measured vignette with one value for each pixel.
 
     Attributes
     ----------
     values
         Attenuation, shape (height, width), in (0, 1]; divided by its maximum on construction.
     source
-        Where it came from.
+        Where it came from, as JSON-compatible values.
     """
 
     values: Float32Array
@@ -170,7 +172,9 @@ class RasterVignette:
         """Normalise and freeze the values."""
         values = np.array(self.values, dtype=np.float32)
         if values.ndim != 2 or values.size == 0:
-            raise FormatError(f"a vignette map has one value a pixel in two dimensions, not shape {values.shape}")
+            raise FormatError(
+                f"a vignette map has one value for each pixel in two dimensions, not shape {values.shape}"
+            )
         if not np.all(np.isfinite(values)) or values.min() < 0 or values.max() <= 0:
             raise FormatError("a vignette map must be finite, not negative, and not all zero")
         values /= values.max()
@@ -184,7 +188,7 @@ class RasterVignette:
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
         """Return the attenuation at pixel coordinates, bilinear, shape (..., 2) -> (...)."""
-        from scipy.ndimage import map_coordinates  # slow to import, and rarely needed
+        from scipy.ndimage import map_coordinates  # slow to import and rarely needed
 
         xy = np.asarray(points, dtype=np.float64)
         x, y = xy.reshape(-1, 2).T
@@ -196,18 +200,18 @@ class RasterVignette:
         return self.values
 
     def as_dict(self) -> dict[str, Any]:
-        """Return where the map came from; the map itself is stored beside the calibration as a picture."""
+        """Return where the map came from; :meth:`write_map` stores the map itself."""
         return {"name": "raster", "size": list(self.size), "source": self.source}
 
     def write_map(self, path: str | Path) -> None:
-        """Write the values as ``.npz``, whole or not at all."""
+        """Write the values as ``.npz``, completely or not at all."""
         packed = io.BytesIO()
         np.savez_compressed(packed, vignette=self.values)
         write_atomically(path, packed.getvalue())
 
     @classmethod
     def read_map(cls, path: str | Path, size: ImageSize, source: dict[str, Any]) -> RasterVignette:
-        """Read the values that :meth:`write_map` wrote.
+        """Read a map that :meth:`write_map` wrote.
 
         Raises
         ------
@@ -229,7 +233,7 @@ class RasterVignette:
 
 
 def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:
-    """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the first three, shape (bins,).
+    """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the first three bins, shape (bins,).
 
     Bins without a pixel hold NaN.
     """

@@ -1,6 +1,6 @@
-"""A camera that makes recordings with known truth, M = f(e · V · L) plus noise.
+"""A simulated camera whose truth is known: M = f(e · V · L) plus noise.
 
-:func:`frames` gives them in memory, :func:`simulate` writes them, :func:`truth` says what is true of them.
+:func:`frames` yields frames in memory, :func:`simulate` writes a recording, :func:`truth` returns the truth alone.
 """
 
 from ospc.simulation.camera import SimulatedRecording, frames, irradiances, simulate

@@ -26,14 +26,14 @@ _DEFAULT = SimulationSettings()
 
 @dataclass(frozen=True)
 class SimulatedRecording:
-    """A recording on disk whose truth is known.
+    """A simulated recording on disk.
 
     Attributes
     ----------
     path
         Its folder, in the layout of the TUM monocular dataset.
     truth
-        Everything that is true of it.
+        The truth.
     """
 
     path: Path
@@ -51,7 +51,7 @@ class SimulatedRecording:
 
     @property
     def exposures_ms(self) -> FloatArray:
-        """True exposures, time times gain, shape (frames,); the metadata may say otherwise."""
+        """True exposures, time times gain, shape (frames,); those of the metadata may differ."""
         return self.truth.exposures_ms
 
     @property
@@ -66,16 +66,16 @@ class SimulatedRecording:
 
 
 def frames(settings: SimulationSettings = _DEFAULT) -> Iterator[Frame]:
-    """Give the frames of a simulated recording in memory, one by one.
+    """Yield the frames of a simulated recording without writing it.
 
-    Their exposures are those of the metadata, as a recording on disk gives them; :func:`truth` has the true ones.
+    Their exposures are those of the metadata, as in a recording on disk; :func:`truth` has the true ones.
 
     Raises
     ------
     SettingError
-        If response or vignette are not what the settings may name.
+        If there is no such response or vignette.
     FormatError
-        If they come from a file that does not hold them.
+        If the file of a response or vignette cannot be read.
     """
     scene = Scene.of(settings)
     known = plan(settings, scene)
@@ -101,29 +101,29 @@ def simulate(
     Parameters
     ----------
     out
-        Folder to make; it must not exist or be empty, or else hold an earlier simulated recording to overwrite.
+        Folder to create. It must be empty or missing, unless it holds an earlier simulated recording to overwrite.
     settings
         What to simulate.
     overwrite
-        Whether to remove an earlier simulated recording; anything else is never removed.
+        Whether to remove an earlier simulated recording; nothing else is ever removed.
     progress
-        Called with the number of frames written and of all frames.
+        Called with the number of frames written and the total.
 
     Returns
     -------
     SimulatedRecording
-        Where it is and what is true of it.
+        Its folder and truth.
 
     Raises
     ------
     SettingError
-        If the folder is not empty or cannot be written, or response or vignette are not what the settings may name.
+        If the folder is not empty or cannot be written, or there is no such response or vignette.
     FormatError
-        If response or vignette come from a file that does not hold them.
+        If the file of a response or vignette cannot be read.
     """
     place = Path(out)
     if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise SettingError(f"{place}: is not an empty folder; choose another, or remove what is there")
+        raise SettingError(f"{place}: is not an empty folder; choose another, or empty it")
     scene = Scene.of(settings)
     known = plan(settings, scene)
     try:
@@ -142,9 +142,9 @@ def simulate(
 
 
 def irradiances(settings: SimulationSettings = _DEFAULT) -> Iterator[Float32Array]:
-    """Give the irradiance e·V·L of every frame as a share of saturation, before noise and response.
+    """Yield the irradiance e·V·L of every frame as a share of saturation, before noise and response.
 
-    Each of shape (height, width); for tests of the simulator and of what a perfect sensor would see.
+    Each has shape (height, width). For tests, and for what an ideal sensor would record.
     """
     scene = Scene.of(settings)
     yield from _irradiances(scene, plan(settings, scene))
@@ -161,16 +161,18 @@ def _irradiances(scene: Scene, known: Truth) -> Iterator[Float32Array]:
     attenuation = known.vignette.image()
     motion = Motion.of(settings)
     still = settings.motion == "static" and not settings.moving_objects
-    seen: Float32Array | None = None
+    exposed: Float32Array | None = None
     for index in range(settings.frames):
-        if seen is None or not still:
-            seen = _seen(scene, settings, motion, float(known.stamps_s[index]), float(known.times_ms[index]))
+        if exposed is None or not still:
+            exposed = _exposed(scene, settings, motion, float(known.stamps_s[index]), float(known.times_ms[index]))
         factor = known.exposures_ms[index] * known.light[index]
-        yield seen * attenuation * np.float32(factor)
+        yield exposed * attenuation * np.float32(factor)
 
 
-def _seen(scene: Scene, settings: SimulationSettings, motion: Motion, stamp_s: float, time_ms: float) -> Float32Array:
-    """Return the radiance at every pixel, averaged over the exposure if motion blurs it."""
+def _exposed(
+    scene: Scene, settings: SimulationSettings, motion: Motion, stamp_s: float, time_ms: float
+) -> Float32Array:
+    """Return the radiance at every pixel, averaged over instants of the exposure for motion blur."""
     count = settings.motion_blur_samples
     instants = stamp_s + ((np.arange(count) + 0.5) / count - 0.5) * time_ms / 1000
     total = radiance(scene, view_at(settings, motion, instants[0]), instants[0])

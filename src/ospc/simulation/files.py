@@ -1,4 +1,4 @@
-"""Writes a recording in the layout of the TUM monocular dataset, and its truth beside it."""
+"""Writes a simulated recording in the layout of the TUM monocular dataset, with its truth beside it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from pathlib import Path
 from types import TracebackType
 
 import cv2
-import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import SettingError
+from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.truth import Truth
 
 _PNG_COMPRESSION = 1
+"""Fastest level of zlib; noise hardly compresses anyway."""
+
 _IMAGE = re.compile(r"\d{5,}\.(png|jpg)")
 _FILES = (
     "times.txt",
@@ -30,7 +32,7 @@ _FILES = (
 
 
 class ImageWriter:
-    """Writes numbered images into ``images/`` or ``images.zip``; to be used in a with statement."""
+    """Writes numbered images into ``images/`` or ``images.zip``; used in a with statement."""
 
     def __init__(self, folder: Path, settings: SimulationSettings) -> None:
         self._folder = folder / "images"
@@ -50,11 +52,11 @@ class ImageWriter:
         Raises
         ------
         OSError
-            If that fails.
+            If it cannot be encoded or written.
         """
         done, coded = cv2.imencode(self._suffix, image, self._parameters)
         if not done:
-            raise OSError(f"image {index} could not be coded")
+            raise OSError(f"image {index} could not be encoded")
         name = frame_name(index) + self._suffix
         if self._archive is None:
             (self._folder / name).write_bytes(coded.tobytes())
@@ -73,7 +75,7 @@ class ImageWriter:
 
 
 def frame_name(index: int) -> str:
-    """Return a frame's id: all digits, as the readers of times.txt ask for."""
+    """Return the id of a frame: digits only, as readers of times.txt expect."""
     return f"{index:05d}"
 
 
@@ -97,14 +99,8 @@ def write_truth(folder: Path, truth: Truth) -> None:
         folder / "groundtruthSync.txt",
         [f"{stamp:.9f} " + " ".join(f"{value:.9f}" for value in pose) for stamp, pose in poses],
     )
-    inverse = truth.response.resampled(256) * 255
-    _write(folder / "pcalib.txt", [" ".join(f"{value:.12g}" for value in inverse)])
-    attenuation = truth.vignette.image()
-    levels = np.rint(attenuation / attenuation.max() * 65535)
-    done, coded = cv2.imencode(".png", np.clip(levels, 1, 65535).astype(np.uint16))
-    if not done:
-        raise OSError("the vignette could not be coded")
-    (folder / "vignette.png").write_bytes(coded.tobytes())
+    write_pcalib(truth.response, folder / "pcalib.txt")
+    write_vignette(truth.vignette, folder / "vignette.png")
     (folder / "truth.json").write_text(
         json.dumps(truth.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8"
     )
@@ -120,27 +116,24 @@ def remove_recording(folder: Path) -> None:
     Parameters
     ----------
     folder
-        Where it is; nothing happens if there is nothing or an empty folder.
+        Its folder; nothing happens if it is missing or empty.
 
     Raises
     ------
     SettingError
-        If the folder holds something else; nothing is removed then.
+        If the folder holds anything else; then nothing is removed.
     """
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not (folder / "truth.json").is_file():
-        raise SettingError(f"{folder}: is not a simulated recording (no truth.json); remove it yourself")
+        raise SettingError(f"{folder}: is not a simulated recording (it has no truth.json); remove it yourself")
     images = folder / "images"
     numbered = [p for p in images.iterdir() if _IMAGE.fullmatch(p.name)] if images.is_dir() else []
     written = [folder / name for name in _FILES if (folder / name).is_file()]
-    strangers = {*folder.iterdir()} - {images, *written} | ({*images.iterdir()} if images.is_dir() else set()) - {
-        *numbered
-    }
-    if strangers:
-        raise SettingError(
-            f"{folder}: also holds {sorted(strangers)[0].name}, which no simulation wrote; move it away"
-        )
+    found = {*folder.iterdir(), *(images.iterdir() if images.is_dir() else ())}
+    foreign = found - {images, *written, *numbered}
+    if foreign:
+        raise SettingError(f"{folder}: also holds {min(foreign).name}, which no simulation wrote; move it away")
     for path in (*numbered, *written):
         path.unlink()
     if images.is_dir():

@@ -1,4 +1,4 @@
-"""How the camera moves: smooth functions of time, so that every instant within an exposure has a pose.
+"""The motion of the camera: smooth functions of time, so that every instant of an exposure has a pose.
 
 World axes: x and y horizontal, z up, metres, origin on the floor in the middle of the room.
 Camera axes: x right, y down, z forward.
@@ -15,8 +15,13 @@ from ospc.arrays import FloatArray
 from ospc.simulation.settings import SimulationSettings
 
 EYE_HEIGHT_M = 1.35
+"""Mean height of the camera above the floor, in metres: held in front of the chest."""
+
 REACH_M = 1.1
-"""Largest horizontal distance of the camera from the middle of the room; everything else is further out."""
+"""Largest horizontal distance of the camera from the middle of the room, in metres; all objects are further out."""
+
+_SPREAD = (0.85, 1.15)
+"""Range of the random factor on each amplitude and period, so that no two seeds move alike."""
 
 _Waves = tuple[tuple[float, float], ...]
 
@@ -42,7 +47,8 @@ _FORWARD: dict[str, _Waves] = {
     "roll": ((2.0, 6.1), (0.3, 0.9)),
 }
 _WAVES: dict[str, dict[str, _Waves]] = {"handheld": _HANDHELD, "static": _HANDHELD, "pan": _PAN, "forward": _FORWARD}
-"""Amplitude (metres or degrees) and period (seconds) of the oscillations that make up each motion."""
+"""Amplitude (metres or degrees) and period (seconds) of the oscillations of each coordinate. The slow ones carry the
+camera through the room, those of a few seconds look around, and those below a second are the tremor of a hand."""
 
 _AXES = ("x", "y", "z", "yaw", "pitch", "roll")
 
@@ -71,14 +77,14 @@ class Poses:
 
 @dataclass(frozen=True)
 class Motion:
-    """Sums of oscillations of random phase, one for each coordinate of the pose.
+    """A sum of oscillations with random phases for each coordinate of the pose.
 
     Attributes
     ----------
     amplitude, period_s, phase
-        Shape (6, k): x, y, z in metres; yaw, pitch, roll in radians; rows filled up with amplitude 0.
+        Shape (6, k): x, y, z in metres; yaw, pitch, roll in radians; rows are padded with amplitude 0.
     moving
-        Whether time matters at all.
+        Whether the pose changes with time.
     """
 
     amplitude: FloatArray
@@ -97,9 +103,9 @@ class Motion:
         for row, axis in enumerate(_AXES):
             for column, (size, seconds) in enumerate(waves.get(axis, ())):
                 amplitude[row, column], period[row, column] = size, seconds
-        amplitude *= rng.uniform(0.85, 1.15, amplitude.shape)
+        amplitude *= rng.uniform(*_SPREAD, amplitude.shape)
         amplitude[3:] = np.radians(amplitude[3:])
-        period *= rng.uniform(0.85, 1.15, period.shape) / settings.speed
+        period *= rng.uniform(*_SPREAD, period.shape) / settings.speed
         phase = rng.uniform(0, 2 * np.pi, period.shape)
         return cls(amplitude, period, phase, settings.motion != "static")
 
@@ -108,7 +114,7 @@ class Motion:
         time = np.atleast_1d(np.asarray(time_s, dtype=np.float64)) * (1.0 if self.moving else 0.0)
         angle = 2 * np.pi * time[:, None, None] / self.period_s + self.phase
         x, y, z, yaw, pitch, roll = np.sum(self.amplitude * np.sin(angle), axis=-1).T
-        # Squash the horizontal position smoothly into a disc in front of everything there is.
+        # Compress the horizontal position smoothly into a disc that is free of objects.
         shrink = (1 + ((x**2 + y**2) / REACH_M**2) ** 4) ** (-1 / 8)
         x, y = x * shrink, y * shrink
         position = np.stack([x, y, z + EYE_HEIGHT_M], axis=-1)
@@ -116,7 +122,7 @@ class Motion:
 
 
 def _rotation(yaw: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:
-    """Return camera-to-world rotations, shape (n, 3, 3); without angles the camera looks along world x."""
+    """Return camera-to-world rotations, shape (n, 3, 3); at zero angles the camera looks along world x."""
     zero = np.zeros_like(yaw)
     forward = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)], axis=-1)
     right = np.stack([np.sin(yaw), -np.cos(yaw), zero], axis=-1)

@@ -1,8 +1,8 @@
-"""From a scene and a pose to the radiance that reaches every pixel.
+"""Renders the radiance at every pixel from a scene and a pose.
 
-Every flat surface is one homography. A pixel takes the radiance of the level of the surface's pyramid whose elements
-are as large as the pixel's footprint (blended between the two nearest), so that fine texture averages out as it does
-over the area of a real pixel instead of flickering.
+Each flat surface is mapped by a homography. A pixel samples the texture pyramid at the level whose texels are as
+large as its footprint, blended between the two nearest levels. So fine texture averages out as over the area of a
+real pixel, instead of aliasing.
 """
 
 from __future__ import annotations
@@ -19,14 +19,19 @@ from ospc.simulation.scene import Scene
 from ospc.simulation.surface import Face, Rectangle, Solid
 
 _NEAR_M = 0.02
+"""Distance of the near clipping plane, in metres; nothing comes nearer than 0.2 m."""
+
 _MARGIN_PX = 2.0
+"""Margin around the image within which surfaces are kept, in pixels: their antialiased edges reach half a pixel
+in."""
+
 _CELL_PX = 32
-"""Edge of the cells on which the level of detail is computed before it is interpolated."""
+"""Edge of the cells, in pixels, on which the level of detail is computed before it is interpolated."""
 
 
 @dataclass(frozen=True)
 class View:
-    """A pinhole camera somewhere.
+    """A pinhole camera and its pose.
 
     Attributes
     ----------
@@ -47,7 +52,7 @@ class View:
 
     @property
     def intrinsics(self) -> FloatArray:
-        """The matrix K; the first pixel's centre is (0, 0), shape (3, 3)."""
+        """The camera matrix K, shape (3, 3); the centre of the first pixel is (0, 0)."""
         return np.array(
             [
                 [self.focal_px, 0.0, (self.size[0] - 1) / 2],
@@ -57,12 +62,12 @@ class View:
         )
 
     def homography(self, place: Rectangle) -> FloatArray:
-        """Return what takes metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
+        """Return the map of metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
         columns = np.stack([place.across, place.down, place.corner_m - self.position_m], axis=-1)
         return np.asarray(self.intrinsics @ self.rotation.T @ columns)
 
     def project(self, points_m: npt.ArrayLike) -> FloatArray:
-        """Return pixels (x, y) of world points in front of the camera, shape (..., 3) -> (..., 2); NaN behind it."""
+        """Return the pixels (x, y) of world points, shape (..., 3) -> (..., 2); NaN behind the camera."""
         camera = (np.asarray(points_m, dtype=np.float64) - self.position_m) @ self.rotation
         depth = np.where(camera[..., 2:] > _NEAR_M, camera[..., 2:], np.nan)
         centre = self.intrinsics[:2, 2]
@@ -78,10 +83,10 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
         for area, colour, alpha in _drawn(face, view):
             canvas[area] += colour * alpha
             covered[area] += alpha
-    # Neighbouring walls share the pixels of their common edge; together they cover each exactly once.
+    # Neighbouring walls share the pixels of their common edge: divide by what they cover together.
     canvas /= np.maximum(covered, np.float32(1e-3))
     for faces in _in_order(scene, view, time_s):
-        # Faces of one body complement each other at their common edge too: each replaces its share of what was there.
+        # Faces of one body also share pixels: each replaces its share of the background, not of the other face.
         pieces = [piece for face in faces for piece in _drawn(face, view)]
         changes = [(area, (colour - canvas[area]) * alpha) for area, colour, alpha in pieces]
         for area, change in changes:
@@ -91,10 +96,10 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
 
 
 def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, ...]]:
-    """Give pictures, visible faces of each solid, and patches so that none is hidden by one that came earlier.
+    """Yield pictures, the visible faces of each solid, and patches, from back to front.
 
-    Solids are sorted by the power of the camera's position to the spheres around them, d² − r²: where it is equal
-    for two spheres lies their radical plane, which parts the two bodies, and the nearer body is on the camera's side.
+    Solids are sorted by the power of the camera's position with respect to their bounding spheres, d² − r². It is
+    equal on the radical plane of two spheres, which separates the bodies; the nearer body is on the camera's side.
     """
     yield from ((picture,) for picture in scene.pictures)
 
@@ -110,7 +115,7 @@ _Piece = tuple[tuple[slice, slice], Float32Array, Float32Array]
 
 
 def _drawn(face: Face, view: View) -> Iterable[_Piece]:
-    """Give the part of the image that a face covers: where, its radiance, and the share it covers of each pixel."""
+    """Yield the image area that a face covers, its radiance there, and the share of each pixel that it covers."""
     to_image = view.homography(face.place)
     outline = _outline(face.place.size_m, to_image, view.size)
     if outline is None:
@@ -130,8 +135,8 @@ def _drawn(face: Face, view: View) -> Iterable[_Piece]:
 def _coverage(size_m: tuple[float, float], to_metres: FloatArray, shape: tuple[int, int]) -> Float32Array:
     """Return the share of each pixel that a rectangle covers, shape ``shape``.
 
-    An edge's share is its distance from the pixel's centre plus one half, between 0 and 1: exact for upright edges,
-    and complementary for two faces with a common edge in any direction.
+    The share at an edge is the signed distance of the pixel's centre plus one half, clipped to [0, 1]. This is exact
+    for edges along rows or columns, and the shares of two faces with a common edge always add up to one.
     """
     height, width = shape
     alpha = np.ones(shape, np.float32)
@@ -148,7 +153,7 @@ def _coverage(size_m: tuple[float, float], to_metres: FloatArray, shape: tuple[i
 
 
 def _outline(size_m: tuple[float, float], to_image: FloatArray, size: ImageSize) -> FloatArray | None:
-    """Return the corners of the visible part of a rectangle in pixels, shape (n, 2); None if it is out of sight."""
+    """Return the corners in pixels of a rectangle clipped to the view, shape (n, 2); None if it is out of view."""
     w, h = size_m
     polygon = (np.array([[0, 0, 1], [w, 0, 1], [w, h, 1], [0, h, 1.0]]) @ to_image.T).tolist()
     right, bottom = size[0] - 1 + _MARGIN_PX, size[1] - 1 + _MARGIN_PX
@@ -177,7 +182,7 @@ def _outline(size_m: tuple[float, float], to_image: FloatArray, size: ImageSize)
 
 
 def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline: FloatArray) -> Float32Array:
-    """Return a face's radiance over an area of the image, blended between levels of its pyramid, shape ``shape``."""
+    """Return the radiance of a face over an area of the image, blended between pyramid levels, shape ``shape``."""
     height, width = shape
     rows, columns = max(2, -(-height // _CELL_PX)), max(2, -(-width // _CELL_PX))
     x = (np.arange(columns) + 0.5) * width / columns - 0.5
@@ -194,7 +199,7 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
     for level in range(first, final + 1):
         weight = np.maximum(0, 1 - np.abs(detail - level)).astype(np.float32)
         if weight.max() > 0:
-            # Only where this level has a share; interpolation carries it one cell further than its own cells.
+            # Warp only where this level has weight; interpolation spreads it by one cell.
             (y0, y1), (x0, x1) = (
                 _span(np.flatnonzero(weight.max(axis=1 - axis) > 0), weight.shape[axis], shape[axis])
                 for axis in (0, 1)
@@ -205,15 +210,15 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
 
 
 def _span(used: npt.NDArray[np.intp], cells: int, pixels: int) -> tuple[int, int]:
-    """Return the first pixel and the one after the last of a run of cells, with one more cell on either side."""
+    """Return the range of pixels of a run of cells, with one more cell on either side."""
     return max(0, (used[0] - 1) * pixels // cells), min(pixels, -(-(int(used[-1]) + 2) * pixels // cells))
 
 
 def _detail(to_metres: FloatArray, points: npt.NDArray[np.float64], texel_m: float) -> FloatArray:
-    """Return the pyramid level whose elements are as long as a pixel's footprint, shape (..., 2) -> (...).
+    """Return the pyramid level whose texels are as long as the footprint of a pixel, shape (..., 2) -> (...).
 
-    The footprint of a pixel is a parallelogram, the image of a unit square under the derivative of the homography;
-    its length is the larger singular value of that derivative.
+    The footprint is the image of a pixel under the derivative of the homography; its length is the larger singular
+    value of that derivative.
     """
     p = points[..., 0:1] * to_metres[:, 0] + points[..., 1:2] * to_metres[:, 1] + to_metres[:, 2]
     depth = p[..., 2]
@@ -232,7 +237,7 @@ def _detail(to_metres: FloatArray, points: npt.NDArray[np.float64], texel_m: flo
 def _warped(
     face: Face, level: int, to_metres: FloatArray, first: tuple[int, int], shape: tuple[int, int]
 ) -> Float32Array:
-    """Return one level of a face's pyramid as it appears in an area of ``shape`` that begins at pixel ``first``."""
+    """Return one level of a face's pyramid, warped to an image area of ``shape`` that begins at pixel ``first``."""
     mip = face.mips[level]
     across, down = mip.shape[1] / face.place.size_m[0], mip.shape[0] / face.place.size_m[1]
     to_elements = np.array([[across, 0, -0.5], [0, down, -0.5], [0, 0, 1.0]]) @ to_metres

@@ -1,4 +1,4 @@
-"""Responses a simulated camera can have: analytic ones by name, or a file of values."""
+"""Responses of the simulated camera: analytic ones by name, or a pcalib.txt."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.errors import FormatError, SettingError
+from ospc.errors import SettingError
+from ospc.formats.dso import read_pcalib
 from ospc.photometry.response import Response
 
 LEVELS = 255 * 8 + 1
-"""Table length: every 8-bit grey value, and so every knot given as one, falls on an entry."""
-
-_MAX_FILE_BYTES = 4_000_000
+"""Length of the tables: every 8-bit grey value, and so every knot given as one, falls on an entry."""
 
 
 def linear() -> Response:
-    """Return the response of the bare sensor, g(M) = M."""
+    """Return the response of a linear sensor, g(M) = M."""
     return Response(_grey(), model={"name": "linear"})
 
 
@@ -34,15 +33,16 @@ def srgb() -> Response:
 
 
 def logarithmic(steepness: float = 50.0) -> Response:
-    """Return f(I) = ln(1 + aI) / ln(1 + a), a camera with logarithmic compression."""
+    """Return f(I) = ln(1 + aI) / ln(1 + a), logarithmic compression."""
     inverse = np.expm1(_grey() * math.log1p(steepness)) / steepness
     return Response.from_values(inverse, model={"name": "log", "steepness": steepness})
 
 
 def filmic(exponent: float = 1.25, half: float = 0.18) -> Response:
-    """Return an s-curve with toe and shoulder, f(I) = (1 + c) I^p / (I^p + c).
+    """Return an S-curve with toe and shoulder, f(I) = (1 + c) I^p / (I^p + c), where c = halfᵖ.
 
-    The form is that of Naka and Rushton (1966), scaled to reach 1; its inverse is g(M) = (cM / (1 + c − M))^(1/p).
+    This is the function of Naka and Rushton (1966), scaled to reach 1. Its inverse is
+    g(M) = (cM / (1 + c − M))^(1/p).
     """
     grey = _grey()
     constant = half**exponent
@@ -51,39 +51,12 @@ def filmic(exponent: float = 1.25, half: float = 0.18) -> Response:
 
 
 def tum_narrow() -> Response:
-    """Return a camera with knees: g piecewise linear through (0, 0), (88/255, 0.068), (188/255, 0.464), (1, 1)."""
+    """Return a piecewise linear g through (0, 0), (88/255, 0.068), (188/255, 0.464), (1, 1).
+
+    These are the knees of the camera of the TUM monocular dataset.
+    """
     inverse = np.interp(_grey() * 255, [0, 88, 188, 255], [0, 0.068, 0.464, 1])
     return Response(inverse, model={"name": "tum_narrow"})
-
-
-def read_response(path: str | Path) -> Response:
-    """Read values of g, as ``pcalib.txt`` holds them.
-
-    Parameters
-    ----------
-    path
-        Text file; only its first line is read. At least 256 strictly increasing values at equidistant grey levels,
-        shifted and scaled to run from 0 to 1.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be read or breaks one of these rules.
-    """
-    place = Path(path)
-    try:
-        if place.stat().st_size > _MAX_FILE_BYTES:
-            raise FormatError(f"{place}: too large for a response; give one line of 256 values")
-        lines = place.read_text(encoding="ascii").splitlines()
-        values = np.array((lines or [""])[0].split(), dtype=np.float64)
-    except (OSError, ValueError) as error:
-        raise FormatError(f"{place}: not readable as a response ({error}); give one line of 256 values") from None
-    if values.size < 256:
-        raise FormatError(f"{place}: a response needs at least 256 values in its first line, this has {values.size}")
-    try:
-        return Response.from_values(values, model={"name": "file", "file": place.name})
-    except FormatError as error:
-        raise FormatError(f"{place}: {error}") from None
 
 
 RESPONSES: dict[str, Callable[[], Response]] = {
@@ -94,18 +67,18 @@ RESPONSES: dict[str, Callable[[], Response]] = {
     "filmic": filmic,
     "tum_narrow": tum_narrow,
 }
-"""The responses that have a name."""
+"""The responses by name."""
 
 
 def make_response(choice: str | Path | Response) -> Response:
-    """Return the response of a name, of a file, or itself.
+    """Return the response of a name or of a file, or the response itself.
 
     Raises
     ------
     SettingError
         If it is neither the name of a response nor a file.
     FormatError
-        If the file does not hold a response.
+        If the file is not a pcalib.txt.
     """
     if isinstance(choice, Response):
         return choice
@@ -113,7 +86,7 @@ def make_response(choice: str | Path | Response) -> Response:
         return RESPONSES[str(choice)]()
     if not Path(choice).is_file():
         raise SettingError(f"response '{choice}' is neither a file nor one of {', '.join(RESPONSES)}")
-    return read_response(choice)
+    return read_pcalib(choice)
 
 
 def _grey() -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -1,4 +1,4 @@
-"""A furnished room: walls with pictures, boxes that stand in front of them, patches that move on their own."""
+"""The scene: a room with pictures on its walls, boxes in front of them, and patches that move by themselves."""
 
 from __future__ import annotations
 
@@ -14,26 +14,39 @@ from ospc.simulation.surface import UP, Face, Lamp, Rectangle, Solid, lit, pyram
 from ospc.simulation.texture import painted, photograph, single, strewn, tiled
 
 ROOM_M = (4.2, 3.4, 2.8)
-"""Half length, half width and height of the room."""
+"""Half length, half width and height of the room, in metres."""
+
 REFERENCE_IRRADIANCE = 0.12
-"""Irradiance of the median wall at the reference exposure, as a share of saturation."""
+"""Irradiance of the median wall at the reference exposure, as a share of saturation: a mid grey at a gamma of 2.2."""
 
 _RING_M = 2.35
-"""Distance of the furniture from the middle; the camera stays within a metre of it."""
+"""Distance of the boxes from the middle of the room, in metres; the camera stays within 1.1 m of it."""
+
+_BOX_AZIMUTHS_DEG = (40, 90, 140, 220, 270, 320)
+"""Azimuths of the boxes: the long axis of the room stays free."""
+
 _PATCH_M = (0.42, 0.34)
+"""Width and height of a moving patch, in metres."""
+
 _NEAREST_PATCH_M, _PATCH_SPACING_M = 1.4, 0.027
-"""A flat patch reaches 0.026 m further out at its corners than in its middle."""
+"""Distance from the middle of the nearest patch, and from one to the next, in metres. The corners of a flat patch are
+0.026 m further out than its middle, so patches never cross."""
+
 _WINDOW_M = (1.5, 1.1)
+"""Width and height of the window, in metres."""
+
 _DOOR_M = (0.95, 2.05)
+"""Width and height of the doorway, in metres."""
+
 _PICTURES = ("camera", "coffee", "chelsea")
 
 
 @dataclass(frozen=True)
 class Patch:
-    """A patch that floats along a smooth path of its own, facing the middle of the room.
+    """A patch that floats along its own smooth path, facing the middle of the room.
 
-    Its distance from the middle stays, and is its own: patches never cut through each other, and the one further in
-    is always in front of the one further out, seen from where the camera may be.
+    Each keeps its own distance from the middle. So patches never intersect, and from wherever the camera may be an
+    inner one is in front of an outer one.
     """
 
     mips: tuple[Float32Array, ...]
@@ -44,7 +57,7 @@ class Patch:
     distance_m: float
 
     def at(self, time_s: float) -> Face:
-        """Return it as it hangs at an instant in seconds."""
+        """Return its face at an instant in seconds."""
         turn = 2 * np.pi * time_s / self.period_s + self.phase
         azimuth = self.azimuth + self.swing * np.sin(turn)
         height = EYE_HEIGHT_M + 0.28 * np.sin(1.7 * turn + self.azimuth)
@@ -64,15 +77,15 @@ class Scene:
     Attributes
     ----------
     walls
-        The inside of a convex room: complete in every direction, hiding nothing.
+        The inside of a convex room: a wall in every direction, none in front of another.
     pictures
-        Flush on the walls.
+        Flat on the walls.
     solids
-        In front of the walls; of any two, the spheres around them part them (their radical plane cuts neither).
+        Boxes in front of the walls. The radical plane of the bounding spheres of any two separates them.
     patches
-        Move on their own between camera and furniture; the outermost comes first.
+        Moving patches between camera and boxes, the outermost first.
     scale
-        What the radiance of the faces is to be multiplied with to be in saturations per millisecond.
+        Factor from the radiance of the faces to saturations per millisecond.
     """
 
     walls: tuple[Face, ...]
@@ -83,7 +96,7 @@ class Scene:
 
     @classmethod
     def of(cls, settings: SimulationSettings) -> Scene:
-        """Furnish and light the room that the settings ask for."""
+        """Build and light the room of the settings."""
         room = _room(settings.seed if settings.scene_seed is None else settings.scene_seed)
         scale = REFERENCE_IRRADIANCE / room.median_radiance / settings.reference_exposure_ms
         patches = _patches(settings.seed, settings.moving_objects, room.median_radiance)
@@ -100,7 +113,7 @@ class _Room:
 
 @lru_cache(maxsize=2)
 def _room(seed: int) -> _Room:
-    """Build a room; the last two are kept, since a comparison of cameras films one room again and again."""
+    """Build a room; the last two are cached, because comparisons of cameras use the same room many times."""
     rng = np.random.default_rng([seed, 2])
     window_side = int(rng.choice([0, 2]))
     lamps = _lamps(rng, window_side)
@@ -119,7 +132,7 @@ def _wall(side: int) -> Rectangle:
 
 
 def _on_wall(side: int, along_m: float, height_m: float, size_m: tuple[float, float]) -> Rectangle:
-    """Return a place on a wall, ``along_m`` to the right of its middle, seen from inside, a centimetre before it."""
+    """Return a rectangle 1 cm in front of a wall, ``along_m`` to the right of its middle as viewed from inside."""
     wall = _wall(side)
     centre = wall.corner_m + wall.across * (wall.size_m[0] / 2 + along_m) + wall.normal * 0.01
     centre[2] = height_m
@@ -127,7 +140,7 @@ def _on_wall(side: int, along_m: float, height_m: float, size_m: tuple[float, fl
 
 
 def _lamps(rng: np.random.Generator, window_side: int) -> tuple[Lamp, ...]:
-    """Place a window's worth of strong sources at one end, and a weak lamp at the other."""
+    """Place strong sources in the shape of a window at one end of the room, and a weak lamp at the other."""
     away = np.array([1.0 if window_side == 0 else -1.0, 1.0, 1.0])
     shift = rng.uniform(-0.5, 0.5)
     window = tuple(
@@ -168,7 +181,7 @@ def _coat(kind: int, size_m: tuple[float, float], rng: np.random.Generator) -> F
 
 
 def _pictures(rng: np.random.Generator, lamps: tuple[Lamp, ...], window_side: int) -> tuple[Face, ...]:
-    """Hang framed photographs and painted boards, and let walls open to the day outside and to an unlit room."""
+    """Hang framed photographs and painted boards, a window to daylight, and a doorway to a dark room."""
     faces = []
     names = list(rng.permutation([*_PICTURES, *_PICTURES]))
     door_side = int(rng.permutation([side for side in range(4) if side != window_side])[0])
@@ -193,9 +206,9 @@ def _pictures(rng: np.random.Generator, lamps: tuple[Lamp, ...], window_side: in
 
 
 def _furniture(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Solid, ...]:
-    """Stand boxes in a ring that leaves the long axis of the room free."""
+    """Place boxes in a ring that leaves the long axis of the room free."""
     solids = []
-    for azimuth_deg in (40, 90, 140, 220, 270, 320):
+    for azimuth_deg in _BOX_AZIMUTHS_DEG:
         azimuth = np.radians(azimuth_deg + rng.uniform(-8, 8))
         width, depth, height = rng.uniform(0.4, 0.75), rng.uniform(0.35, 0.6), rng.uniform(0.6, 1.5)
         name = str(rng.choice(["brick", "gravel", "camera", "coffee", "chelsea", "grass", ""]))
@@ -219,7 +232,7 @@ def _furniture(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Solid
 
 
 def _box_coat(name: str, size_m: tuple[float, float], rng: np.random.Generator, level: float) -> Float32Array:
-    """Return what a side of a box shows: a picture, rough stuff, or paint where there is no name."""
+    """Return the texture of a side of a box: a picture, a rough material, or plain paint for an empty name."""
     if name in _PICTURES:
         return single(name, size_m)
     if name == "brick":

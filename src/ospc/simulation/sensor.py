@@ -1,4 +1,4 @@
-"""From irradiance to grey values: noise, response, clipping, quantisation."""
+"""The sensor: from irradiance to grey values by noise, clipping, response and quantisation."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from ospc.photometry.response import Response
 from ospc.simulation.settings import SimulationSettings
 
 _TABLE = 2**16
+"""Entries of the table of 8-bit grey values: indices fit 16 bits, and errors stay far below a grey level."""
 
 
 class Sensor:
     """Turns irradiance into grey values, M = f(I + noise).
 
-    The noise is that of counted electrons. With gain G, full well F and read noise r the irradiance I (1 saturates)
-    means I·F/G electrons, whose count varies with variance I·F/G + r². It is drawn from a normal distribution of that
-    variance, which is the Poisson distribution's shape wherever more than some ten electrons are counted.
+    The noise is that of counted electrons. With gain G, full well F and read noise r, the irradiance I (1 saturates)
+    corresponds to I·F/G electrons, and their count has the variance I·F/G + r². It is drawn from a normal
+    distribution, which a Poisson distribution resembles from about ten electrons on.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class Sensor:
         self._max_grey = settings.max_grey
         self._full_well, self._read_noise = settings.sensor
         self._seed = settings.seed
-        # Tabulated over the square root of the irradiance, along which no usual response is steep.
+        # Tabulated over the square root of the irradiance: as a function of it, no usual response is steep.
         root = np.linspace(0.0, 1.0, _TABLE)
         self._grey = np.rint(response(root**2) * self._max_grey).astype(
             np.uint8 if self._max_grey < 256 else np.uint16
@@ -47,9 +48,9 @@ class Sensor:
         irradiance
             e V L as a share of saturation, shape (height, width).
         frame
-            Index of the frame; seeds its noise.
+            Index of the frame; it seeds the noise.
         gain
-            Linear gain that is contained in e.
+            Linear gain, which e includes.
         """
         noisy = self._with_noise(irradiance, frame, gain)
         np.clip(noisy, 0, 1, out=noisy)

@@ -1,4 +1,4 @@
-"""Every number of a simulation, named."""
+"""The settings of a simulation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ NOISE_PRESETS: dict[str, tuple[float, float]] = {
     "low": (20_000.0, 5.0),
     "high": (3_000.0, 12.0),
 }
-"""Full well and read noise in electrons: a machine-vision sensor in good light, and a small one in poor light."""
+"""Full well and read noise in electrons. Low: a machine-vision sensor in good light; high: a small one in poor
+light."""
 
 _CHOICES = {
     "exposure": get_args(ExposureMode),
@@ -45,11 +46,25 @@ _POSITIVE = (
     "flicker_hz",
 )
 _NOT_NEGATIVE = ("metadata_error", "flicker", "moving_objects", "seed")
+_WHOLE = {
+    "frames": (1, 1_000_000),
+    "bit_depth": (8, 16),
+    "jpg_quality": (1, 100),
+    "motion_blur_samples": (1, 64),
+    "moving_objects": (0, 16),
+}
+"""Limits of the settings that are whole numbers; 16 patches fit between the camera and the boxes."""
+
+_SIDE_PX = (16, 8192)
+"""Limits of width and height in pixels: room for the exposure meter's pyramid, and 256 MB for a float image."""
+
+_MAX_FOV_DEG = 140
+"""Field of view that a pinhole camera stays below, in degrees; wider ones waste most pixels on the corners."""
 
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """Settings of a simulated recording; the same settings give the same recording, bit for bit.
+    """Settings of a simulated recording. The same settings give the same recording, bit for bit.
 
     Attributes
     ----------
@@ -60,25 +75,25 @@ class SimulationSettings:
     fps
         Images per second.
     seed
-        Seeds everything random: scene, motion, noise, metadata errors.
+        Seed of everything random: scene, motion, noise, metadata errors.
     scene_seed
-        Seeds the scene instead of ``seed`` where given, to film one scene in several ways.
+        Seed of the scene, if it differs from ``seed``: films one scene in several ways.
     bit_depth
         Bits per grey value, 8 to 16; above 8 the images are stored as 16-bit words, right-aligned.
     response
-        Name of one of :data:`ospc.simulation.responses.RESPONSES`, a file of values of g, or a response.
+        Name of one of :data:`ospc.simulation.responses.RESPONSES`, a pcalib.txt, or a response.
     vignette
-        Name of one of :data:`ospc.simulation.vignettes.VIGNETTES`, an image file, or a vignette.
+        Name of one of :data:`ospc.simulation.vignettes.VIGNETTES`, a vignette.png, or a vignette.
     vignette_coefficients
-        (v₁, v₂, v₃) of the named vignettes ``"polynomial"`` and ``"decentred"``, radius 1 at the corner.
+        (v₁, v₂, v₃) of the vignettes ``"polynomial"`` and ``"decentred"``, radius 1 at the corner.
     vignette_centre
         Centre of ``"decentred"`` relative to the image centre, in half diagonals.
     noise
         Preset of the two sensor settings that follow.
     full_well_electrons
-        Electrons that give the largest grey value at gain 1; that of the preset where None, no shot noise if inf.
+        Electrons that give the largest grey value at gain 1, inf for no shot noise; None for that of the preset.
     read_noise_electrons
-        Standard deviation of the read noise in electrons; that of the preset where None.
+        Standard deviation of the read noise in electrons; None for that of the preset.
     motion
         ``"handheld"`` walks and looks around, ``"pan"`` turns on the spot, ``"forward"`` moves along the optical
         axis, ``"static"`` stands on a tripod.
@@ -87,10 +102,10 @@ class SimulationSettings:
     horizontal_fov_deg
         Horizontal field of view in degrees.
     motion_blur_samples
-        Number of instants within the exposure whose radiance is averaged; 1 for no motion blur.
+        Number of instants of the exposure that are averaged; 1 for no motion blur.
     exposure
-        ``"auto"`` exposure control, logarithmic ``"sweep"`` from the smallest to the largest, ``"cycle"`` through
-        ``exposures_ms``, ``"file"`` to take ``exposures_ms`` frame by frame, or ``"constant"``.
+        ``"auto"``: exposure control. ``"sweep"``: logarithmic, from the smallest to the largest. ``"cycle"``: through
+        ``exposures_ms``. ``"file"``: ``exposures_ms`` frame by frame. ``"constant"``: ``exposure_ms``.
     exposure_ms
         Exposure time of ``"constant"``.
     exposures_ms
@@ -102,7 +117,7 @@ class SimulationSettings:
     auto_target
         Mean grey level, in [0, 1], that the exposure control aims at.
     auto_gain
-        Share of the logarithmic deviation of the mean grey level that one step of the control corrects.
+        Change of ln exposure per logarithmic deviation of the mean grey level in one step of the control.
     auto_rate
         Largest change of ln exposure from one frame to the next.
     gain
@@ -110,17 +125,17 @@ class SimulationSettings:
     gain_max
         Largest linear gain the control may use once the exposure time is at its maximum.
     gain_in_metadata
-        Whether the exposures written are time times gain; false for a camera that hides its gain.
+        Whether the metadata hold time times gain; false for a camera that hides its gain.
     lag
-        The metadata of frame i hold the exposure of frame i − lag; positive if metadata come late.
+        The metadata of frame i hold the exposure of frame i − lag; positive if they are late.
     metadata_error
         Standard deviation of a multiplicative (log-normal) error of the metadata.
     flicker
-        Relative amplitude of the light's oscillation, below 1; the metadata do not know of it.
+        Relative amplitude of the oscillation of the light, below 1.
     flicker_hz
         Frequency of that oscillation in Hz.
     moving_objects
-        Number of textured patches, up to 16, that move on their own in front of the scene.
+        Number of textured patches, up to 16, that move in front of the scene.
     image_format
         ``"png"`` or ``"jpg"`` (8 bit only).
     jpg_quality
@@ -173,7 +188,7 @@ class SimulationSettings:
     archive: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse values no camera can have."""
+        """Check the settings."""
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
                 raise SettingError(f"{name} is {getattr(self, name)!r}; choose one of {', '.join(allowed)}")
@@ -188,15 +203,11 @@ class SimulationSettings:
         self._check_sensor()
 
     def _check_images(self) -> None:
-        if len(self.size) != 2 or not all(isinstance(n, int) and 16 <= n <= 8192 for n in self.size):
-            raise SettingError(f"size is {self.size!r}; give width and height in pixels, each 16 to 8192")
-        for name, low, high in (
-            ("frames", 1, 1_000_000),
-            ("bit_depth", 8, 16),
-            ("jpg_quality", 1, 100),
-            ("motion_blur_samples", 1, 64),
-            ("moving_objects", 0, 16),
-        ):
+        if len(self.size) != 2 or not all(isinstance(n, int) and _SIDE_PX[0] <= n <= _SIDE_PX[1] for n in self.size):
+            raise SettingError(
+                f"size is {self.size!r}; give width and height, {_SIDE_PX[0]} to {_SIDE_PX[1]} pixels each"
+            )
+        for name, (low, high) in _WHOLE.items():
             value = getattr(self, name)
             if not isinstance(value, int) or not low <= value <= high:
                 raise SettingError(f"{name} is {value!r}; give a whole number from {low} to {high}")
@@ -208,9 +219,9 @@ class SimulationSettings:
             raise SettingError(f"scene_seed is {self.scene_seed}; give a whole number of at least 0")
         if self.image_format == "jpg" and self.bit_depth > 8:
             raise SettingError(f"JPEG holds 8 bits, not {self.bit_depth}; set image_format to 'png'")
-        if not self.horizontal_fov_deg < 140:
+        if not self.horizontal_fov_deg < _MAX_FOV_DEG:
             raise SettingError(
-                f"horizontal_fov_deg is {self.horizontal_fov_deg}; a pinhole camera needs less than 140"
+                f"horizontal_fov_deg is {self.horizontal_fov_deg}; give less than {_MAX_FOV_DEG} for a pinhole camera"
             )
 
     def _check_exposures(self) -> None:
@@ -242,7 +253,7 @@ class SimulationSettings:
         if not _is_number(read_noise) or read_noise < 0:
             raise SettingError(f"read_noise_electrons is {read_noise}; give a finite number of at least 0")
         if math.isinf(full_well) and read_noise > 0:
-            raise SettingError("read noise in electrons means nothing with an infinite full well; set a full well")
+            raise SettingError("read noise in electrons has no meaning with an infinite full well; set a full well")
 
     @property
     def sensor(self) -> tuple[float, float]:

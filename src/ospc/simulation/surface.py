@@ -1,7 +1,7 @@
-"""Flat surfaces in space, each with a radiance of its own.
+"""Flat surfaces in space, each with its radiance.
 
-They are opaque and reflect evenly in all directions (Lambert), so that a scene point has one radiance whatever it is
-seen from: the assumption behind every photometric calibration from moving cameras.
+They are opaque and Lambertian, so that the radiance of a scene point does not depend on the direction of view: the
+assumption behind every photometric calibration from a moving camera.
 """
 
 from __future__ import annotations
@@ -15,7 +15,23 @@ import numpy as np
 from ospc.arrays import Float32Array, FloatArray
 
 UP = np.array([0.0, 0.0, 1.0])
+"""Unit vector upwards in the world."""
 UP.setflags(write=False)
+
+_AMBIENT = 0.008
+"""Irradiance that reaches every point, beside 1/d² from a lamp of strength 1: no surface is black."""
+
+_DIFFUSE_SHARE = 0.06
+"""Share of a lamp's light that arrives without the cosine: it stands for light reflected by other surfaces."""
+
+_LAMP_RADIUS_SQUARED_M2 = 0.15
+"""Added to the squared distance from a lamp, in square metres, so that no surface near it is too bright to expose."""
+
+_LIGHT_GRID = (32, 24)
+"""Columns and rows at which the light on a surface is computed; it is smooth enough to interpolate in between."""
+
+_SMALLEST_LEVEL = 12
+"""Edge, in texels, at which a pyramid ends."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +41,9 @@ class Rectangle:
     Attributes
     ----------
     corner_m
-        World position of its first corner, shape (3,).
+        World position of the first corner, shape (3,).
     across, down
-        Unit vectors of a texture's columns and rows on it, shape (3,).
+        Unit vectors along the rows and the columns of a texture on it, shape (3,).
     size_m
         Extent along both.
     """
@@ -39,18 +55,18 @@ class Rectangle:
 
     @classmethod
     def upright(cls, centre_m: FloatArray, azimuth: float, size_m: tuple[float, float]) -> Rectangle:
-        """Return a vertical one that is seen by somebody who looks along ``azimuth`` (radians)."""
+        """Return a vertical rectangle that faces a viewer who looks along ``azimuth`` (radians)."""
         across = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
         return cls(centre_m - across * size_m[0] / 2 + UP * size_m[1] / 2, across, -UP, size_m)
 
     @cached_property
     def normal(self) -> FloatArray:
-        """Direction to which it shows a texture unmirrored."""
+        """Unit normal on the side from which the texture is not mirrored."""
         return np.asarray(np.cross(self.down, self.across))
 
     @property
     def corners_m(self) -> FloatArray:
-        """Its four corners in order, shape (4, 3)."""
+        """The four corners in order, shape (4, 3)."""
         a, d = self.across * self.size_m[0], self.down * self.size_m[1]
         return np.asarray(self.corner_m + np.array([0 * a, a, a + d, d]))
 
@@ -70,7 +86,7 @@ class Face:
     place
         Where it is.
     mips
-        Radiance, stretched over the rectangle; each level half as large as the one before.
+        Radiance, stretched over the rectangle; each level has half the size of the one before.
     """
 
     place: Rectangle
@@ -84,9 +100,9 @@ class Solid:
     Attributes
     ----------
     faces
-        Its faces; those that look away from the camera are not drawn.
+        Its faces; those that face away from the camera are not drawn.
     centre_m, radius_m
-        A sphere around it.
+        Its bounding sphere.
     """
 
     faces: tuple[Face, ...]
@@ -96,36 +112,36 @@ class Solid:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A small source of light: position, shape (3,), and strength."""
+    """A small light source: position, shape (3,), and strength."""
 
     position_m: FloatArray
     strength: float
 
 
 def irradiance(points_m: FloatArray, normal: FloatArray, lamps: tuple[Lamp, ...]) -> FloatArray:
-    """Return the light that falls on points, shape (..., 3) -> (...): inverse squares, cosines, some ambient."""
-    total = np.full(points_m.shape[:-1], 0.008)
+    """Return the light that falls on points: inverse squares, cosines and ambient light, shape (..., 3) -> (...)."""
+    total = np.full(points_m.shape[:-1], _AMBIENT)
     for lamp in lamps:
         towards = lamp.position_m - points_m
         squared = np.sum(towards**2, axis=-1)
         cosine = np.maximum(towards @ normal, 0) / np.sqrt(squared)
-        # The part without a cosine stands for light that the other surfaces throw back.
-        total += lamp.strength * (0.06 + 0.94 * cosine) / (squared + 0.15)
+        reflected = _DIFFUSE_SHARE + (1 - _DIFFUSE_SHARE) * cosine
+        total += lamp.strength * reflected / (squared + _LAMP_RADIUS_SQUARED_M2)
     return total
 
 
 def lit(place: Rectangle, reflectance: Float32Array, lamps: tuple[Lamp, ...]) -> Face:
-    """Return a face that reflects the light of lamps."""
-    light = irradiance(place.grid(32, 24), place.normal, lamps)
+    """Return a rectangle with a reflectance as a face that reflects the light of lamps."""
+    light = irradiance(place.grid(*_LIGHT_GRID), place.normal, lamps)
     height, width = reflectance.shape
     smooth = cv2.resize(np.log(light).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
     return Face(place, pyramid(reflectance * np.exp(smooth)))
 
 
 def pyramid(image: Float32Array) -> tuple[Float32Array, ...]:
-    """Return an image and its area averages over 2, 4, 8, … elements; read-only."""
+    """Return an image and its averages over blocks of 2, 4, 8, … texels, read-only."""
     levels = [np.ascontiguousarray(image, dtype=np.float32)]
-    while min(levels[-1].shape) > 12:
+    while min(levels[-1].shape) > _SMALLEST_LEVEL:
         height, width = levels[-1].shape
         smaller = cv2.resize(levels[-1], (width // 2, height // 2), interpolation=cv2.INTER_AREA)
         levels.append(np.asarray(smaller, dtype=np.float32))

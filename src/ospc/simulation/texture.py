@@ -1,4 +1,4 @@
-"""Reflectance of surfaces, made of the photographs that come with the package."""
+"""Reflectance of surfaces, made from the photographs in the package."""
 
 from __future__ import annotations
 
@@ -11,15 +11,27 @@ import numpy as np
 from ospc.arrays import Float32Array
 
 TEXEL_M = 0.004
-"""Edge of a texture element: the footprint of a 640-pixel-wide camera's pixel at about 1.7 m."""
+"""Edge of a texel in metres: the footprint of a pixel of a 640-pixel-wide camera at about 1.7 m."""
 
 _DARKEST, _BRIGHTEST = 0.015, 0.93
 """Reflectance of black paint and of white plaster."""
 
+_FRAME = 0.75
+"""Reflectance of picture frames."""
+
+_STAINED, _PAINT_STAINED = 0.15, 0.08
+"""Standard deviation of ln reflectance by stains of the largest size: on rough surfaces and on paint."""
+
+_STAINS = ((0.6, 1.0), (0.2, 0.5), (0.07, 0.25))
+"""Size in metres and relative strength of the stains: from an arm's length to a hand's width."""
+
+_GRAIN_CONTRAST, _GRAIN_TEXELS = 0.3, 256
+"""Contrast and size of the gravel that gives tiled surfaces a grain which does not repeat."""
+
 
 @lru_cache(maxsize=8)
 def photograph(name: str) -> Float32Array:
-    """Return one of the package's photographs as reflectance in (0, 1), linear in light, read-only."""
+    """Return one of the package's photographs as linear reflectance in (0, 1), read-only."""
     content = (files("ospc.simulation") / "textures" / f"{name}.png").read_bytes()
     coded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
     grey = np.asarray(coded, dtype=np.float64) / 255
@@ -30,7 +42,7 @@ def photograph(name: str) -> Float32Array:
 
 
 def single(name: str, size_m: tuple[float, float], border_m: float = 0.0) -> Float32Array:
-    """Return a photograph cut to the shape of an area, in a pale frame of the given width."""
+    """Return a photograph cropped to the shape of an area, in a pale frame of the given width."""
     width, height = _texels(size_m)
     photo = photograph(name)
     scale = max(width / photo.shape[1], height / photo.shape[0])
@@ -39,7 +51,7 @@ def single(name: str, size_m: tuple[float, float], border_m: float = 0.0) -> Flo
     picture = _resized(photo[y : y + rows, x : x + columns], (width, height))
     if border_m > 0:
         edge = max(1, round(border_m / TEXEL_M))
-        picture[:edge] = picture[-edge:] = picture[:, :edge] = picture[:, -edge:] = 0.75
+        picture[:edge] = picture[-edge:] = picture[:, :edge] = picture[:, -edge:] = _FRAME
     return picture
 
 
@@ -52,9 +64,9 @@ def tiled(
     contrast: float,
     level: float,
 ) -> Float32Array:
-    """Cover an area with mirrored copies of a photograph, for patterns that repeat in life too.
+    """Cover an area with mirrored copies of a photograph, for patterns that repeat in reality too.
 
-    Grain and stains that no two places share lie over it.
+    Grain and stains that do not repeat are added.
 
     Parameters
     ----------
@@ -78,8 +90,8 @@ def tiled(
     block = np.vstack([pair, pair[::-1]])
     copies = (-(-height // block.shape[0]), -(-width // block.shape[1]))
     covered = np.float32(contrast) * np.tile(block, copies)[:height, :width]
-    covered += np.float32(0.3) * _strewn("gravel", (width, height), rng, 256)
-    return _coated(covered, level, rng, 0.15)
+    covered += np.float32(_GRAIN_CONTRAST) * _strewn("gravel", (width, height), rng, _GRAIN_TEXELS)
+    return _coated(covered, level, rng, _STAINED)
 
 
 def strewn(
@@ -91,24 +103,24 @@ def strewn(
     contrast: float,
     level: float,
 ) -> Float32Array:
-    """Cover an area with overlapping pieces of a photograph of loose stuff, so that nothing repeats.
+    """Cover an area with overlapping random pieces of a photograph of loose material, so that nothing repeats.
 
     Parameters are those of :func:`tiled`; ``piece_m`` is the edge of the whole photograph.
     """
     covered = np.float32(contrast) * _strewn(name, _texels(size_m), rng, max(32, round(piece_m / TEXEL_M)))
-    return _coated(covered, level, rng, 0.15)
+    return _coated(covered, level, rng, _STAINED)
 
 
 def painted(size_m: tuple[float, float], rng: np.random.Generator, level: float) -> Float32Array:
-    """Return an evenly painted area that is only a little stained."""
+    """Return an evenly painted area with faint stains."""
     width, height = _texels(size_m)
-    return _coated(np.zeros((height, width), np.float32), level, rng, 0.08)
+    return _coated(np.zeros((height, width), np.float32), level, rng, _PAINT_STAINED)
 
 
 def stains(size: tuple[int, int], rng: np.random.Generator, strength: float) -> Float32Array:
-    """Return a smooth positive field around 1, structured from a hand's to an arm's size, shape (height, width)."""
+    """Return a smooth positive field with geometric mean about 1, shape (height, width)."""
     field = np.zeros((size[1], size[0]), np.float32)
-    for cell_m, weight in ((0.6, 1.0), (0.2, 0.5), (0.07, 0.25)):
+    for cell_m, weight in _STAINS:
         rows, columns = (max(2, round(n * TEXEL_M / cell_m)) for n in (size[1], size[0]))
         coarse = rng.standard_normal((rows, columns)).astype(np.float32)
         field += np.float32(weight) * cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
@@ -127,10 +139,10 @@ def _log_contrast(reflectance: Float32Array) -> Float32Array:
 
 
 def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: int) -> Float32Array:
-    """Return overlapping random pieces of a photograph's log contrast, faded into each other, shape (height, width).
+    """Return overlapping random pieces of a photograph's log contrast, blended, shape (height, width).
 
-    Sums of independent pieces lose contrast; dividing by the root of the summed squares of their weights, not by the
-    sum of the weights, keeps the variance of the photograph everywhere.
+    A weighted mean of independent pieces loses contrast. Dividing by the root of the sum of squared weights instead
+    of the sum of weights keeps the variance of the photograph everywhere.
     """
     source = _log_contrast(_resized(photograph(name), (edge, edge)))
     piece = edge // 2

@@ -1,4 +1,4 @@
-"""Everything about a simulated recording that can be known before a full image is rendered."""
+"""The truth of a simulated recording, known before any full image is rendered."""
 
 from __future__ import annotations
 
@@ -18,18 +18,25 @@ from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.vignettes import make_vignette
 
 _METER_SIZE = 64
-"""Width in pixels of the small image that the exposure control looks at."""
+"""Width in pixels of the small image that exposure control meters."""
+
 _SETTLING_STEPS = 40
+"""Steps of the control before the first frame: with the default rate enough for a change by a factor of 100."""
+
+_DARKEST_METERED = 1e-3
+"""Least mean grey level that the control works with, which bounds its step on a black image."""
+
+_WRITTEN_BY_FRAME = ("stamps_s", "times_ms", "gains", "exposures_ms", "metadata_exposures_ms", "light")
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true of a simulated recording.
+    """The truth of a simulated recording.
 
     Attributes
     ----------
     settings
-        What was asked for.
+        Settings of the simulation.
     response
         The camera response.
     vignette
@@ -43,9 +50,9 @@ class Truth:
     exposures_ms
         True exposures, time times gain, shape (frames,).
     metadata_exposures_ms
-        What the recording says they are, shape (frames,).
+        Exposures in the metadata, shape (frames,).
     light
-        Factor on all radiance by flicker, mean over each exposure, shape (frames,).
+        Factor of flicker on all radiance, mean over each exposure, shape (frames,).
     trajectory
         Rows (tx, ty, tz, qx, qy, qz, qw), camera to world, metres, shape (frames, 7).
     """
@@ -62,7 +69,7 @@ class Truth:
     trajectory: FloatArray
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as JSON-compatible values, the content of ``truth.json``."""
+        """Return the content of ``truth.json`` as JSON-compatible values."""
         return {
             "schema": "ospc-truth/1",
             "settings": self.settings.as_dict(),
@@ -70,30 +77,25 @@ class Truth:
             "vignette": self.vignette.as_dict(),
             "max_grey": self.settings.max_grey,
             "focal_px": self.settings.focal_px,
-            "stamps_s": self.stamps_s.tolist(),
-            "times_ms": self.times_ms.tolist(),
-            "gains": self.gains.tolist(),
-            "exposures_ms": self.exposures_ms.tolist(),
-            "metadata_exposures_ms": self.metadata_exposures_ms.tolist(),
-            "light": self.light.tolist(),
+            **{name: getattr(self, name).tolist() for name in _WRITTEN_BY_FRAME},
         }
 
 
 def truth(settings: SimulationSettings = SimulationSettings()) -> Truth:  # noqa: B008 - a frozen value
-    """Return what is true of the recording that these settings make, without rendering its images.
+    """Return the truth of a simulated recording without rendering its images.
 
     Raises
     ------
     SettingError
-        If response or vignette are not what the settings may name.
+        If there is no such response or vignette.
     FormatError
-        If they come from a file that does not hold them.
+        If the file of a response or vignette cannot be read.
     """
     return plan(settings, Scene.of(settings))
 
 
 def plan(settings: SimulationSettings, scene: Scene) -> Truth:
-    """Return the truth for a scene that is already built."""
+    """Return the truth for a scene that has been built already."""
     response, vignette = make_response(settings.response), make_vignette(settings)
     stamps = np.arange(settings.frames) / settings.fps
     if settings.exposure == "auto":
@@ -122,7 +124,7 @@ def flicker(settings: SimulationSettings, stamps_s: FloatArray, times_ms: FloatA
 
 
 def view_at(settings: SimulationSettings, motion: Motion, time_s: float, width: int | None = None) -> View:
-    """Return the camera at an instant, with smaller images where a width is given."""
+    """Return the camera at an instant, with smaller images if a width is given."""
     poses = motion.at(time_s)
     scale = 1.0 if width is None else width / settings.size[0]
     size = settings.size if width is None else (width, max(1, round(settings.size[1] * scale)))
@@ -138,7 +140,7 @@ def _programmed(settings: SimulationSettings) -> FloatArray:
 
 
 def _metadata(settings: SimulationSettings, exposures_ms: FloatArray) -> FloatArray:
-    """Return what the camera reports: exposures of other frames where it lags, and with errors."""
+    """Return the exposures that the camera reports: late by the lag, and with errors."""
     index = np.clip(np.arange(settings.frames) - settings.lag, 0, settings.frames - 1)
     error = np.random.default_rng([settings.seed, 4]).standard_normal(settings.frames)
     return np.asarray(exposures_ms[index] * np.exp(settings.metadata_error * error))
@@ -147,40 +149,40 @@ def _metadata(settings: SimulationSettings, exposures_ms: FloatArray) -> FloatAr
 def _auto_exposure(
     settings: SimulationSettings, scene: Scene, response: Response, vignette: Vignette, stamps_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return exposure times and gains as a control loop sets them that sees the frame before.
+    """Return the exposure times and gains of a control loop that meters the previous frame.
 
-    Time comes first, gain only when time has reached its limit.
+    It raises the gain only when the time has reached its limit.
     """
     motion = Motion.of(settings)
     width = min(_METER_SIZE, settings.size[0])
 
     def meter(stamp_s: float) -> FloatArray:
-        seen = radiance(scene, view_at(settings, motion, stamp_s, width), stamp_s)
-        return seen * _thumbnail(vignette, (seen.shape[1], seen.shape[0]))
+        small = radiance(scene, view_at(settings, motion, stamp_s, width), stamp_s)
+        return small * _thumbnail(vignette, (small.shape[1], small.shape[0]))
 
     low = float(np.log(settings.exposure_min_ms * settings.gain))
     high = float(np.log(settings.exposure_max_ms * settings.gain_max))
     log_e = float(np.clip(np.log(settings.reference_exposure_ms * settings.gain), low, high))
-    seen = meter(float(stamps_s[0]))
+    metered = meter(float(stamps_s[0]))
     still = settings.motion == "static" and not settings.moving_objects
     for _ in range(_SETTLING_STEPS):
-        log_e = min(max(log_e + _step(settings, response, seen * np.exp(log_e)), low), high)
+        log_e = min(max(log_e + _step(settings, response, metered * np.exp(log_e)), low), high)
     result = np.empty(settings.frames)
     for i, stamp in enumerate(stamps_s):
         result[i] = log_e
         if i > 0 and not still:
-            seen = meter(float(stamp))
+            metered = meter(float(stamp))
         time_ms = min(np.exp(log_e) / settings.gain, settings.exposure_max_ms)
         light = float(flicker(settings, stamp, np.asarray(time_ms)))
-        log_e = min(max(log_e + _step(settings, response, seen * light * np.exp(log_e)), low), high)
+        log_e = min(max(log_e + _step(settings, response, metered * light * np.exp(log_e)), low), high)
     exposures = np.exp(result)
     times = np.minimum(exposures / settings.gain, settings.exposure_max_ms)
     return times, exposures / times
 
 
 def _step(settings: SimulationSettings, response: Response, irradiance: FloatArray) -> float:
-    """Return the control's step in ln exposure: a share of the mean grey level's deviation, limited in size."""
-    grey = max(float(np.mean(response(irradiance))), 1e-3)
+    """Return the step of the control in ln exposure: a share of the deviation of the mean grey level, limited."""
+    grey = max(float(np.mean(response(irradiance))), _DARKEST_METERED)
     wanted = settings.auto_gain * np.log(settings.auto_target / grey)
     return float(np.clip(wanted, -settings.auto_rate, settings.auto_rate))
 

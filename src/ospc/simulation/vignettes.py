@@ -1,4 +1,4 @@
-"""Vignettes a simulated camera can have: analytic ones by name, or an image file."""
+"""Vignettes of the simulated camera: analytic ones by name, or a vignette.png."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, FrameError, SettingError
+from ospc.errors import SettingError
+from ospc.formats.dso import read_vignette
 from ospc.photometry.geometry import half_diagonal, normalised, pixel_grid
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
-from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
-from ospc.recording.image_header import read_header
 from ospc.simulation.settings import SimulationSettings
 
 VIGNETTES = ("none", "polynomial", "cos4", "decentred")
-"""The vignettes that have a name."""
+"""The vignettes by name."""
 
 
 def none(size: ImageSize) -> PolynomialVignette:
-    """Return a lens that loses no light anywhere."""
+    """Return V = 1 everywhere."""
     return PolynomialVignette(size, (0.0, 0.0, 0.0))
 
 
@@ -30,7 +29,7 @@ def cos4(size: ImageSize, focal_px: float) -> RasterVignette:
 
 
 def decentred(size: ImageSize, coefficients: tuple[float, ...], centre: tuple[float, float]) -> RasterVignette:
-    """Return V = 1 + v₁R² + v₂R⁴ + v₃R⁶ with R measured from another centre, divided by its maximum.
+    """Return V = 1 + v₁R² + v₂R⁴ + v₃R⁶ with R measured from its own centre, divided by its maximum.
 
     Parameters
     ----------
@@ -47,35 +46,15 @@ def decentred(size: ImageSize, coefficients: tuple[float, ...], centre: tuple[fl
     return RasterVignette(values.astype(np.float32), source)
 
 
-def read_vignette(path: str | Path) -> RasterVignette:
-    """Read a vignette image of 8 or 16 bit; grey values are proportional to V.
-
-    Raises
-    ------
-    FormatError
-        If the file is not such an image.
-    """
-    place = Path(path)
-    try:
-        with place.open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
-        if len(data) > MAX_FILE_BYTES or read_header(data, str(place)).channels != 1:
-            raise FormatError(f"{place}: not a grey image of reasonable size; give one with values proportional to V")
-        image = decode_grey(data, str(place))
-    except (OSError, FrameError) as error:
-        raise FormatError(f"{place}: not readable as a vignette ({error})") from None
-    return RasterVignette(image.astype(np.float32), {"file": place.name})
-
-
 def make_vignette(settings: SimulationSettings) -> Vignette:
-    """Return the vignette that the settings name, point to, or hold.
+    """Return the vignette of the settings: by name, from a file, or as given.
 
     Raises
     ------
     SettingError
-        If it is neither a name nor a file, is not positive everywhere, or has another size than the images.
+        If it is neither a name nor a file, is not positive everywhere, or its size is not that of the images.
     FormatError
-        If the file does not hold a vignette.
+        If the file is not a grey PNG.
     """
     choice = settings.vignette
     if not isinstance(choice, str | Path):
@@ -93,7 +72,7 @@ def make_vignette(settings: SimulationSettings) -> Vignette:
     else:
         raise SettingError(f"vignette '{choice}' is neither a file nor one of {', '.join(VIGNETTES)}")
     if tuple(made.size) != tuple(settings.size):
-        raise SettingError(f"the vignette is {made.size} pixels in size, the images {settings.size}; make them equal")
+        raise SettingError(f"the vignette has {made.size} pixels, the images have {settings.size}; make them equal")
     image = made.image()
     if not np.all(np.isfinite(image)) or image.min() <= 0 or image.max() > 1 + 1e-6:
         raise SettingError(

@@ -1,4 +1,4 @@
-"""Every number of the methods, named, with its source."""
+"""The settings of the methods that a user may change, and the presets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def _check_numbers(settings: Settings) -> None:
-    """Refuse numbers that are not positive: all of them are sizes, counts, thresholds or ratios."""
+    """Check that numbers are positive: all of them are sizes, counts, thresholds or ratios."""
     for entry in fields(settings):
         value = getattr(settings, entry.name)
         if isinstance(value, int | float) and not (math.isfinite(value) and value > 0):
@@ -35,9 +35,9 @@ class PaperSettings:
     Attributes
     ----------
     features
-        "sift" (the paper), "orb" or "surf" (its ablation).
+        "sift" (the paper), "orb" or "surf" (its ablation study).
     max_features
-        Strongest features kept of a frame; the paper gives no limit, this one bounds the matching.
+        Most features kept of a frame, the strongest; the paper gives no limit, this one bounds the time of matching.
     match_ratio
         Lowe's ratio test (Lowe 2004).
     filter_blocks, filter_bins, filter_min_matches, filter_length_sigmas
@@ -110,47 +110,47 @@ class PaperSettings:
 
 @dataclass(frozen=True)
 class DefaultSettings:
-    """The default method: dense registration, flat sampling, one robust maximum likelihood for everything.
+    """The default method: dense registration, flat sampling, and one robust maximum-likelihood fit.
 
     Attributes
     ----------
     frames_per_slowdown
-        After so many compared pairs, one more frame is passed over between looks: the work grows with the square
-        root of a recording's length.
+        Number of compared pairs after which one more frame is skipped between processed frames: the work then grows
+        with the square root of a recording's length.
     dense_frames
-        Beyond so many looks, pauses grow with the fourth power of their number: what all comparisons have in common,
-        and no further one takes away, is then the larger error.
+        Number of processed frames beyond which the pauses grow with the fourth power of that number: errors that all
+        comparisons share, which further ones do not reduce, then dominate.
     views
-        Most earlier views kept to compare with.
+        Most keyframes kept to compare with.
     max_log_ratio
-        Changes of exposure beyond this, in ln, add nothing to what a pair can tell.
+        Change of exposure, in ln, beyond which a pair has no more information on the response.
     longest_side_px
-        Images are reduced to at most this long before they are compared.
+        Length of the longer side, in pixels, to which images are reduced before they are compared.
     smoothing_px
-        Standard deviation of the smoothing of grey levels before they are sampled.
+        Standard deviation, in pixels, of the smoothing of grey levels before they are sampled.
     grid_spacing_px
-        Distance between places asked for.
+        Distance in pixels between the places considered for sampling.
     max_gradient
         Largest grey gradient of a flat place, in full scale per pixel.
     max_forward_backward_error_px
-        Largest distance between a place and where registration there and back ends.
+        Largest distance in pixels between a place and the end of registering it there and back.
     points_per_pair
-        Most scene points taken from a pair.
+        Most scene points taken from a pair of frames.
     max_points
         Most scene points kept in all.
     response_intervals, series_intervals
         Intervals between the knots of the response, for a moving camera and for one that stands still, whose many
         observations of each point resolve more.
     radial_terms
-        Radial terms of ln V.
+        Number of radial terms of ln V.
     rounds
-        Rounds of the final fit after the convex first one.
+        Most rounds of the final fit after the first, convex one.
     still_px
-        Median displacement up to which a camera counts as standing still.
+        Median displacement in pixels up to which a camera counts as standing still.
     series_pixels
-        Most pixels kept of a camera that stands still.
+        Most scene points, each a pixel, taken from a camera that stands still.
     min_points
-        Fewest scene points an estimate may rest on.
+        Fewest scene points from which an estimate is made.
     min_log_exposure_change
         Smallest ln ratio of the extreme exposures from which a response is estimated.
     min_radial_reach
@@ -193,7 +193,7 @@ class DefaultSettings:
 
 @dataclass(frozen=True)
 class FastSettings(DefaultSettings):
-    """The default method with half the looks and a third of the points: errors about half as large again."""
+    """The default method with half the processed frames and a third of the points: errors are half as large again."""
 
     frames_per_slowdown: int = 20
     dense_frames: int = 80
@@ -208,12 +208,12 @@ _PRESETS: dict[str, Settings] = {"default": DefaultSettings(), "fast": FastSetti
 
 
 def preset(name: str) -> Settings:
-    """Return the settings of the preset called "default", "fast" or "paper".
+    """Return the settings of the preset "default", "fast" or "paper".
 
     Raises
     ------
     SettingError
-        If there is none of that name.
+        If there is no preset of that name.
     """
     if name not in _PRESETS:
         raise SettingError(f"no preset is called '{name}'; known: {', '.join(_PRESETS)}")

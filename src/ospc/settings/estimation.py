@@ -1,0 +1,217 @@
+"""Constants of the default method's fit: what each is, its unit, and why it has this value.
+
+"Chosen by hand" means that nothing but judgement stands behind a value. Where a range follows, the fit was repeated
+with the two ends of it on six simulated recordings (200 frames of 480×360 pixels; six responses, three vignettes,
+both noise levels, and one each with moving objects and with flicker). "No effect" means that the medians over them of
+the response's shape error, κ and the vignette's error changed by less than 3 per cent; otherwise the change is
+stated. "Raises the vignette error by half" and "raises κ by a quarter" mostly stand for one recording in which
+another model of the vignette is chosen.
+"""
+
+from __future__ import annotations
+
+# The response basis (ospc.estimation.response_basis)
+
+RESPONSE_GRID_STEPS = 4096
+"""Steps of the grid of grey levels on which the basis is tabulated: a sixteenth of an 8-bit grey level each, far
+below any noise, so that the model can be linearised at the nearest grid point."""
+
+QUADRATURE_POINTS = 4
+"""Gauss-Legendre nodes in each step of the grid."""
+
+FIRST_GRID_STEP_BEGINS = 0.25
+"""Where the integral over the first step begins, in steps: ln g tends to minus infinity at black itself."""
+
+TYPICAL_GAMMA_BLACK = 1.1
+TYPICAL_GAMMA_RISE = 0.9
+"""Typical local gamma at black, and its linear rise from black to white: they follow the medians over the 201
+measured responses of Grossberg and Nayar (2003) up to grey level 0.8."""
+
+# The vignette basis (ospc.estimation.vignette_basis, vignette_choice)
+
+VIGNETTE_SIGMA = 2.0
+"""Prior standard deviation of the vignette's parameters, in ln V at the corner; that of the i-th radial term is
+divided by i. Wide beside real lenses: cos⁴ at a half angle of 45° has a first coefficient of -2. 1 and 4 raise the
+vignette error by 16 and 23 per cent."""
+
+ASYMMETRY_SIGMA = 0.004
+"""Asymmetry that registration errors common to all samples imitate, in ln V over a half diagonal. Added to the
+covariance before a free centre or non-radial terms are accepted. Chosen by hand; 0.002 has no effect, 0.008 raises
+the vignette error by half."""
+
+FIRST_FIT_POINTS = 10_000
+"""Scene points from which the first, approximate fit is made, to save time: it only starts the fit to all of them.
+20000 has no harmful effect; 5000 raises the errors by a quarter to two thirds."""
+
+# The expected grey level (ospc.estimation.latent)
+
+DARKEST_GREY = 0.25 / 255
+"""Lowest grey level whose logarithm is used; darker ones are taken for this. A quarter of an 8-bit grey level. No
+effect from 0.1 to 0.5 of an 8-bit grey level."""
+
+MAX_DEVIATION_SIGMAS = 6.0
+"""How far a predicted grey level may be from the measured one, in standard deviations: outliers must not move the
+point of linearisation to where the response is quite another. 3 has no effect on the response; 12 raises κ by a
+quarter and the vignette error by half."""
+
+LATENT_ITERATIONS = 3
+"""Rounds of predicting the grey levels from their point's mean and linearising anew. Chosen by hand; no effect from 1
+to 6."""
+
+MIN_ONE_MINUS_LEVERAGE = 1e-3
+"""Least value of one minus the leverage, by which residuals are divided. No effect from 1e-4 to 1e-2."""
+
+PIXEL_NOISE_STRIDE = 16
+"""The noise of single pixels is tabulated at every 16th point of the response's grid: at the 8-bit grey levels."""
+
+# The shift of a mean of noisy pixels (ospc.estimation.noisy_mean)
+
+SHIFT_LEVELS = 513
+"""Grey levels at which the shift is computed, half an 8-bit grey level apart. No effect from 257 to 1025."""
+
+SHIFT_QUANTILES = 65
+"""Equally probable values that stand for the normal distribution of noise; odd, so that zero is one of them."""
+
+UNCLIPPED_SIGMAS = 4.0
+"""Distance from black and white, in standard deviations of the noise, from which on clipping does not change it. No
+effect from 3 to 5."""
+
+MIN_NOISE_LEVELS = 4
+"""Fewest unclipped grey levels from which read and shot noise, two unknowns, are fitted."""
+
+MIN_NOISE_IRRADIANCE = 1e-9
+"""Least irradiance, as a share of saturation, used in that fit: where gamma is as steep as a step, next to none of
+the grey levels below it mean any light. No effect from 1e-10 to 1e-7."""
+
+# The error model (ospc.estimation.error_model)
+
+START_GREY_SIGMA = 0.5 / 255
+START_REGISTRATION_SIGMA_PX = 0.5
+START_RADIANCE_SIGMA = 0.005
+"""Errors assumed before any are fitted: half an 8-bit grey level, half a pixel, half a per cent of the radiance. The
+second round of a fit already replaces them."""
+
+GREY_CELLS = 8
+GRADIENT_CELLS = 4
+"""Quantiles of grey level and of gradient that make up the 32 cells over which squared residuals are summarised: five
+coefficients are fitted to them. Chosen by hand; no effect from 6 to 12 cells of grey and with 6 of gradient, but 2 of
+gradient raise the vignette error by half."""
+
+MIN_PER_CELL = 40
+"""Fewest observations whose median squared residual is used: its standard error is then 37 per cent. No effect from
+20 to 80."""
+
+MEDIAN_OF_SQUARED_NORMAL = 0.4549
+"""Median of the square of a standard normal variable (chi-squared, one degree of freedom)."""
+
+MIN_CELL_SIGMA = 0.02 / 255
+"""Least standard deviation of a cell, in grey levels: keeps a cell of equal values from ruling the fit. No effect
+from 0.01 to 0.05 of an 8-bit grey level."""
+
+MIN_GREY_SIGMA = 0.05 / 255
+"""Least constant error of the fitted model, in grey levels: no averaging over pixels is better than that. No effect
+from 0.02 to 0.1 of an 8-bit grey level."""
+
+MIN_RADIANCE_SIGMA = 1e-4
+"""Least relative error of the radiance of the fitted model. No effect from 3e-5 to 1e-3."""
+
+FACTOR_GREYS = (0.0, 0.03, 0.08, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.91, 0.95, 0.975, 1.0)
+"""Grey levels at which the fitted law is corrected by a factor: denser near the ends, where noise is clipped."""
+
+FACTOR_RANGE = (0.25, 25.0)
+"""Least and largest of these factors of the variance. Chosen by hand; 0.5 to 5 has no harmful effect, 0.1 to 100
+raises the vignette error by half."""
+
+# The prior of the response (ospc.estimation.prior)
+
+LEVEL_SIGMA = 0.6
+"""Standard deviation of the logarithm of a camera's gamma about the typical one; two in three of the 201 measured
+responses of Grossberg and Nayar (2003) lie within it."""
+
+SLOPE_SIGMA = 1.0
+"""Standard deviation of the slope of ln γ over the whole range of grey levels. 0.5 and 2 raise the shape error by a
+tenth."""
+
+SHOULDER_SIGMA = 0.5
+"""Standard deviation of the change of ln γ between :data:`SHOULDER_GREY` and white, beyond what the curve does below;
+two in three of the 201 measured responses lie between no change and a change by a factor of 2.6."""
+
+SHOULDER_GREY = 0.75
+"""Grey level above which that change takes place, linearly. Chosen by hand; 0.85 has no effect, 0.65 lowered κ by a
+fifth on these six recordings."""
+
+WHITE_SIGMA = 0.3
+"""Standard deviation of what ln γ does besides in the last few grey levels. 0.42, nearer to the measured responses,
+made the results of whole runs worse."""
+
+BLACK_SIGMA = 0.2
+"""Standard deviation of what ln γ does besides in the first few grey levels. Chosen by hand; 0.1 raises κ by a
+quarter, 0.4 the shape error by a seventh."""
+
+END_EXPONENT = 40
+"""Power of the grey level (at black: of one minus it) with which these two variances fall off: they halve within 4.4
+8-bit grey levels. Chosen by hand; 20 raises the shape error and 80 raises κ, both by a third."""
+
+PRIOR_MIDDLE_GREY = 0.4
+"""Grey level from which the random walks start, towards both ends. No effect from 0.3 to 0.5."""
+
+PRIOR_NUGGET = 1e-6
+"""Added to the variance of ln γ at each knot, so that its covariance can be inverted. No effect from 1e-7 to 1e-5."""
+
+WALK_CANDIDATES = (0.03, 10.0, 11)
+DRIFT_CANDIDATES = (0.3, 1.0, 3.0, 10.0, 30.0)
+"""The hyperparameters to choose from, as standard deviations of ln γ over the whole range: of the random walk (least,
+largest, number; equal ratios) and of the walk of the slope. They span a straight line to a kink at every knot."""
+
+START_WALK = 1.0
+START_DRIFT = 1.0
+"""Hyperparameters before the first choice; that choice follows in the first round."""
+
+# The fit (ospc.estimation.maximum_likelihood, fit)
+
+MIN_GAMMA = 0.05
+"""Least coefficient of the local gamma: keeps the response strictly increasing. Chosen by hand; no effect from 0.02
+to 0.1."""
+
+MAX_GAMMA_CHANGE = 3.0
+"""Largest factor by which a coefficient changes in one round: the prior is linearised in its logarithm, which a
+larger step leaves behind. 5 has no effect, 2 raises the vignette error by 15 per cent."""
+
+SETTLED_SIGMAS = 0.1
+"""The rounds end when the parameters move less than this, as a root mean square in standard deviations. 0.03 has no
+effect, 0.3 raises the shape error by a fifth."""
+
+CHUNK_OBSERVATIONS = 20_000
+"""Observations whose rows are built at once: about 6 MB, which bounds the memory of a fit."""
+
+WEIGHT_SCALE_SIGMAS = 3.0
+"""Scale of the redescending weight 1/(1 + (r/scale)²)² (Geman and McClure 1987), in robust standard deviations: an
+observation at two standard deviations keeps about half of its weight. Chosen by hand; 2 raises the vignette error by
+four fifths, 4 the shape error by a fifth."""
+
+WEIGHT_CUT_SIGMAS = 4.5
+"""Residual, in robust standard deviations, from which on an observation has no weight. Chosen by hand; 3.5 and 6
+raise the shape error by 84 and 49 per cent."""
+
+MIN_SANDWICH_FACTOR = 0.2
+"""Least ratio of the mean derivative of the influence function to the mean weight: with many outliers it approaches
+zero, and with it the information would. Chosen by hand; no effect from 0.1 to 0.4."""
+
+CLEAR_OF_ENDS_SIGMAS = 2.0
+"""Distance of the predicted grey level from black and white, in standard deviations of single pixels, below which an
+observation is not used. Chosen by hand; no effect at 1, 3 raises the shape error by a tenth."""
+
+MAX_DARK_CLEARANCE = 0.1
+"""Largest grey level that is left out at the dark end for that reason. Chosen by hand; no effect from 0.05 to 0.2."""
+
+GROUPS_PER_BLOCK = 12
+"""Most consecutive pairs of frames whose scores are added before their scatter is measured: neighbouring pairs show
+the same scene and share its errors. Chosen by hand; no effect from 6 to 24 on recordings this short."""
+
+MIN_BLOCKS = 16
+"""Fewest such blocks, if there are as many pairs: the standard error of a variance from 16 is already 37 per cent. 32
+has no effect, 8 raises the vignette error by half."""
+
+SYSTEMATIC_VIGNETTE_SHARE = 0.008
+"""Share of ln V that is wrong however many samples there are, since registration is drawn to where brightness agrees;
+measured on simulated recordings."""
