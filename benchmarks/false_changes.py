@@ -114,7 +114,7 @@ class Watching:
 
 def driver() -> Driver:
     """Return the calibrator to show the film to."""
-    return Online() if hasattr(OnlineCalibrator, "epochs") else Watching()
+    return Online() if hasattr(OnlineCalibrator(), "epochs") else Watching()
 
 
 def shown(camera: str, hours: float, rate: float, seed: int) -> Row:

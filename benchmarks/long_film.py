@@ -56,8 +56,14 @@ _STAY_S = (90.0, 400.0)
 _WALK_S = 1.2
 """How long it takes to walk past the edge between two pictures."""
 
-_CLOUDS = ((0.35, 46.0), (0.3, 180.0), (0.3, 1900.0))
-"""Amplitude in ln of the daylight, and period in s."""
+_CLOUDS = ((0.6, 170.0), (0.5, 430.0), (0.4, 1900.0))
+"""Depth in ln of the daylight, and period in s; each cloud covers the sun for a sixth of its period or so."""
+
+_CLOUD_POWER = 8
+"""Of a sine, which makes a smooth pulse of its positive half."""
+
+_ROOM_LIGHT = 1.1
+"""Amplitude in ln of the light that differs from place to place: what the exposure mostly follows."""
 
 _SHADOW, _SHADOW_PX, _SHADOW_SPEED = np.float32(0.15), 150.0, 0.15
 """Amplitude of clouds' shadows in ln, their size in pixels of a picture, and their drift in radians per s."""
@@ -270,7 +276,10 @@ class LongFilm:
     def _light(self, places: Float32Array, time_s: float) -> Float32Array:
         """Return the light at places of a picture, shape (rows, columns, 2): clouds times the lamps that are on."""
         phases = self._cloud_phase
-        cloud = sum(a * np.sin(2 * np.pi * time_s / t + p) for (a, t), p in zip(_CLOUDS, phases, strict=False))
+        cloud = -sum(
+            depth * max(0.0, np.sin(2 * np.pi * time_s / period_s + phase)) ** _CLOUD_POWER
+            for (depth, period_s), phase in zip(_CLOUDS, phases, strict=False)
+        )
         drift_x, drift_y = (time_s * _SHADOW_SPEED + phase for phase in phases[-2:])
         shadow = np.sin(places[..., 0] / _SHADOW_PX + drift_x) * np.sin(places[..., 1] / _SHADOW_PX + drift_y)
         return np.exp(np.float32(cloud) + _SHADOW * shadow) * self._lamps.light(places, time_s)
@@ -333,7 +342,7 @@ _GRIDS: dict[int, Float32Array] = {}
 
 
 def _picture(random: np.random.Generator) -> Float32Array:
-    """Return the reflectance of a painted wall with panels and posters on it, shape (2000, 2000)."""
+    """Return the radiance of an unevenly lit, painted wall with panels and posters on it, shape (2000, 2000)."""
     wall = painted(_PICTURE_M, random, level=float(random.uniform(0.25, 0.6)))
     for number in range(_PANELS):
         size_m = tuple(random.uniform(*_PANEL_M, 2).tolist())
@@ -343,6 +352,9 @@ def _picture(random: np.random.Generator) -> Float32Array:
             panel = painted(size_m, random, level=float(np.exp(random.uniform(*np.log(_PANEL_LEVELS)))))
         top, left = (int(random.integers(0, n - m)) for n, m in zip(wall.shape, panel.shape, strict=True))
         wall[top : top + panel.shape[0], left : left + panel.shape[1]] = panel
+    x, y = np.meshgrid(*(np.linspace(0, 2 * np.pi, n, dtype=np.float32) for n in wall.shape[::-1]))
+    phases = random.uniform(0, 2 * np.pi, 2).astype(np.float32)
+    wall *= np.exp(np.float32(_ROOM_LIGHT) * np.sin(2 * x + phases[0]) * np.sin(2 * y + phases[1]))
     # An edge between two panels isn't sharper than a lens would make it.
     return np.ascontiguousarray(cv2.GaussianBlur(wall, (0, 0), 1.0))
 
