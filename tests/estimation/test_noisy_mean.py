@@ -1,50 +1,77 @@
-"""The shift of a mean of noisy pixels against pixels that are drawn, bent by a response and clipped."""
+"""The shift of a mean of noisy pixels: against pixels drawn one by one, and against closed forms."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import norm
 
 from ospc.estimation.noisy_mean import mean_shift
 from ospc.photometry.noise import NoiseModel
+from ospc.photometry.response import Response
+from ospc.simulation.responses import RESPONSES
 
-GRID = np.linspace(0, 1, 4097)
-
-
-def log_power(exponent):
-    return exponent * np.log(np.maximum(GRID, 1e-5))
-
-
-def noise_of(exponent, read, shot):
-    """Return the noise in grey levels of a sensor with read and shot noise behind a power-law response."""
-    grey = np.linspace(0, 1, 257)
-    irradiance = np.maximum(grey, 1e-5) ** exponent
-    slope = exponent * np.maximum(grey, 1e-5) ** (exponent - 1)
-    return NoiseModel(0.0, 0.0, tuple((read + shot * irradiance) / slope**2))
+GRID = np.linspace(0, 1, 2041)
+LINEAR = Response.gamma(1.0, 2041)
+TABLE_LEVELS = 65
+DRAWS = 40_000
 
 
-@pytest.mark.parametrize(("exponent", "read", "shot"), [(1.0, 1e-4, 0.0), (1.0, 1e-5, 3e-4), (1.5, 4e-5, 1e-4)])
-def test_the_shift_is_that_of_drawn_pixels(exponent, read, shot):
-    found = mean_shift(GRID, log_power(exponent), noise_of(exponent, read, shot))
-    grey = np.array([0.02, 0.05, 0.1, 0.3, 0.6, 0.9, 0.99, 1.0])
-    irradiance = grey**exponent
-    normal = np.random.default_rng(1).standard_normal((100_000, 1))
-    # Each draw with its mirror image, which removes the largest part of the error of the mean.
-    sigma = np.sqrt(read + shot * irradiance)
-    pixels = [np.clip(irradiance + sign * normal * sigma, 0, 1) ** (1 / exponent) for sign in (-1, 1)]
-    drawn = (pixels[0] + pixels[1]) / 2 - grey
-    error = drawn.std(axis=0) / np.sqrt(len(drawn))
-    largest = np.abs(drawn.mean(axis=0)).max()
-    assert largest > 1e-3
-    assert np.all(np.abs(np.interp(grey, GRID, found) - drawn.mean(axis=0)) < 5 * error + 0.05 * largest)
+def log_response(response):
+    return np.log(np.maximum(response.inverse(GRID), 1e-12))
 
 
-def test_clipping_raises_black_and_lowers_white():
-    shift = mean_shift(GRID, log_power(1.0), NoiseModel(1e-4, 0.0))
-    assert shift[0] == pytest.approx(0.01 / np.sqrt(2 * np.pi), rel=0.05)
-    assert shift[-1] == pytest.approx(-0.01 / np.sqrt(2 * np.pi), rel=0.05)
-    assert abs(shift[2048]) < 1e-6
+def drawn(response, levels, full_well, read_noise):
+    """Return mean and variance of pixels whose electrons are counted and read out, shape (levels,) each."""
+    random = np.random.default_rng(7)
+    electrons = full_well * response.inverse(levels)[:, None]
+    counted = random.poisson(electrons, (len(levels), DRAWS)) + random.normal(0, read_noise, (len(levels), DRAWS))
+    grey = response(np.clip(counted / full_well, 0, 1))
+    return grey.mean(axis=1), grey.var(axis=1)
 
 
-def test_almost_no_noise_shifts_almost_nothing():
-    np.testing.assert_allclose(mean_shift(GRID, log_power(2.2), NoiseModel(1e-12, 0.0)), 0, atol=1e-5)
+@pytest.mark.parametrize(("full_well", "read_noise"), [(20_000, 5), (3_000, 12)])
+@pytest.mark.parametrize("name", sorted(set(RESPONSES) - {"tum_narrow"}))
+def test_it_is_the_shift_of_pixels_drawn_one_by_one(name, full_well, read_noise):
+    response = RESPONSES[name]()
+    _, variances = drawn(response, np.linspace(0, 1, TABLE_LEVELS), full_well, read_noise)
+    levels = np.linspace(0.06, 0.97, 24)
+    means, variance_of_draws = drawn(response, levels, full_well, read_noise)
+    shift = np.interp(levels, GRID, mean_shift(GRID, log_response(response), NoiseModel(0, 0, tuple(variances))))
+    statistical = 4 * np.sqrt(variance_of_draws / DRAWS)
+    true = means - levels
+    np.testing.assert_array_less(np.abs(shift - true), statistical + 0.15 * np.abs(true) + 1e-5)
+
+
+def test_next_to_no_noise_shifts_next_to_nothing():
+    shift = mean_shift(GRID, log_response(Response.gamma(2.2, 2041)), NoiseModel(1e-12, 0))
+    np.testing.assert_allclose(shift, 0, atol=1e-6)
+
+
+@given(st.floats(0.005, 0.05))
+def test_clipping_is_all_that_shifts_a_linear_response(sigma):
+    shift = mean_shift(GRID, log_response(LINEAR), NoiseModel(sigma**2, 0))
+
+    def mean_above(distance):
+        """Return E[max(x, 0)] of a normal variable whose mean is so far above zero."""
+        z = distance / sigma
+        return sigma * (norm.pdf(z) + z * norm.cdf(z))
+
+    expected = (mean_above(GRID) - GRID) - (mean_above(1 - GRID) - (1 - GRID))
+    np.testing.assert_allclose(shift, expected, atol=0.02 * sigma)
+
+
+@given(st.floats(1.2, 2.8), st.floats(0.002, 0.01))
+def test_in_the_middle_it_is_half_the_curvature_times_the_variance(exponent, sigma):
+    """Taylor: the mean of f(I + n) is f + f''σ²/2, here for noise σ of the irradiance that is the same everywhere."""
+
+    def first(level):
+        return level ** (1 - exponent) / exponent
+
+    levels = np.maximum(np.linspace(0, 1, TABLE_LEVELS), 0.02)
+    noise = NoiseModel(0, 0, tuple((first(levels) * sigma) ** 2))
+    shift = mean_shift(GRID, log_response(Response.gamma(exponent, 2041)), noise)
+    second = first(0.5) * (1 / exponent - 1) / 0.5**exponent
+    assert np.interp(0.5, GRID, shift) == pytest.approx(0.5 * second * sigma**2, rel=0.15, abs=3e-7)

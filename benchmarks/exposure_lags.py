@@ -1,0 +1,195 @@
+"""Put known lags on the exposures of simulated recordings, and ask whether they are found.
+
+    python benchmarks/exposure_lags.py --work /tmp/lags --seeds 3
+    python benchmarks/exposure_lags.py --work /tmp/lags --kinds auto sweep --frames 80 --lags -2 0 2
+
+A positive lag means that metadata come late: a frame is given the exposure of an earlier one. There are four
+outcomes:
+
+found         the exposures were moved by just the lag (with lag 0, left alone)
+undetermined  they were left where they were, and a verdict or a warning says that they can't be relied on
+missed        they were left where they were, and nothing was said
+wrong         they were moved by another number of frames
+
+Recordings are rendered once and kept in the folder --work, where results.jsonl holds the results: a run that was
+interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import statistics
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ospc import Calibration, calibrate, open_recording
+from ospc.arrays import FloatArray
+from ospc.simulation import SimulationSettings, truth
+from result_files import ResultFile, Row, table
+from simulated_family import Member, errors, rendered
+
+LENGTHS = (80, 400)
+LAGS = (-3, -2, -1, 0, 1, 2, 3)
+KINDS = ("auto", "flicker", "quantised", "jitter", "sweep")
+_RESPONSES = ("srgb", "gamma2.2", "filmic", "linear", "log")
+_STEP = 2 ** (1 / 3)
+"""Factor between the exposures that a camera with third stops can set."""
+
+_JITTER = 0.01
+"""Standard deviation of the metadata's relative error."""
+
+_SWEEP_FRAMES = 60
+"""Frames from the shortest exposure to the longest and back."""
+
+_COLUMNS = ("recording", "lag", "corrected", "outcome", "V", "shape", "kappa", "states")
+
+
+def member(kind: str, frames: int, seed: int) -> Member:
+    """Return a recording whose exposures run in some way; its metadata have no lag."""
+    settings = SimulationSettings(
+        size=(320, 240),
+        frames=frames,
+        seed=500 + 10 * seed + KINDS.index(kind),
+        response=_RESPONSES[(seed + KINDS.index(kind)) % len(_RESPONSES)],
+        noise=("low", "high")[seed % 2],
+    )
+    if kind == "flicker":
+        settings = replace(settings, flicker=0.1)
+    if kind == "jitter":
+        settings = replace(settings, metadata_error=_JITTER)
+    if kind == "quantised":
+        settings = _programmed(settings, _quantised(truth(settings).exposures_ms))
+    if kind == "sweep":
+        triangle = np.abs(np.arange(frames) % _SWEEP_FRAMES / (_SWEEP_FRAMES / 2) - 1)
+        settings = _programmed(settings, 3.0 * 8.0**triangle)
+    return Member(f"{kind}-{frames}-{seed}", settings)
+
+
+def _quantised(exposures_ms: FloatArray) -> FloatArray:
+    """Return third stops, each kept until the exposure wanted is nearer to the next but one."""
+    steps = np.log(exposures_ms) / np.log(_STEP)
+    kept = [round(float(steps[0]))]
+    for step in steps[1:]:
+        kept.append(kept[-1] if abs(step - kept[-1]) < 0.75 else round(float(step)))
+    return np.asarray(_STEP ** np.array(kept, dtype=np.float64))
+
+
+def _programmed(settings: SimulationSettings, exposures_ms: FloatArray) -> SimulationSettings:
+    return replace(settings, exposure="file", exposures_ms=tuple(exposures_ms.round(6).tolist()))
+
+
+def lagged(original: Path, place: Path, lag: int) -> Path:
+    """Make a recording with the images of another, whose exposures come so many frames late."""
+    shutil.copytree(original, place, copy_function=os.link)
+    listed = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
+    late = np.clip(np.arange(len(listed)) - lag, 0, len(listed) - 1)
+    lines = [f"{name} {stamp} {listed[i][2]}" for (name, stamp, _), i in zip(listed, late, strict=True)]
+    # The file is linked to the original's, which must not change.
+    (place / "times.txt").unlink()
+    (place / "times.txt").write_text("\n".join(lines) + "\n")
+    return place
+
+
+def calibrated(path: Path) -> tuple[Calibration, int, bool]:
+    """Return a calibration, the lag it was corrected by, and whether it says that exposures can't be relied on."""
+    try:
+        from ospc.diagnosis.before_calibrating import examine
+    except ImportError:
+        found = calibrate(path)
+        return found, int(found.source.get("exposure_lag_corrected_frames", 0)), not _relied_on(found)
+    # As long as there is this module, ospc.calibrate doesn't look for lags itself.
+    examination = examine(open_recording(path))
+    found = calibrate(examination.recording)
+    doubted = bool(examination.warnings) or bool(examination.notes and not examination.corrected_frames)
+    return found, examination.corrected_frames, doubted or not _relied_on(found)
+
+
+def _relied_on(found: Calibration) -> bool:
+    """Return whether the response, which is nothing but what exposures say, is known without reservation."""
+    return found.verdicts["response"].state == "identifiable"
+
+
+def examined(original: Path, settings: SimulationSettings, lag: int) -> Row:
+    """Return what is found in a recording with a lag."""
+    with tempfile.TemporaryDirectory(dir=original.parent) as folder:
+        found, corrected, doubted = calibrated(lagged(original, Path(folder) / original.name, lag))
+    if corrected == lag:
+        outcome = "found"
+    elif corrected:
+        outcome = "wrong"
+    else:
+        outcome = "undetermined" if doubted else "missed"
+    states = " ".join(f"{name}:{verdict.state}" for name, verdict in found.verdicts.items())
+    reasons = {name: verdict.reason for name, verdict in found.verdicts.items()}
+    return {
+        "recording": original.name,
+        "lag": lag,
+        "corrected": corrected,
+        "outcome": outcome,
+        "doubted": doubted,
+        **errors(found, settings),
+        "states": states,
+        "reasons": reasons,
+    }
+
+
+def summaries(rows: Sequence[Row]) -> list[Row]:
+    """Return the outcomes of every kind and length of recording."""
+    cases: dict[str, list[Row]] = {}
+    for row in rows:
+        cases.setdefault(row["recording"].rpartition("-")[0], []).append(row)
+    result = []
+    for case, members in cases.items():
+        counts = Counter(row["outcome"] for row in members)
+        kappas = [row["kappa"] for row in members if row["kappa"] is not None]
+        result.append(
+            {
+                "case": case,
+                "runs": len(members),
+                **{outcome: counts[outcome] for outcome in ("found", "undetermined", "missed", "wrong")},
+                "median kappa": statistics.median(kappas) if kappas else None,
+                "worst kappa": max(kappas, default=None),
+            }
+        )
+    return result
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--work", type=Path, required=True, help="Folder for the recordings and the results.")
+    parser.add_argument("--seeds", type=int, default=3, help="Recordings of each kind and length.")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS), help="How the exposures run.")
+    parser.add_argument("--frames", type=int, nargs="+", default=list(LENGTHS), help="Lengths of the recordings.")
+    parser.add_argument("--lags", type=int, nargs="+", default=list(LAGS), help="Lags in frames.")
+    arguments = parser.parse_args()
+    results = ResultFile(arguments.work / "results.jsonl")
+    members = [
+        member(kind, frames, seed)
+        for frames in arguments.frames
+        for kind in arguments.kinds
+        for seed in range(arguments.seeds)
+    ]
+    places = rendered(members, arguments.work / "recordings")
+    keys = []
+    for chosen in members:
+        for lag in arguments.lags:
+            key = f"{chosen.name} {lag:+d}"
+            keys.append(key)
+            if key not in results:
+                results.add(key, examined(places[chosen.name], chosen.settings, lag))
+        print(chosen.name, "done", flush=True)
+    rows = results.rows(keys)
+    print(table(rows, _COLUMNS), end="\n\n")
+    outcomes = summaries(rows)
+    print(table(outcomes, list(outcomes[0])))
+
+
+if __name__ == "__main__":
+    main()

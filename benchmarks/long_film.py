@@ -1,0 +1,370 @@
+"""Hours of film of an unchanged camera, any frame of which can be rendered alone, in about two milliseconds.
+
+A camera looks around in front of large pictures, and walks on to another one every few minutes. Lamps are switched,
+clouds pass, objects move through the view, and an automatic exposure follows with a camera's delay. Everything but
+the exposure is a function of time, and the exposure follows from a coarse grid of the scene's brightness: so most
+frames are never rendered. The camera itself, its response, vignette and noise, never changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import cv2
+import numpy as np
+
+from ospc import Frame, Response, Vignette
+from ospc.arrays import Float32Array, FloatArray, Image
+from ospc.photometry.vignette import PolynomialVignette
+from ospc.simulation import SimulationSettings
+from ospc.simulation.responses import make_response
+from ospc.simulation.sensor import Sensor
+from ospc.simulation.texture import TEXEL_M, painted, single
+
+SIZE = (320, 240)
+_PICTURE_M = (8.0, 8.0)
+"""Edge lengths of a picture; with a texel of 4 mm it has 2000 x 2000 pixels."""
+
+_PICTURES = 4
+_PANELS = 220
+_PANEL_M = (0.2, 1.3)
+"""Number of panels and posters on a picture, and their smallest and largest edge."""
+
+_PANEL_LEVELS = (0.04, 0.9)
+"""Reflectance of the darkest and the brightest panel."""
+
+_POSTERS = ("chelsea", "coffee", "camera", "gravel", "grass", "brick")
+
+_CELL_PX = 8
+"""Lamps and clouds are computed on a grid of this spacing in image pixels, and interpolated."""
+
+_METER_PX = 40
+"""Spacing of the places that the exposure control meters, in image pixels."""
+
+_COARSER = 4
+"""The pictures that it meters are reduced by this factor: a place stands for its surroundings."""
+
+_METER_INTERVAL_S = 0.1
+_BLOCK_S = 60.0
+"""The scene's brightness is metered for this long at once."""
+
+_STAY_S = (90.0, 400.0)
+"""How long the camera stays in front of a picture."""
+
+_WALK_S = 1.2
+"""How long it takes to walk past the edge between two pictures."""
+
+_CLOUDS = ((0.6, 170.0), (0.5, 430.0), (0.4, 1900.0))
+"""Depth in ln of the daylight, and period in s; each cloud covers the sun for a sixth of its period or so."""
+
+_CLOUD_POWER = 8
+"""Of a sine, which makes a smooth pulse of its positive half."""
+
+_ROOM_LIGHT = 1.1
+"""Amplitude in ln of the light that differs from place to place: what the exposure mostly follows."""
+
+_SHADOW, _SHADOW_PX, _SHADOW_SPEED = np.float32(0.15), 150.0, 0.15
+"""Amplitude of clouds' shadows in ln, their size in pixels of a picture, and their drift in radians per s."""
+
+_LAMPS, _OBJECTS = 3, 3
+_SPEED = {
+    "x": ((450.0, 31.0), (160.0, 9.3), (30.0, 3.1)),
+    "y": ((400.0, 37.0), (150.0, 7.9), (30.0, 2.7)),
+    "turn": ((0.35, 17.0), (0.08, 4.7)),
+    "scale": ((0.18, 41.0), (0.06, 9.1)),
+    "tilt_x": ((0.22, 21.0), (0.1, 7.7)),
+    "tilt_y": ((0.22, 19.0), (0.1, 8.3)),
+}
+"""Amplitude and period in s of the oscillations of the view: pixels, radians, ln of the scale, and tilts."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera: what it is made of, and how its exposure control works.
+
+    Attributes
+    ----------
+    response
+        Name of one of the simulator's responses.
+    vignette
+        Coefficients of R², R⁴ and R⁶.
+    noise
+        Full well and read noise in electrons.
+    exposure_step
+        Factor between neighbouring exposures that the control can set; 1 for any.
+    control_gain
+        Share of the logarithmic deviation that the control corrects from one frame to the next at 20 frames/s.
+    """
+
+    response: str
+    vignette: tuple[float, float, float]
+    noise: tuple[float, float]
+    exposure_step: float
+    control_gain: float
+
+
+CAMERAS = {
+    "webcam": Camera("srgb", (-0.30, 0.05, -0.10), (3_000.0, 12.0), 1.0, 0.15),
+    "industrial": Camera("linear", (-0.10, -0.02, -0.03), (20_000.0, 5.0), 1.02, 0.4),
+    "wide": Camera("gamma2.2", (-0.50, 0.10, -0.12), (8_000.0, 8.0), 1.12, 0.25),
+    "phone": Camera("filmic", (-0.35, 0.05, -0.15), (5_000.0, 8.0), 1.0, 0.1),
+}
+"""Cameras to choose from."""
+
+
+class LongFilm:
+    """A film; iterating gives its frames, whose images are rendered when they are asked for.
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    hours
+        Length of the film.
+    rate
+        Frames per second.
+    seed
+        Seeds scene, motion, lamps, clouds and noise.
+
+    Attributes
+    ----------
+    rendered
+        Number of images rendered so far.
+    """
+
+    def __init__(self, camera: Camera, hours: float, rate: float, seed: int) -> None:
+        self._camera, self._rate, self._seed = camera, rate, seed
+        self._count = round(3600 * hours * rate)
+        settings = SimulationSettings(
+            size=SIZE, seed=seed, full_well_electrons=camera.noise[0], read_noise_electrons=camera.noise[1]
+        )
+        self._sensor = Sensor(make_response(camera.response), settings)
+        self.vignette: Vignette = PolynomialVignette(SIZE, camera.vignette)
+        self.response: Response = make_response(camera.response)
+        self._attenuation = self.vignette.image().astype(np.float32)
+        random = np.random.default_rng([seed, 10])
+        self._pictures = [_picture(random) for _ in range(_PICTURES)]
+        smaller = [cv2.resize(p, None, fx=1 / _COARSER, fy=1 / _COARSER) for p in self._pictures]
+        self._coarse = [cv2.blur(p, (_METER_PX // _COARSER,) * 2) for p in smaller]
+        self._phase = {axis: random.uniform(0, 2 * np.pi, len(waves)) for axis, waves in _SPEED.items()}
+        self._visits = _visits(3600 * hours, random)
+        self._brightness = random.normal(0, 0.6, len(self._visits))
+        self._lamps = _Lamps.drawn(random)
+        self._cloud_phase = random.uniform(0, 2 * np.pi, len(_CLOUDS) + 2)
+        self._object_phase = random.uniform(0, 1, (_OBJECTS, 3))
+        self.rendered = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Frame]:
+        index = 0
+        for exposures_ms in self._exposures():
+            for exposure_ms in exposures_ms.tolist():
+                if index == self._count:
+                    return
+                yield Frame(
+                    index,
+                    index / self._rate,
+                    exposure_ms,
+                    f"frame {index}",
+                    partial(self._image, index, exposure_ms),
+                    verify=_nothing,
+                )
+                index += 1
+
+    # The exposure control.
+
+    def _exposures(self) -> Iterator[FloatArray]:
+        """Give the exposures of a block of frames at a time."""
+        block = round(_BLOCK_S * self._rate)
+        gain = 1 - (1 - self._camera.control_gain) ** (20 / self._rate)
+        step = np.log(self._camera.exposure_step)
+        state: float | None = None
+        for first in range(0, self._count, block):
+            stamps = np.arange(first, first + block) / self._rate
+            metered = np.arange(stamps[0], stamps[-1] + 2 * _METER_INTERVAL_S, _METER_INTERVAL_S)
+            wanted = np.interp(stamps, metered, np.log(0.16 / self._metered(metered)))
+            log_exposures = np.empty(block)
+            for i, target in enumerate(wanted.tolist()):
+                state = target if state is None else state + gain * (target - state)
+                log_exposures[i] = state
+            if step > 0:
+                log_exposures = step * np.round(log_exposures / step)
+            yield 10.0 * np.exp(np.clip(log_exposures, -3.0, 2.0))
+
+    def _metered(self, times_s: FloatArray) -> FloatArray:
+        """Return the mean radiance that the exposure control sees, shape (times,)."""
+        cells = _grid(_METER_PX)
+        means = [float(np.mean(self._radiance(float(time_s), cells))) for time_s in times_s]
+        return np.maximum(np.array(means), 1e-4)
+
+    # The image.
+
+    def _image(self, index: int, exposure_ms: float) -> Image:
+        self.rendered += 1
+        radiance = self._radiance(index / self._rate)
+        self._draw_objects(radiance, index / self._rate)
+        radiance *= self._attenuation
+        radiance *= np.float32(exposure_ms / 10.0)
+        return self._sensor.expose(radiance, frame=index)
+
+    def _radiance(self, time_s: float, cells: Float32Array | None = None) -> Float32Array:
+        """Return the radiance at every pixel, or at some places of the image, without the moving objects."""
+        visit, share = self._place_in_time(time_s)
+        seen = self._filmed(visit, time_s, cells)
+        if share > 0:
+            columns = np.arange(SIZE[0]) if cells is None else cells[0, :, 0]
+            beyond = columns >= (1 - share) * SIZE[0]
+            seen[:, beyond] = self._filmed(visit + 1, time_s, cells)[:, beyond]
+        return seen
+
+    def _place_in_time(self, time_s: float) -> tuple[int, float]:
+        """Return which picture the camera is at, and how much of the view shows the next one already."""
+        visit = int(np.searchsorted(self._visits, time_s, side="right")) - 1
+        until = self._visits[visit + 1] - time_s if visit + 1 < len(self._visits) else np.inf
+        return visit, max(0.0, 1 - until / _WALK_S)
+
+    def _filmed(self, visit: int, time_s: float, cells: Float32Array | None) -> Float32Array:
+        """Return the radiance of a picture at every pixel, or at some places of the image."""
+        number = (visit * 7 + self._seed) % len(self._pictures)
+        # Each visit begins somewhere else on the picture.
+        matrix = self._view(time_s + 1000.0 * visit)
+        brightness = np.float32(np.exp(self._brightness[visit]))
+        if cells is not None:
+            places = cv2.perspectiveTransform(cells.reshape(1, -1, 2), matrix).reshape(cells.shape)
+            seen = cv2.remap(
+                self._coarse[number], places / _COARSER, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
+            )
+            return np.asarray(brightness * seen * self._light(places, time_s), dtype=np.float32)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        seen = cv2.warpPerspective(self._pictures[number], matrix, SIZE, flags=flags, borderMode=cv2.BORDER_REFLECT)
+        grid = _grid(_CELL_PX)
+        light = self._light(cv2.perspectiveTransform(grid.reshape(1, -1, 2), matrix).reshape(grid.shape), time_s)
+        seen *= cv2.resize(brightness * light, SIZE, interpolation=cv2.INTER_LINEAR)
+        return np.asarray(seen, dtype=np.float32)
+
+    def _view(self, time_s: float) -> FloatArray:
+        """Return the homography from the image to a picture."""
+        x, y, turn, log_scale, tilt_x, tilt_y = (
+            sum(a * np.sin(2 * np.pi * time_s / period + p) for (a, period), p in zip(waves, phases, strict=True))
+            for waves, phases in zip(_SPEED.values(), self._phase.values(), strict=True)
+        )
+        to_centre = np.array([[1, 0, -SIZE[0] / 2], [0, 1, -SIZE[1] / 2], [0, 0, 1]])
+        tilt = np.array([[1, 0, 0], [0, 1, 0], [tilt_x / SIZE[0], tilt_y / SIZE[0], 1]])
+        cos, sin = np.exp(log_scale) * np.cos(turn), np.exp(log_scale) * np.sin(turn)
+        middle = _PICTURE_M[0] / TEXEL_M / 2
+        placed = np.array([[cos, -sin, middle + x], [sin, cos, middle + y], [0, 0, 1]])
+        return np.asarray(placed @ tilt @ to_centre)
+
+    def _draw_objects(self, seen: Float32Array, time_s: float) -> None:
+        """Paste patches that move through the view on their own, each for a part of the time."""
+        for number, (phase, period, height) in enumerate(self._object_phase):
+            progress = (time_s / (15 + 25 * period) + phase) % 1
+            if progress > 0.5:
+                continue
+            edge = 30 + 15 * number
+            left = round(progress / 0.5 * (SIZE[0] + edge)) - edge
+            top = round(height * (SIZE[1] - edge))
+            first, last = max(left, 0), min(left + edge, SIZE[0])
+            if last > first:
+                patch = self._pictures[number % len(self._pictures)][:edge, first - left : last - left]
+                seen[top : top + edge, first:last] = patch * np.float32(np.exp(self._brightness[0]))
+
+    def _light(self, places: Float32Array, time_s: float) -> Float32Array:
+        """Return the light at places of a picture, shape (rows, columns, 2): clouds times the lamps that are on."""
+        phases = self._cloud_phase
+        cloud = -sum(
+            depth * max(0.0, np.sin(2 * np.pi * time_s / period_s + phase)) ** _CLOUD_POWER
+            for (depth, period_s), phase in zip(_CLOUDS, phases, strict=False)
+        )
+        drift_x, drift_y = (time_s * _SHADOW_SPEED + phase for phase in phases[-2:])
+        shadow = np.sin(places[..., 0] / _SHADOW_PX + drift_x) * np.sin(places[..., 1] / _SHADOW_PX + drift_y)
+        return np.exp(np.float32(cloud) + _SHADOW * shadow) * self._lamps.light(places, time_s)
+
+
+@dataclass(frozen=True)
+class _Lamps:
+    """Lamps, each of which lights a part of every picture and is switched at random times.
+
+    Attributes
+    ----------
+    place
+        Middle of what a lamp lights, in pixels of a picture, shape (lamps, 2).
+    reach, strength
+        Radius in pixels, and light relative to the daylight, shape (lamps,).
+    period_s
+        Time after which it is decided anew whether a lamp is on, shape (lamps,).
+    seed
+        Decides.
+    """
+
+    place: FloatArray
+    reach: FloatArray
+    strength: FloatArray
+    period_s: FloatArray
+    seed: int
+
+    @classmethod
+    def drawn(cls, random: np.random.Generator) -> _Lamps:
+        return cls(
+            random.uniform(0.2, 0.8, (_LAMPS, 2)) * _PICTURE_M[0] / TEXEL_M,
+            random.uniform(200, 700, _LAMPS),
+            random.uniform(0.3, 1.5, _LAMPS),
+            random.uniform(25, 150, _LAMPS),
+            int(random.integers(2**31)),
+        )
+
+    def light(self, places: Float32Array, time_s: float) -> Float32Array:
+        """Return daylight and lamplight at places of a picture, relative to the daylight."""
+        total = np.ones(places.shape[:-1], np.float32)
+        for number, period_s in enumerate(self.period_s):
+            slot = int(time_s / period_s)
+            if (slot * 2654435761 + number * 40503 + self.seed) >> 7 & 1:
+                squared = np.sum((places - self.place[number].astype(np.float32)) ** 2, axis=-1)
+                total += np.float32(self.strength[number]) * np.exp(
+                    -squared / np.float32(2 * self.reach[number] ** 2)
+                )
+        return total
+
+
+def _grid(spacing_px: int) -> Float32Array:
+    """Return the places of the image's pixels or cells, (x, y), shape (rows, columns, 2)."""
+    if spacing_px not in _GRIDS:
+        x, y = (np.arange(spacing_px / 2 - 0.5, n, spacing_px, dtype=np.float32) for n in SIZE)
+        _GRIDS[spacing_px] = np.stack(np.meshgrid(x, y), axis=-1)
+    return _GRIDS[spacing_px]
+
+
+_GRIDS: dict[int, Float32Array] = {}
+
+
+def _picture(random: np.random.Generator) -> Float32Array:
+    """Return the radiance of an unevenly lit, painted wall with panels and posters on it, shape (2000, 2000)."""
+    wall = painted(_PICTURE_M, random, level=float(random.uniform(0.25, 0.6)))
+    for number in range(_PANELS):
+        size_m = tuple(random.uniform(*_PANEL_M, 2).tolist())
+        if number % 2:
+            panel = single(str(random.choice(_POSTERS)), size_m)
+        else:
+            panel = painted(size_m, random, level=float(np.exp(random.uniform(*np.log(_PANEL_LEVELS)))))
+        top, left = (int(random.integers(0, n - m)) for n, m in zip(wall.shape, panel.shape, strict=True))
+        wall[top : top + panel.shape[0], left : left + panel.shape[1]] = panel
+    x, y = np.meshgrid(*(np.linspace(0, 2 * np.pi, n, dtype=np.float32) for n in wall.shape[::-1]))
+    phases = random.uniform(0, 2 * np.pi, 2).astype(np.float32)
+    wall *= np.exp(np.float32(_ROOM_LIGHT) * np.sin(2 * x + phases[0]) * np.sin(2 * y + phases[1]))
+    # An edge between two panels isn't sharper than a lens would make it.
+    return np.ascontiguousarray(cv2.GaussianBlur(wall, (0, 0), 1.0))
+
+
+def _visits(seconds: float, random: np.random.Generator) -> FloatArray:
+    """Return when the camera comes to each picture, the first at 0."""
+    stays = random.uniform(*_STAY_S, int(seconds / _STAY_S[0]) + 2)
+    begins = np.concatenate([[0.0], np.cumsum(stays)])
+    return begins[begins <= seconds]
+
+
+def _nothing() -> None:
+    """Verify a frame that can't be missing."""

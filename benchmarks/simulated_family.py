@@ -1,0 +1,125 @@
+"""A seeded family of simulated recordings, rendered once and kept on disk."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ospc import Calibration, simulate
+from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
+from ospc.photometry.response import Response
+from ospc.simulation import SimulationSettings, Truth, truth
+from result_files import Row
+
+RENDERING_PROCESSES = 2
+
+_RESPONSES: tuple[str | Response, ...] = (
+    "srgb",
+    "gamma2.2",
+    "linear",
+    "filmic",
+    "log",
+    "tum_narrow",
+    Response.gamma(1.6, 2041),
+    Response.gamma(2.8, 2041),
+)
+_VIGNETTES = ((-0.35, 0.05, -0.15), (-0.12, 0.0, -0.03), (-0.55, 0.1, -0.1), (0.0, -0.25, -0.1))
+"""Coefficients of R², R⁴ and R⁶; V at the corner is 0.55, 0.85, 0.45 and 0.65."""
+
+_SHORTEST, _LONGEST = 400, 2000
+"""Frames of a recording; their logarithm is drawn evenly from this range."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """One recording of the family: its name and what to simulate."""
+
+    name: str
+    settings: SimulationSettings
+
+
+def family(count: int, seed: int = 0) -> list[Member]:
+    """Return the first recordings of a family; a larger count only adds to them."""
+    return [_member(number, seed) for number in range(count)]
+
+
+def _member(number: int, seed: int) -> Member:
+    random = np.random.default_rng([seed, number])
+    response = _RESPONSES[number % len(_RESPONSES)]
+    frames = round(float(np.exp(random.uniform(np.log(_SHORTEST), np.log(_LONGEST)))))
+    size = ((320, 240), (640, 480))[number % 2 ^ (number // len(_RESPONSES)) % 2]
+    settings = SimulationSettings(
+        size=size,
+        frames=frames,
+        seed=1000 * seed + number,
+        response=response,
+        vignette="polynomial",
+        vignette_coefficients=_VIGNETTES[int(random.integers(len(_VIGNETTES)))],
+        noise=("low", "high")[int(random.integers(2))],
+        motion=("handheld", "handheld", "pan", "forward")[int(random.integers(4))],
+        speed=float(np.round(random.uniform(0.6, 1.6), 2)),
+        moving_objects=(0, 0, 6)[int(random.integers(3))],
+        auto_gain=float(random.choice([0.25, 0.6])),
+        auto_target=float(np.round(random.uniform(0.3, 0.5), 2)),
+        gain_max=float(random.choice([1.0, 4.0])),
+        exposure_max_ms=float(random.choice([15.0, 40.0])),
+        **_exposure_course(number, frames, random),
+    )
+    return Member(f"{seed}-{number:03d}", settings)
+
+
+def _exposure_course(number: int, frames: int, random: np.random.Generator) -> dict[str, object]:
+    """Return how the exposure runs: by itself in three recordings of four, otherwise as a program says."""
+    if number % 4 != 3:
+        return {"exposure": "auto"}
+    if number % 8 == 3:
+        return {"exposure": "cycle", "exposures_ms": (4.0, 7.0, 12.0, 20.0)}
+    period = int(random.integers(60, 240))
+    triangle = np.abs(np.arange(frames) % period / (period / 2) - 1)
+    return {"exposure": "file", "exposures_ms": tuple((4.0 * 6.0**triangle).round(4).tolist())}
+
+
+def rendered(members: Sequence[Member], folder: Path) -> dict[str, Path]:
+    """Render those recordings that the folder doesn't hold yet, and return the path of each by its name."""
+    places = {member.name: folder / member.name for member in members}
+    missing = [member for member in members if not places[member.name].exists()]
+    if missing:
+        folder.mkdir(parents=True, exist_ok=True)
+        with ProcessPoolExecutor(RENDERING_PROCESSES, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
+            jobs = [pool.submit(_render, member.settings, places[member.name]) for member in missing]
+            for number, job in enumerate(jobs, start=1):
+                job.result()
+                print(f"rendered {number} of {len(jobs)} recordings", flush=True)
+    return places
+
+
+def _render(settings: SimulationSettings, place: Path) -> None:
+    # Renamed when complete, so that what an interruption leaves behind isn't taken for a recording.
+    unfinished = place.with_name(place.name + ".unfinished")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    simulate(unfinished, settings)
+    unfinished.rename(place)
+
+
+def errors(calibration: Calibration | None, known: Truth | SimulationSettings, prefix: str = "") -> Row:
+    """Return vignette RMSE, response shape RMSE and κ; None for a part that the calibration lacks."""
+    true = truth(known) if isinstance(known, SimulationSettings) else known
+    response = None if calibration is None else calibration.response
+    vignette = None if calibration is None else calibration.vignette
+    return {
+        f"{prefix}V": None if vignette is None else vignette_rmse(vignette, true.vignette),
+        f"{prefix}shape": None if response is None else response_shape_rmse(response, true.response),
+        f"{prefix}kappa": None if response is None else log_ratio_error(response, true.response),
+    }
+
+
+def identified(calibration: Calibration | None) -> list[str]:
+    """Return the names of the quantities that a calibration holds to be known."""
+    verdicts = {} if calibration is None else calibration.verdicts
+    return [name for name, verdict in verdicts.items() if verdict.known]

@@ -1,0 +1,38 @@
+"""What the accuracy gate calibrates, and the errors it lets pass."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ospc.simulation import SimulationSettings
+
+_SHORT = SimulationSettings(size=(320, 240), frames=160)
+
+RECORDINGS = {
+    # Edges everywhere, things that move, a lens that loses more than half of the light in the corners.
+    "texture": replace(_SHORT, seed=3, response="srgb", vignette_coefficients=(-0.45, 0.05, -0.15), moving_objects=6),
+    # Curved so much, and so noisy, that it matters where the model is linearised.
+    "curved": replace(_SHORT, seed=5, response="log", noise="high"),
+    # Dark, noisy and steep: the mean of noisy pixels isn't the grey level of their mean.
+    "dark": replace(
+        _SHORT,
+        frames=180,
+        seed=15,
+        response="log",
+        exposure="cycle",
+        exposures_ms=(1.5, 3.0, 6.0, 12.0),
+        full_well_electrons=1200.0,
+        read_noise_electrons=10.0,
+    ),
+    # A wide lens and little noise: whatever is wrong with the vignette shows.
+    "wide": replace(_SHORT, seed=4, response="filmic", vignette="cos4", horizontal_fov_deg=90.0),
+}
+"""Four recordings, each of which is sensitive to something else."""
+
+LIMITS: dict[str, dict[str, float]] = {
+    "texture": {"shape": 0.0015, "kappa": 0.002, "vignette": 0.002},
+    "curved": {"shape": 0.003, "kappa": 0.01, "vignette": 0.0033},
+    "dark": {"shape": 0.0014, "kappa": 0.0076, "dark": 0.007, "vignette": 0.0082},
+    "wide": {"shape": 0.001, "kappa": 0.0024, "vignette": 0.0018},
+}
+"""The largest errors that pass: twice those that were measured."""

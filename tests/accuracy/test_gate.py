@@ -1,0 +1,37 @@
+"""The accuracy gate: errors of whole runs over simulated recordings, each at most twice what they were when measured.
+
+``benchmarks/mutations.py`` shows what the gate notices: it breaks the estimator in known ways, and a limit has to be
+exceeded each time.
+"""
+
+from __future__ import annotations
+
+import pytest
+from accurate_recordings import LIMITS, RECORDINGS
+
+
+@pytest.mark.parametrize(("name", "metric"), [(name, metric) for name in LIMITS for metric in LIMITS[name]])
+def test_errors_stay_below_twice_what_they_were(run, name, metric, record_property):
+    errors, limit = run(name).errors, LIMITS[name][metric]
+    assert metric in errors, "that part of the calibration wasn't found at all"
+    record_property("error", errors[metric])
+    record_property("limit", limit)
+    assert errors[metric] <= limit
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_exposures_that_belong_to_their_frames_are_left_there(run, name):
+    assert run(name).calibration.source.get("exposure_lag_corrected_frames", 0) == 0
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_response_and_vignette_are_known(run, name):
+    assert {verdict.known for verdict in run(name).calibration.verdicts.values()} == {True}
+
+
+def test_pairs_compared_before_the_vignette_was_known_are_given_up(run):
+    """A whole run can't show it: what these pairs spoil is less than what chance does."""
+    found = run("texture").calibration
+    ratios, pairs = found.exposure_ratios, found.counts["pairs"]
+    assert pairs >= 64
+    assert len(ratios.metadata) <= pairs - 16
