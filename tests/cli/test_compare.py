@@ -50,6 +50,5 @@ def test_json(folders, tmp_path):
 
 
 def test_plot(folders, tmp_path):
-    pytest.importorskip("matplotlib")
     assert "plot.svg" in run(*folders, "--plot", str(tmp_path / "plot.svg"))
     assert (tmp_path / "plot.svg").stat().st_size > 1000

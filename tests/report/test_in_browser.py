@@ -8,8 +8,9 @@ import pytest
 from recordings import before_a_wall, calibration
 
 from ospc.photometry.calibration import ExposureRatios
+from ospc.report.charts import Findings
 from ospc.report.examples import examples_of
-from ospc.report.page import Findings, write_page
+from ospc.report.page import write_page
 
 REPORTS = ("everything", "nothing")
 WIDTHS_PX = (1400, 700, 400, 320)

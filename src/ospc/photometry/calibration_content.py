@@ -15,7 +15,13 @@ from ospc.photometry.exposure_ratios import ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+from ospc.photometry.vignette import (
+    LogVignette,
+    PolynomialVignette,
+    RasterVignette,
+    Vignette,
+    diagonal_profile,
+)
 
 
 def to_dict(calibration: Calibration) -> dict[str, Any]:
@@ -64,12 +70,10 @@ def _response_as_dict(response: Response | None) -> dict[str, Any] | None:
 def _vignette_as_dict(vignette: Vignette | None, sigma: FloatArray | None) -> dict[str, Any] | None:
     if vignette is None:
         return None
-    size = np.array(vignette.size, dtype=np.float64) - 1
-    ray = size / 2 + PROFILE_RADII[:, None] * size / 2
     return {
         "model": vignette.as_dict(),
         "profile_radius": PROFILE_RADII.tolist(),
-        "profile": vignette.at(ray).tolist(),
+        "profile": diagonal_profile(vignette, PROFILE_RADII).tolist(),
         "profile_sigma": None if sigma is None else sigma.tolist(),
     }
 
