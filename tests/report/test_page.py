@@ -165,11 +165,17 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("truth", [None, Photometry("truth", Response.gamma(2.1), VIGNETTE)])
-@pytest.mark.parametrize("exposures_ms", [None, EXPOSURES_MS, np.full(24, 10.0), EXPOSURES_MS[:3]])
-@pytest.mark.parametrize("name", CASES)
-def test_whatever_is_known_makes_a_page_of_finite_figures(name, exposures_ms, truth):
-    content = page(Findings(CASES[name], exposures_ms, truth=truth))
+TRUTH = Photometry("truth", Response.gamma(2.1), VIGNETTE)
+FINDINGS = [
+    *(Findings(known, EXPOSURES_MS) for known in CASES.values()),
+    *(Findings(CASES[name], truth=TRUTH) for name in ("nothing known", "no uncertainty", "twelve bits")),
+    *(Findings(calibration(), exposures_ms) for exposures_ms in (None, np.full(24, 10.0), EXPOSURES_MS[:3])),
+]
+
+
+@pytest.mark.parametrize("findings", FINDINGS)
+def test_whatever_is_known_makes_a_page_of_finite_figures(findings):
+    content = page(findings)
     Outline(content)
     for drawn in re.findall(r' (?:d|x|y|width|height|viewBox)="([^"]*)"', content):
         assert "nan" not in drawn
@@ -180,7 +186,7 @@ def test_what_is_missing_is_said():
     content = page(Findings(CASES["no vignette"]))
     assert "Not known: it was seen." in content
     assert "No pairs of frames could be compared." in page(Findings(CASES["nothing known"]))
-    assert "ended before the end of the recording" in page(Findings(CASES["interrupted"]))
+    assert "stopped before the end of the recording" in page(Findings(CASES["interrupted"]))
 
 
 def test_gaps_of_the_data_become_advice():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from recordings import before_a_wall, calibration, coverage
 
 from ospc.errors import FormatError
@@ -48,7 +49,7 @@ def test_no_text_is_cut_off():
         settings={"path": "/w" * 200},
     )
     for figure in pages(Findings(known)):
-        renderer = figure.canvas.get_renderer()
+        renderer = FigureCanvasAgg(figure).get_renderer()
         for text in figure.texts:
             box = text.get_window_extent(renderer)
             assert figure.bbox.x0 <= box.x0

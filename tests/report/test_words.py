@@ -57,7 +57,7 @@ def test_the_middle_grey_is_that_of_the_response():
 def test_the_gamma_curve_named_has_the_irradiance_named():
     bent = Response(np.interp(np.linspace(0, 1, 256), [0, 0.5, 1], [0, 0.268, 1]))
     exponent = float(re.search(r"exponent ([\d.]+)\.", said(response=bent)).group(1))
-    assert 0.5**exponent == pytest.approx(0.268, abs=0.001)
+    assert 0.5**exponent == pytest.approx(0.268, abs=0.003)
 
 
 def test_the_corners_are_those_of_the_vignette():

@@ -22,7 +22,7 @@ from ospc.report.words import facts, gaps, headline, overall_state
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 _JPEG_QUALITY = 85
 _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable": "bad"}
-_MARGINS_IN = {"left": 0.72, "right": 0.12, "top": 0.28, "bottom": 0.48}
+_MARGINS_IN = {"left": 0.78, "right": 0.12, "top": 0.28, "bottom": 0.48}
 """Room around the axes of a chart for its title and labels."""
 
 

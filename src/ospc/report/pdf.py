@@ -24,7 +24,7 @@ _TEXT_POINTS, _HEADLINE_POINTS, _TITLE_POINTS = 9.0, 11.0, 15.0
 _CHART_ROWS = 4
 """Rows of charts on a page, two charts in each."""
 
-_BETWEEN = {"wspace": 0.32, "hspace": 0.42}
+_BETWEEN = {"wspace": 0.35, "hspace": 0.42}
 """Room between charts for labels, in shares of their size."""
 
 _POINTS_PER_INCH = 72
@@ -132,7 +132,7 @@ def _text_pages(lines: list[str]) -> Iterator[Any]:
 
 def _page() -> Any:
     figure = new_figure(*_A4_IN, layout=None)
-    figure.subplots_adjust(left=_LEFT + 0.02, right=_RIGHT, top=_TOP - 0.02, bottom=_BOTTOM)
+    figure.subplots_adjust(left=_LEFT + 0.025, right=_RIGHT, top=_TOP - 0.02, bottom=_BOTTOM)
     return figure
 
 

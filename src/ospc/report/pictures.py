@@ -22,7 +22,7 @@ PICTURES = tuple(_CONTENT)
 """File names: an overview like figure 3 of the paper, and its three parts on their own."""
 
 _HEIGHT_IN, _CHART_IN = 4.2, 3.1
-_MARGIN_IN = {"left": 0.72, "right": 0.15, "top": 0.62, "bottom": 0.72, "between": 0.8}
+_MARGIN_IN = {"left": 0.78, "right": 0.15, "top": 0.62, "bottom": 0.72, "between": 0.85}
 """Room around and between the charts for titles and labels."""
 
 
