@@ -97,7 +97,7 @@ def say_errors(comparison: Comparison | None, calibration: Calibration, truth: s
 
 
 def ratio_figures(calibration: Calibration) -> tuple[float, float] | None:
-    """Return the misfit of the exposure ratios to the metadata and its bias; None without pairs."""
+    """Return the misfit of the exposure ratios to the metadata and their bias; None without pairs."""
     ratios = calibration.exposure_ratios
     return (ratios.misfit, ratios.bias) if ratios.metadata.size else None
 
