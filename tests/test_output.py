@@ -52,7 +52,6 @@ def test_deep_images_get_a_table_with_one_value_a_grey_level(tmp_path, bits):
 
 @pytest.mark.parametrize("part", ["response", "vignette"])
 def test_what_is_unknown_is_not_written_and_does_not_remain_from_before(tmp_path, recording, part):
-    pytest.importorskip("matplotlib")
     OutputFolder.at(tmp_path).write(calibration(max_grey=4095), recording)
     OutputFolder.at(tmp_path).draw(calibration())
     lacking = calibration(**{part: False})
@@ -153,10 +152,3 @@ class TestFailures:
         written = OutputFolder.at(tmp_path).write(calibration(), recording)
         assert "pcalib.txt" in written.problems[0]
         assert names(tmp_path) == ["calibration.json", "times.txt", "vignette.png"]
-
-    def test_without_matplotlib_one_note_says_what_to_install(self, tmp_path, monkeypatch):
-        monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
-        written = OutputFolder.at(tmp_path).draw(calibration())
-        assert written.files == ()
-        assert len(written.notes) == 1
-        assert "ospc[plots]" in written.notes[0]

@@ -123,7 +123,6 @@ def test_the_command_asks_for_it_explicitly_and_labels_every_output(folder: Path
 
 
 def test_pictures_are_labelled(found: Calibration) -> None:
-    pytest.importorskip("matplotlib")
     from ospc.report.pictures import _label
     from ospc.report.style import new_figure
 

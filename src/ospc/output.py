@@ -1,4 +1,4 @@
-"""The folder a calibration is written to: what programs read, and pictures of it."""
+"""The folder that a calibration is written to: files for programs, a report and pictures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ospc.errors import ExposureError, FormatError, MissingExtraError, OspcError, SettingError
+from ospc.errors import ExposureError, FormatError, OspcError, SettingError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.files import read_text
 from ospc.formats.opening import Photometry
@@ -17,8 +17,9 @@ from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
+from ospc.report.charts import Findings
 from ospc.report.examples import Examples, examples_of, exposures_beside
-from ospc.report.page import Findings, write_page
+from ospc.report.page import write_page
 from ospc.report.pdf import write_pdf
 from ospc.report.pictures import PICTURES, write_picture
 
@@ -28,7 +29,7 @@ _MAP = "calibration.vignette.npz"
 _DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt")
 REPORTS = ("report.html", "report.pdf")
 OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
-"""All that is ever written into such a folder; nothing else in it is touched."""
+"""Every file that is ever written into such a folder; no other file in it is touched."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Written:
     files
         Paths, in the order of writing.
     notes
-        What was left out, and why.
+        What was left out on purpose, and why.
     problems
         What could not be written, and why.
     """
@@ -68,51 +69,53 @@ class OutputFolder:
 
     @classmethod
     def at(cls, path: str | Path, *, recording: Path | None = None, force: bool = False) -> OutputFolder:
-        """Check a folder before the work begins.
+        """Return a folder after checking that it may be written to.
 
         Parameters
         ----------
         path
             A new or empty folder, or the output of an earlier run, which is replaced.
         recording
-            The recording that is calibrated: never overwritten, for its times.txt and vignette.png have our names.
+            The recording to calibrate. It is never overwritten: its times.txt and vignette.png have the same names.
         force
-            Whether a folder that holds something else will do; what is in it under other names stays.
+            Whether to accept a folder that holds something else; its files of other names stay.
 
         Raises
         ------
         SettingError
-            If it is none of these or cannot be written to.
+            If it is neither of these, or cannot be written to.
         """
         place = Path(path)
         try:
             _check(place, recording, force)
         except OSError as error:
-            raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another") from None
+            raise SettingError(
+                f"{place}: cannot be used for output ({error.strerror}); choose another folder"
+            ) from None
         return cls(place)
 
     def write(self, calibration: Calibration, recording: Recording | None = None) -> Written:
-        """Write all files but the pictures, and remove those of an earlier run.
+        """Write the files for programs, and remove all files of an earlier run.
 
-        Every file is there whole or not at all. calibration.json goes first; a problem with a later file is noted and
-        does not keep the others from being written.
+        Every file is written whole or not at all. calibration.json comes first; a problem with a later file does not
+        keep the others from being written.
 
         Parameters
         ----------
         calibration
             What to write.
         recording
-            Where times.txt comes from.
+            Source of times.txt.
 
         Raises
         ------
         FormatError
-            If not even calibration.json can be written; an earlier output is unchanged then.
+            If calibration.json cannot be written; an earlier output stays as it was.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise FormatError(f"{self.path}: the folder cannot be made ({error.strerror})") from None
+            raise FormatError(f"{self.path}: the folder cannot be created ({error.strerror})") from None
         first = [calibration.save(self.path / "calibration.json")]
         if isinstance(calibration.vignette, RasterVignette):
             first.append(self.path / _MAP)
@@ -136,21 +139,20 @@ class OutputFolder:
         calibration
             What to draw.
         truth
-            What to draw it against.
+            A reference to draw beside it.
         stop
-            Asked before each picture whether to leave out the rest.
+            Called before each picture; true to leave out the rest.
         """
         written = Written()
+        exposures_ms = exposures_beside(self.path)
         for name in PICTURES:
             if stop():
                 return written + Written(notes=("interrupted before all pictures were drawn",))
             try:
-                drawn = write_picture(name, calibration, self.path / name, truth)
-            except MissingExtraError as error:
-                return written + Written(notes=(f"no pictures: {error}",))
+                drawn = write_picture(name, calibration, self.path / name, truth, exposures_ms)
             except OspcError as error:
                 return written + Written(problems=(str(error),))
-            except Exception as error:  # a picture is not worth losing what follows it
+            except Exception as error:  # a failed picture must not cost the files that follow
                 return written + Written(problems=(f"{self.path / name}: cannot be drawn ({error})",))
             written += Written(() if drawn is None else (drawn,))
         return written
@@ -170,9 +172,9 @@ class OutputFolder:
         calibration
             What to report.
         recording
-            What pictures and points to follow are taken from; without it, there are none.
+            Source of the pictures and of the points to track; without it, there are none.
         truth
-            What to draw it against.
+            A reference to draw beside it.
         pdf
             Whether to write the PDF too.
         """
@@ -182,12 +184,10 @@ class OutputFolder:
             written += Written((write_page(findings, self.path / "report.html"),))
             if pdf:
                 written += Written((write_pdf(findings, self.path / "report.pdf"),))
-        except MissingExtraError as error:
-            return written + Written(notes=(f"no report.pdf: {error}",))
         except OspcError as error:
             return written + Written(problems=(str(error),))
-        except Exception as error:  # a report is not worth losing what follows it
-            return written + Written(problems=(f"{self.path}: the report cannot be made ({error})",))
+        except Exception as error:  # a failed report must not cost the files that follow
+            return written + Written(problems=(f"{self.path}: the report cannot be written ({error})",))
         return written
 
     def _findings(self, calibration: Calibration, recording: Recording | None, truth: Photometry | None) -> Findings:
@@ -219,7 +219,7 @@ class OutputFolder:
                 try:
                     place.unlink(missing_ok=True)
                 except OSError as error:
-                    problems.append(f"{place}: is of an earlier run, but cannot be removed ({error.strerror})")
+                    problems.append(f"{place}: left by an earlier run, and cannot be removed ({error.strerror})")
         return Written(problems=tuple(problems))
 
 
@@ -231,24 +231,24 @@ def _check(place: Path, recording: Path | None, force: bool) -> None:
     if not place.exists():
         parent = next(folder for folder in place.absolute().parents if folder.exists())
         if not (parent.is_dir() and os.access(parent, os.W_OK)):
-            raise SettingError(f"{place}: cannot be made, for {parent} allows no new folders; choose another")
+            raise SettingError(f"{place}: cannot be created: {parent} is not writable; choose another folder")
         return
     if not os.access(place, os.W_OK):
         raise SettingError(f"{place}: is not writable; choose another folder")
     if any(place.iterdir()) and not force and not _is_earlier_output(place):
         raise SettingError(
-            f"{place}: holds something else than an earlier calibration; choose another folder, or add --force to "
+            f"{place}: holds files that are not an earlier calibration; choose another folder, or add --force to "
             "write into it"
         )
 
 
 def _holds(recording: Path, place: Path) -> bool:
-    """Tell whether a folder is where files of the recording are: itself, its images, or the folder of a video."""
+    """Return whether a folder holds files of the recording: its own folder, its images, or the folder of a video."""
     return place in (recording, recording / "images") or (recording.is_file() and place == recording.parent)
 
 
 def _is_earlier_output(place: Path) -> bool:
-    # A run that was killed before its end leaves its state, whole or in the making, and nothing else.
+    # A run that was killed before its end leaves only its state, finished or half written.
     if all(_STATE.fullmatch(entry.name) for entry in place.iterdir()):
         return True
     try:

@@ -93,7 +93,6 @@ def test_json_holds_settings_versions_and_every_row():
 
 
 def test_files_are_written(tmp_path):
-    pytest.importorskip("matplotlib")
     files, problems = write_results(tmp_path / "out", RESULTS, ["default"], [])
     assert [path.name for path in files] == ["results.json", "results.csv", "table.md", "errors.png"]
     assert all(path.stat().st_size > 100 for path in files)

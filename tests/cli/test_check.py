@@ -33,7 +33,6 @@ def check(*arguments: object) -> Result:
 
 
 def test_json_is_one_object_and_the_picture_beside_it(late: Path, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     result = check(late, "--json", "--plot", tmp_path / "seen.png")
     assert (result.exit_code, result.stderr) == (0, "")
     said = json.loads(result.stdout)
@@ -75,11 +74,10 @@ def test_what_is_no_recording_is_one_line(path: str, tmp_path: Path, monkeypatch
 
 
 def test_a_picture_that_cannot_be_written_is_one_line(late: Path, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     result = check(late, "--frames", 3, "--plot", tmp_path / "no" / "folder.png")
     assert result.exit_code == 1
     assert isinstance(result.exception, OspcError)
-    assert "folder.png: the plot cannot be written" in str(result.exception)
+    assert "folder.png: cannot be written" in str(result.exception)
 
 
 def test_real_recordings_agree_with_what_is_known_of_them(real_data: Path) -> None:

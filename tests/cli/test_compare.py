@@ -71,6 +71,5 @@ def test_a_file_of_another_kind_is_not_sent_to_the_repair(folders, tmp_path):
 
 
 def test_plot(folders, tmp_path):
-    pytest.importorskip("matplotlib")
     assert "plot.svg" in run(*folders, "--plot", str(tmp_path / "plot.svg"))
     assert (tmp_path / "plot.svg").stat().st_size > 1000

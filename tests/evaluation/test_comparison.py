@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ospc.errors import FormatError, MissingExtraError, NotObservableError
+from ospc.errors import FormatError, NotObservableError
 from ospc.evaluation.comparison import aligning_exponent, compare
-from ospc.evaluation.comparison_plot import plot_photometries
 from ospc.evaluation.metrics import log_ratio_error, response_rmse, vignette_rmse
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.opening import Photometry, open_photometry
@@ -112,15 +111,3 @@ def test_vignettes_of_different_sizes_are_compared_by_profile_only():
     result = compare(other, TRUTH)
     assert result.vignette_rmse < 0.01
     assert result.vignette_pixel_rmse is None
-
-
-def test_plot_is_written_or_its_extra_is_named(tmp_path, monkeypatch):
-    pytest.importorskip("matplotlib")
-    sigma = Response.from_values(RESPONSE.inverse_table, inverse_sigma=np.full(256, 0.01))
-    place = plot_photometries([TRUTH, Photometry("other", sigma, None)], tmp_path / "plot.png")
-    assert place.read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(FormatError, match="cannot be written"):
-        plot_photometries([TRUTH], tmp_path / "no" / "plot.png")
-    monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
-    with pytest.raises(MissingExtraError, match=r"ospc\[plots\]"):
-        plot_photometries([TRUTH], tmp_path / "plot.png")

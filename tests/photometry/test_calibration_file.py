@@ -113,9 +113,10 @@ def test_the_file_says_what_a_reader_without_this_library_needs(saved):
     assert content["schema"] == SCHEMA
     assert content["response"]["inverse_table"] == FULL.response.inverse_table.tolist()
     assert content["vignette"]["profile_radius"] == PROFILE_RADII.tolist()
-    centre = (np.array(SIZE) - 1) / 2
-    expected = [FULL.vignette.at(centre + r * centre) for r in PROFILE_RADII]
-    np.testing.assert_allclose(content["vignette"]["profile"], expected)
+    corners = [(x, y) for x in (0, SIZE[0] - 1) for y in (0, SIZE[1] - 1)]
+    centre = FULL.vignette.at((np.array(SIZE) - 1) / 2)
+    assert content["vignette"]["profile"][0] == 1
+    assert content["vignette"]["profile"][-1] == pytest.approx(FULL.vignette.at(corners).mean() / centre)
     assert content["exposure_ratios"]["bias"] == FULL.exposure_ratios.bias
 
 
@@ -148,6 +149,14 @@ def test_the_bias_does_not_depend_on_which_frame_of_a_pair_comes_first(pairs):
     there = ExposureRatios(frames, metadata, estimated, samples)
     back = ExposureRatios(frames, 1 / metadata, 1 / estimated, samples)
     assert back.bias == pytest.approx(there.bias, abs=1e-9)
+
+
+@given(st.lists(st.tuples(st.floats(-0.5, 0.5), st.integers(1, 5)), min_size=1, max_size=9))
+def test_the_misfit_is_the_median_over_samples(pairs):
+    error, samples = (np.array(column) for column in zip(*pairs, strict=True))
+    ratios = ExposureRatios(np.zeros((len(pairs), 2), np.int64), np.ones(len(pairs)), np.exp(error), samples)
+    every = np.sort(np.repeat(np.abs(error), samples))
+    assert ratios.misfit == pytest.approx(every[(len(every) - 1) // 2], abs=1e-12)
 
 
 # What is not a calibration.

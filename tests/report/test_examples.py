@@ -86,10 +86,10 @@ def test_unreadable_frames_and_even_ones_cost_only_what_they_would_show():
 
     images = np.full((4, SIZE[1], SIZE[0]), 90, np.uint8)
     torn = examples_of(calibration(), Damaged(images, [1, 2, 3, 4]))
-    assert [note.split(":")[0] for note in torn.notes] == ["no pictures", "no points were followed"]
+    assert [note.split(":")[0] for note in torn.notes] == ["no pictures", "no points were tracked"]
     even = examples_of(calibration(), ArrayRecording(images, [1, 2, 3, 4]))
     assert even.pictures
-    assert even.notes[0].startswith("no points were followed")
+    assert even.notes[0].startswith("no points were tracked")
 
 
 def test_an_empty_answer_is_one(tmp_path):

@@ -8,8 +8,9 @@ import pytest
 from recordings import before_a_wall, calibration
 
 from ospc.photometry.calibration import ExposureRatios
+from ospc.report.charts import Findings
 from ospc.report.examples import examples_of
-from ospc.report.page import Findings, write_page
+from ospc.report.page import write_page
 
 REPORTS = ("everything", "nothing")
 WIDTHS_PX = (1400, 700, 400, 320)
@@ -92,15 +93,15 @@ def test_labels_in_charts_are_large_enough_to_read_and_do_not_collide(chromium, 
     chromium.show(pages["everything"], width_px)
     boxes = chromium.value(
         "[...document.querySelectorAll('svg.chart')].map(chart => [...chart.querySelectorAll('text')].map(t => {"
-        " const b = t.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; }))"
+        " const b = t.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom, t.textContent]; }))"
     )
     assert len(boxes) >= 10
     for texts in boxes:
-        for i, (left, top, right, bottom) in enumerate(texts):
-            assert bottom - top > 9
+        for i, (left, top, right, bottom, text) in enumerate(texts):
+            assert min(bottom - top, right - left if len(text) > 1 else bottom - top) > 8, text
             for other in texts[:i]:
-                apart = other[0] >= right or other[2] <= left or other[1] >= bottom - 2 or other[3] <= top + 2
-                assert apart
+                apart = other[0] >= right - 2 or other[2] <= left + 2 or other[1] >= bottom - 2 or other[3] <= top + 2
+                assert apart, (text, other)
 
 
 def test_it_prints_light_on_a_few_pages(chromium, pages):

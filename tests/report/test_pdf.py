@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from recordings import before_a_wall, calibration, coverage
 
-from ospc.errors import FormatError, MissingExtraError
-from ospc.photometry.calibration import ExposureRatios
+from ospc.errors import FormatError
+from ospc.photometry.calibration import ExposureRatios, Verdict
+from ospc.report.charts import Findings
 from ospc.report.examples import examples_of
-from ospc.report.page import Findings
-from ospc.report.pdf import write_pdf
+from ospc.report.pdf import pages, write_pdf
 
 
-def pages(place):
+def count_of_pages(place):
     content = place.read_bytes()
     assert content.startswith(b"%PDF")
     return content.count(b"/Type /Page ") + content.count(b"/Type /Page\n")
 
 
 def test_it_has_a_page_for_every_part(tmp_path):
-    pytest.importorskip("matplotlib")
     recording, known = before_a_wall(np.geomspace(2, 10, 8)), calibration()
     findings = Findings(known, recording.exposures_ms, examples_of(known, recording, 4))
-    assert pages(write_pdf(findings, tmp_path / "report.pdf")) == 5
+    assert count_of_pages(write_pdf(findings, tmp_path / "report.pdf")) == 4
 
 
 @pytest.mark.parametrize(
@@ -38,18 +36,32 @@ def test_it_has_a_page_for_every_part(tmp_path):
     ],
 )
 def test_what_is_unknown_is_left_out(tmp_path, lacking):
-    pytest.importorskip("matplotlib")
-    assert pages(write_pdf(Findings(lacking), tmp_path / "report.pdf")) >= 3
+    assert count_of_pages(write_pdf(Findings(lacking), tmp_path / "report.pdf")) >= 2
 
 
-def test_without_matplotlib_the_extra_is_named(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(MissingExtraError, match="plots"):
-        write_pdf(Findings(calibration()), tmp_path / "report.pdf")
+def test_no_text_is_cut_off():
+    lacking = Verdict("not identifiable", "W" * 300, "move " * 100)
+    known = calibration(
+        verdicts={"response": lacking, "vignette": Verdict("marginal", "why")},
+        exponent_sigma=0.2,
+        partial=True,
+        source={"name": "a very long name of a recording " * 5},
+        settings={"path": "/w" * 200},
+    )
+    for figure in pages(Findings(known)):
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        for text in figure.texts:
+            box = text.get_window_extent(renderer)
+            assert figure.bbox.x0 <= box.x0
+            assert box.x1 <= figure.bbox.x1
+
+
+def test_the_same_calibration_gives_the_same_bytes(tmp_path):
+    first, second = (write_pdf(Findings(calibration()), tmp_path / name).read_bytes() for name in ("a.pdf", "b.pdf"))
+    assert first == second
 
 
 def test_a_folder_that_is_not_there_is_an_error(tmp_path):
-    pytest.importorskip("matplotlib")
     lacking = calibration(response=None, vignette=None, vignette_sigma=None, coverage=None)
     with pytest.raises(FormatError, match="cannot be written"):
         write_pdf(Findings(lacking), tmp_path / "absent" / "report.pdf")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from recordings import SIZE, calibration, coverage
@@ -11,12 +13,9 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.report.words import (
     facts,
+    gaps,
     headline,
-    least_samples,
-    misfit_of,
     overall_state,
-    uncovered_greys,
-    uncovered_radii,
 )
 
 WELL, ROUGH, LOST = (Verdict(state, "why") for state in ("identifiable", "marginal", "not identifiable"))
@@ -25,12 +24,17 @@ WELL, ROUGH, LOST = (Verdict(state, "why") for state in ("identifiable", "margin
 @pytest.mark.parametrize(
     ("response", "vignette", "sentence", "state"),
     [
-        (WELL, WELL, "The response and the vignette of this camera are known well.", "identifiable"),
-        (WELL, ROUGH, "The response of this camera is known well. The vignette is known only roughly.", "marginal"),
+        (WELL, WELL, "The response and the vignette of this camera are well determined.", "identifiable"),
+        (
+            WELL,
+            ROUGH,
+            "The response of this camera is well determined. The vignette is known only roughly.",
+            "marginal",
+        ),
         (
             LOST,
             LOST,
-            "This recording does not tell the response and the vignette, so none is given.",
+            "This recording does not determine the response and the vignette; no estimate is given.",
             "not identifiable",
         ),
     ],
@@ -46,35 +50,38 @@ def said(**changes):
 
 
 def test_the_middle_grey_is_that_of_the_response():
-    assert "Middle grey (128 of 255) is 25 ± 2 % of the light that saturates the sensor" in said()
-    assert "a gamma curve with exponent 2." in said()
-    assert "as of a linear camera" in said(response=Response.gamma(1.0))
+    assert "Middle grey (128 of 255) corresponds to 25 ± 2 % of the irradiance that saturates the sensor" in said()
+    assert "linear camera" in said(response=Response.gamma(1.0))
+
+
+def test_the_gamma_curve_named_has_the_irradiance_named():
+    bent = Response(np.interp(np.linspace(0, 1, 256), [0, 0.5, 1], [0, 0.268, 1]))
+    exponent = float(re.search(r"exponent ([\d.]+)\.", said(response=bent)).group(1))
+    assert 0.5**exponent == pytest.approx(0.268, abs=0.003)
 
 
 def test_the_corners_are_those_of_the_vignette():
-    assert "The corners get 61 ± 2 % of the light of the centre, 0.7 stops less." in said()
-    assert "there is hardly a vignette" in said(vignette=PolynomialVignette(SIZE, (-0.005, 0.0, 0.0)))
+    assert "The corners receive 60 ± 2 % of the light at the centre, 0.7 stops less." in said()
+    assert "hardly any vignetting" in said(vignette=PolynomialVignette(SIZE, (-0.005, 0.0, 0.0)))
 
 
-def test_agreement_is_the_median_over_well_founded_pairs():
+def test_the_corners_are_those_of_the_file():
+    known = calibration()
+    share = float(re.search(r"receive ([\d.]+)", said()).group(1))
+    assert share == pytest.approx(100 * known.as_dict()["vignette"]["profile"][-1], abs=0.5)
+
+
+def test_agreement_weights_pairs_by_their_samples():
     k = np.geomspace(0.5, 2, 40)
-    wrong = np.arange(40) % 4 == 0
-    ratios = ExposureRatios(
-        np.stack([np.arange(40), np.arange(40) + 1], axis=1),
-        k,
-        np.where(wrong, k * 3, k * np.exp(0.02)),
-        np.where(wrong, 60, 200),
-    )
-    assert least_samples(ratios) == 120
-    assert misfit_of(ratios) == pytest.approx(0.02)
-    assert "agree with those stated to 2.0 %" in said(exposure_ratios=ratios)
-    few = ExposureRatios(ratios.frames, k, ratios.estimated, np.full(40, 10))
-    assert misfit_of(few) == pytest.approx(0.02)
-    assert np.isnan(misfit_of(ExposureRatios.none()))
+    wrong = np.arange(40) % 4 > 0
+    frames = np.stack([np.arange(40), np.arange(40) + 1], axis=1)
+    ratios = ExposureRatios(frames, k, np.where(wrong, k * 3, k * np.exp(0.02)), np.where(wrong, 4, 200))
+    assert "agree with the metadata to 2.0 % (median over 40 pairs" in said(exposure_ratios=ratios)
 
 
 def test_gaps_are_named_by_their_ends():
-    assert uncovered_greys(coverage(), 255) == "grey levels 0–32"
-    assert uncovered_greys(coverage(), 4095) == "grey levels 0–512"
-    assert uncovered_radii(coverage()) == "radii 0.90–1.00"
-    assert uncovered_radii(coverage(still=True)) == ""
+    assert "grey levels 0–32:" in " ".join(gaps(coverage(), 255))
+    assert "grey levels 0–512:" in " ".join(gaps(coverage(), 4095))
+    assert "radii 0.90–1.00 " in " ".join(gaps(coverage(), 255))
+    assert "radii" not in " ".join(gaps(coverage(still=True), 255))
+    assert gaps(None, 255) == []

@@ -13,7 +13,7 @@ from ospc.benchmark.picture import draw_errors
 from ospc.benchmark.store import source_hash
 from ospc.benchmark.summary import METRICS, CaseResult, groups_of, methods_of, spread
 from ospc.benchmark.tables import all_tables, as_csv, as_markdown
-from ospc.errors import MissingExtraError, SettingError
+from ospc.errors import SettingError
 from ospc.settings import as_dict, preset
 from ospc.versions import versions
 
@@ -86,8 +86,6 @@ def write_results(
         for name, content in contents.items():
             written.append(write_atomically(place / name, content.encode()))
         return [*written, draw_errors(results, place / "errors.png")], []
-    except MissingExtraError as error:
-        return written, [str(error)]
     except OSError as error:
         raise SettingError(f"{place}: cannot be written ({error}); choose another folder") from None
 

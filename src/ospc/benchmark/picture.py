@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ospc.benchmark.summary import METRICS, CaseResult, methods_of
-from ospc.errors import FormatError, MissingExtraError
+from ospc.errors import FormatError
 
 _PANELS = ("response_shape_rmse", "log_ratio_error", "vignette_rmse", "ratio_median_abs")
 _MARKERS = "osD^vP*X"
@@ -30,16 +30,12 @@ def draw_errors(results: Sequence[CaseResult], path: str | Path) -> Path:
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If the picture cannot be written.
     """
-    try:
-        from matplotlib.figure import Figure
-        from matplotlib.ticker import NullFormatter
-    except ImportError:
-        raise MissingExtraError("the picture of errors", "plots") from None
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
+
     labels = {metric.figure: metric.label for metric in METRICS}
     figure = Figure(figsize=(15, 1.6 + _ROW_INCHES * len(results)), layout="constrained")
     panels = figure.subplots(1, len(_PANELS), sharey=True)

@@ -11,7 +11,6 @@ from typing import Any
 from ospc.atomic import write_atomically
 from ospc.benchmark.speed import SpeedRow
 from ospc.benchmark.tables import Table
-from ospc.errors import MissingExtraError
 from ospc.report.style import new_figure, rules, save
 from ospc.versions import versions
 
@@ -51,15 +50,11 @@ def as_json(rows: Sequence[SpeedRow]) -> dict[str, Any]:
 
 
 def write(folder: Path, rows: Sequence[SpeedRow]) -> tuple[list[Path], list[str]]:
-    """Write speed.json and, with matplotlib, speed.png; return their paths, and what could not be written."""
+    """Write speed.json and speed.png; return their paths, and what could not be written."""
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(as_json(rows), indent=1)
     paths = [write_atomically(folder / "speed.json", text.encode())]
-    try:
-        paths.append(draw(rows, folder / "speed.png"))
-    except MissingExtraError as error:
-        return paths, [str(error)]
-    return paths, []
+    return [*paths, draw(rows, folder / "speed.png")], []
 
 
 def draw(rows: Sequence[SpeedRow], path: Path) -> Path:
@@ -67,8 +62,6 @@ def draw(rows: Sequence[SpeedRow], path: Path) -> Path:
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If the picture cannot be written.
     """

@@ -121,7 +121,7 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     help="Stream the same to a file, to be looked at later.",
 )
 @correct_lag_option
-@click.option("--pdf", is_flag=True, help="Write the report as report.pdf too; needs the extra plots.")
+@click.option("--pdf", is_flag=True, help="Write the report as report.pdf too.")
 @click.option(
     "--start-from",
     type=click.Path(path_type=Path),

@@ -21,7 +21,7 @@ _COLOURS = {"identifiable": "green", "marginal": "yellow", "not identifiable": "
 @click.command("check")
 @click.argument("path", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw it into this picture (extra 'plots').")
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw the result into this picture.")
 @click.option(
     "--frames",
     type=click.IntRange(2, 5000),
@@ -49,7 +49,7 @@ def command(
     with progress_bar("looking", looks, visible=sys.stderr.isatty()) as progress:
         report = check_recording(recording, frames=frames, progress=progress)
     if plot is not None:
-        from ospc.diagnosis.plot import plot_report
+        from ospc.report.check import plot_report
 
         plot_report(report, plot)
     if as_json:

@@ -27,7 +27,7 @@ _FREEDOMS = (
 @click.argument("a")
 @click.argument("b")
 @click.option("--gamma", is_flag=True, help="Add the figures after the best common exponent γ: g^γ and V^γ.")
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw both into this file (extra 'plots').")
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw both into this file.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def command(a: str, b: str, gamma: bool, plot: Path | None, as_json: bool) -> None:
     """Compare calibration A with B, which is taken as the truth.
@@ -44,7 +44,7 @@ def command(a: str, b: str, gamma: bool, plot: Path | None, as_json: bool) -> No
     if gamma:
         results.append(compare(first, second, aligning_exponent(first, second)))
     if plot is not None:
-        from ospc.evaluation.comparison_plot import plot_photometries
+        from ospc.report.comparison import plot_photometries
 
         plot_photometries([first, second], plot)
     if as_json:

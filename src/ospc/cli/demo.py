@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 _FRAMES = 200
 _PERIOD_FRAMES = 50
+"""Frames in which the exposure swings up and down once: slow enough that neighbours overlap."""
+
 _MEAN_EXPOSURE_MS, _EXPOSURE_FACTOR = 9.0, 2.8
+"""The exposure swings between the mean times and divided by the factor, a range of about eight to one."""
 
 
 @click.command("demo")
@@ -32,21 +35,20 @@ _MEAN_EXPOSURE_MS, _EXPOSURE_FACTOR = 9.0, 2.8
     "--frames", type=click.IntRange(1, 10_000), default=_FRAMES, show_default=True, help="Number of frames."
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seeds scene, motion and noise.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 def command(*, out: Path, frames: int, seed: int, quiet: bool) -> None:
     """Simulate a short recording, calibrate it, and compare with the truth.
 
-    The camera is hand-held, has a film-like response and darkens towards the corners; its exposure swings by a factor
-    of eight. OUT gets the recording with its truth, in the layout that every recording may have, and the calibration
-    as 'ospc calibrate' writes it, with pictures of estimate against truth. The exit codes are those of 'ospc
-    calibrate'.
+    The camera is hand-held, has a film-like response, and darkens towards the corners; its exposure swings by a
+    factor of eight. OUT gets the recording with its truth, and the calibration as 'ospc calibrate' writes it, with
+    pictures that compare the estimate with the truth. The exit codes are those of 'ospc calibrate'.
     """
     with Interruption() as interruption:
         sys.exit(one_line(lambda: _demonstrate(out, _settings(frames, seed), interruption, quiet=quiet)))
 
 
 def _settings(frames: int, seed: int) -> SimulationSettings:
-    """Return a simulation in which everything can be known: strong changes of exposure, and a vignette."""
+    """Return a simulation that determines everything: the exposure changes strongly, and things cross the image."""
     import numpy as np
 
     from ospc.simulation import SimulationSettings
@@ -76,12 +78,12 @@ def _demonstrate(out: Path, settings: SimulationSettings, interruption: Interrup
         click.echo(f"simulating {settings.frames} frames {settings.size[0]}×{settings.size[1]} in {recording}")
     _simulate(recording, settings, visible=not quiet and sys.stderr.isatty())
     if not quiet:
-        click.echo(f"calibrating; the same by hand: ospc calibrate {recording} -o {result} --truth {recording}")
+        click.echo(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
     options = Options(quiet=quiet, truth=open_photometry(recording))
     code = calibrate_into(folder, open_recording(recording), preset("default"), interruption, options)
     picture = result / "figure.png"
     if not quiet and picture.exists():
-        click.echo(f"\nestimate against truth: {picture}")
+        click.echo(f"\nestimate compared with the truth: {picture}")
     return code
 
 

@@ -70,7 +70,7 @@ def odometry(
     Each recording is a folder in the layout of the TUM monocular data set, with camera.txt and groundtruthSync.txt;
     'truth' takes its pcalib.txt and vignette.png. 'ours' and the joint estimates are made from the recording itself
     and kept in OUT, as every run is: the same command goes on where it was interrupted. OUT gets table.md (medians of
-    e_align, the lowest bold), runs.csv, results.json, and with the extra 'plots' cumulative.png and trajectories.
+    e_align, the lowest bold), runs.csv, results.json, cumulative.png and trajectories.
     """
     experiment = _experiment(recordings, out, runs, conditions, given, batch=batch, ends=ends)
     tracker = _odometry(program, arguments, timeout, builtin=builtin)

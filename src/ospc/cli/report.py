@@ -1,8 +1,7 @@
-"""``ospc report``: the report on a calibration that was written before."""
+"""``ospc report``: write the report on an existing calibration again."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,24 +14,24 @@ from ospc.errors import OspcError
 @click.command("report")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
-    "--recording", type=click.Path(path_type=Path), help="Recording to take pictures and points to follow from."
+    "--recording", type=click.Path(path_type=Path), help="Recording from which to show pictures and track points."
 )
 @click.option(
-    "--truth", metavar="PATH", help="A known calibration to draw it against: calibration.json, or a folder with one."
+    "--truth", metavar="PATH", help="A known calibration to compare with: calibration.json, or a folder with one."
 )
-@click.option("--pdf", is_flag=True, help="Write report.pdf too; needs the extra plots.")
+@click.option("--pdf", is_flag=True, help="Write report.pdf too.")
 @reading_options
 def command(folder: Path, recording: Path | None, truth: str | None, pdf: bool, **options: Any) -> None:
-    """Write report.html on the calibration in FOLDER anew.
+    """Write the report on the calibration in FOLDER again.
 
-    FOLDER holds the calibration.json of 'ospc calibrate' or 'ospc merge'. An earlier report in it is replaced.
+    FOLDER holds the calibration.json of 'ospc calibrate' or 'ospc merge'. An earlier report.html is replaced.
     """
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.photometry.calibration import Calibration
 
     if not folder.is_dir():
-        raise OspcError(f"{folder}: is no folder with a calibration; give the folder that holds calibration.json")
+        raise OspcError(f"{folder}: not a folder; give the folder that holds calibration.json")
     calibration = Calibration.load(folder)
     frames = None if recording is None else Reading.taken_from(options).open(recording)
     known = None if truth is None else open_photometry(truth)
@@ -43,4 +42,3 @@ def command(folder: Path, recording: Path | None, truth: str | None, pdf: bool, 
         raise OspcError("; ".join(written.problems))
     for file in written.files:
         click.echo(str(file))
-    sys.exit(1 if pdf and len(written.files) < 2 else 0)

@@ -27,8 +27,6 @@ def draw_curves(measured: Measured, path: Path, ratios: dict[str, ExposureRatios
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If it cannot be written.
     """
@@ -91,8 +89,6 @@ def draw_errors(experiment: Experiment, rows: Sequence[Measurement], path: Path)
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If it cannot be written.
     """
@@ -128,8 +124,6 @@ def draw_ambiguity(found: Ambiguity, path: Path, name: str) -> Path:
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If it cannot be written.
     """

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.atomic import write_atomically
-from ospc.errors import MissingExtraError, SettingError
+from ospc.errors import SettingError
 from ospc.experiments.ambiguity import as_csv as ambiguity_csv
 from ospc.experiments.ambiguity import show_ambiguity, starts_as_csv
 from ospc.experiments.design import Experiment
@@ -83,12 +83,9 @@ def make_experiment(
         ratios = _ratios(rivals, measured) if experiment.name == "parameters" else {}
         if ratios:
             _write(report, folder / f"ratios-{source.name}.csv", _ratios_csv(ratios))
-        try:
-            if not experiment.varied:
-                report.files.append(draw_curves(measured, folder / f"curves-{source.name}.png", ratios))
-            report.files.append(draw_errors(experiment, report.rows, folder / "errors.png"))
-        except MissingExtraError as error:
-            report.problems = [str(error)]
+        if not experiment.varied:
+            report.files.append(draw_curves(measured, folder / f"curves-{source.name}.png", ratios))
+        report.files.append(draw_errors(experiment, report.rows, folder / "errors.png"))
     report.files = list(dict.fromkeys(report.files))
     return report
 
@@ -105,10 +102,7 @@ def make_ambiguity(source: Source, folder: Path, progress: OnProgress) -> Report
     report = Report()
     _write(report, folder / "ambiguity.csv", ambiguity_csv(found))
     _write(report, folder / "starts.csv", starts_as_csv(found))
-    try:
-        report.files.append(draw_ambiguity(found, folder / "ambiguity.png", source.name))
-    except MissingExtraError as error:
-        report.problems = [str(error)]
+    report.files.append(draw_ambiguity(found, folder / "ambiguity.png", source.name))
     return report
 
 

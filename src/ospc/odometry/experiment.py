@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.atomic import write_atomically
-from ospc.errors import MissingExtraError, OspcError, RecordingError, SettingError
+from ospc.errors import OspcError, RecordingError, SettingError
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.odometry.batch import Finished, Task, end_segments, run_all
 from ospc.odometry.calibrations import Calibrations
@@ -158,7 +158,7 @@ def _not_run(name: str, condition: Condition, run: int, reason: str) -> RunResul
 
 
 def write_outcome(experiment: Experiment, outcome: Outcome) -> tuple[list[Path], list[str]]:
-    """Write runs.csv, results.json, table.md and, with matplotlib, the pictures; return them, and what is missing.
+    """Write runs.csv, results.json, table.md and the pictures; return them, and what is missing.
 
     Raises
     ------
@@ -182,11 +182,8 @@ def write_outcome(experiment: Experiment, outcome: Outcome) -> tuple[list[Path],
         files = [write_atomically(folder / name, text.encode()) for name, text in texts.items()]
     except OSError as error:
         raise SettingError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
-    try:
-        files.append(write_cumulative(outcome.results, experiment.conditions, folder / "cumulative.png"))
-        files += [_draw_trajectories(experiment, outcome, name) for name in experiment.recordings]
-    except MissingExtraError as error:
-        return files, [str(error)]
+    files.append(write_cumulative(outcome.results, experiment.conditions, folder / "cumulative.png"))
+    files += [_draw_trajectories(experiment, outcome, name) for name in experiment.recordings]
     return files, []
 
 

@@ -28,8 +28,6 @@ def write_cumulative(results: Sequence[RunResult], conditions: Sequence[Conditio
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If it cannot be written.
     """

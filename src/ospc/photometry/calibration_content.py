@@ -23,6 +23,7 @@ from ospc.photometry.vignette import (
     PolynomialVignette,
     RasterVignette,
     Vignette,
+    diagonal_profile,
 )
 
 LARGEST_GREY = 65535
@@ -87,12 +88,10 @@ def _response_as_dict(response: Response | None) -> dict[str, Any] | None:
 def _vignette_as_dict(vignette: Vignette | None, sigma: FloatArray | None) -> dict[str, Any] | None:
     if vignette is None:
         return None
-    size = np.array(vignette.size, dtype=np.float64) - 1
-    ray = size / 2 + PROFILE_RADII[:, None] * size / 2
     return {
         "model": vignette.as_dict(),
         "profile_radius": PROFILE_RADII.tolist(),
-        "profile": vignette.at(ray).tolist(),
+        "profile": diagonal_profile(vignette, PROFILE_RADII).tolist(),
         "profile_sigma": None if sigma is None else sigma.tolist(),
     }
 

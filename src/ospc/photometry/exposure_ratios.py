@@ -43,7 +43,31 @@ class ExposureRatios:
         return np.log(self.estimated / self.metadata)
 
     @property
+    def misfit(self) -> float:
+        """Median of the absolute log residual, each pair weighted by its samples; NaN without pairs."""
+        return weighted_median(np.abs(self.log_residual), self.samples)
+
+    @property
     def bias(self) -> float:
-        """Median of log residual · sign(ln k): positive if exposure changes are overestimated; NaN without pairs."""
-        residual = self.log_residual * np.sign(np.log(self.metadata))
-        return float(np.median(residual)) if residual.size else float("nan")
+        """Median of the log residual signed by ln k, weighted as above; NaN without pairs.
+
+        Positive where changes of exposure look larger than the metadata say.
+        """
+        return weighted_median(self.log_residual * np.sign(np.log(self.metadata)), self.samples)
+
+
+def weighted_median(values: FloatArray, weights: npt.ArrayLike) -> float:
+    """Return the smallest value that, with all values below it, has half of the weight; NaN without values.
+
+    Parameters
+    ----------
+    values
+        Shape (n,).
+    weights
+        Not negative, shape (n,).
+    """
+    if not values.size:
+        return float("nan")
+    order = np.argsort(values, kind="stable")
+    cumulative = np.cumsum(np.asarray(weights, dtype=np.float64)[order])
+    return float(values[order][np.searchsorted(cumulative, cumulative[-1] / 2)])

@@ -232,6 +232,28 @@ class RasterVignette:
         return cls(values, source)
 
 
+def diagonal_profile(vignette: Vignette, radii: FloatArray) -> FloatArray:
+    """Return V along the half diagonals, as the mean of the four and relative to V at the image centre.
+
+    Parameters
+    ----------
+    vignette
+        The vignette.
+    radii
+        Distances from the image centre in half diagonals, from 0 to 1 at the corners, shape (radii,).
+
+    Returns
+    -------
+    FloatArray
+        Shape (radii,).
+    """
+    to_corner = (np.array(vignette.size, dtype=np.float64) - 1) / 2
+    directions = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * to_corner
+    centre = float(vignette.at(to_corner))
+    mean = vignette.at(to_corner + radii[:, None, None] * directions).mean(axis=1)
+    return np.asarray(mean / centre if centre > 0 else mean)
+
+
 def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:
     """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the first three bins, shape (bins,).
 

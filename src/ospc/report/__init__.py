@@ -1,1 +1,1 @@
-"""Pictures of calibrations: values in, image files out."""
+"""Reports and pictures of calibrations, all charts drawn with matplotlib."""

@@ -1,4 +1,4 @@
-"""What a calibration does to its own recording: pictures before and after, and points followed through an excerpt."""
+"""What a calibration does to its own recording: pictures before and after, and points tracked through an excerpt."""
 
 from __future__ import annotations
 
@@ -18,39 +18,55 @@ from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
 from ospc.recording import Frame, Recording
-from ospc.report.words import FOUNDED
 
 TRACKED_FRAMES = 12
-"""Frames of the excerpt that every report follows points through: enough to tell, few enough to cost no time."""
+"""Frames of the excerpt through which points are tracked: enough to show the effect, few enough to take no time."""
 
 _PICTURES = 2
+"""Pairs of frames to show."""
+
 _WIDTH_PX = 480
+"""Width of the pictures, in pixels."""
+
 _STREAMS = ("video", "rosbag")
 _STREAM_REACH = 300
-"""Frames from its beginning that are taken from a recording of which each frame costs those before it."""
+"""Frames to choose from in a recording that can only be read from its beginning."""
+
+_LEAST_SAMPLES = 50
+"""Fewest samples of a pair of frames that certainly show the same scene."""
 
 _STILL = 0.98
-"""Share of observations that stay in their class of radii where the camera stands still."""
+"""Share of observations that keep their class of radius when the camera stands still."""
 
 
 @dataclass(frozen=True)
 class PicturePair:
-    """Two frames of one scene at different exposures, as recorded and brought to the longer one without vignette.
+    """Two frames of one scene at different exposures, and both corrected to the longer exposure without vignette.
 
     Attributes
     ----------
     frames
-        Indices of the two frames.
+        Indices of the two frames; equal where there is only one.
     exposures_ms
         Their exposures.
     recorded, corrected
-        Two images each, 8 bit, reduced.
+        Two images each, 8 bit, reduced to the width of a page.
     """
 
     frames: tuple[int, int]
     exposures_ms: tuple[float, float]
     recorded: tuple[Image, Image]
     corrected: tuple[Image, Image]
+
+    @property
+    def pictures(self) -> list[tuple[Image, str]]:
+        """The pictures with their captions: first as recorded, then corrected."""
+        count = 1 if self.frames[0] == self.frames[1] else 2
+        return [
+            (images[i], f"frame {self.frames[i]}, {self.exposures_ms[i]:.4g} ms, {what}")
+            for images, what in ((self.recorded, "as recorded"), (self.corrected, "corrected"))
+            for i in range(count)
+        ]
 
 
 @dataclass(frozen=True)
@@ -60,11 +76,11 @@ class Examples:
     Attributes
     ----------
     pictures
-        Pairs of frames; of single frames with itself where the exposure never changes.
+        Pairs of frames; a single frame, paired with itself, where no pairs were compared.
     tracking
         What the calibration does for tracking; None where that could not be tried.
     tracked
-        First frame that points were followed from and the one after the last.
+        First frame of the excerpt in which points were tracked, and the frame after the last.
     notes
         What could not be shown, and why.
     """
@@ -81,11 +97,11 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
     Parameters
     ----------
     calibration
-        Whatever part of it is unknown is taken to be the identity.
+        An unknown response or vignette is taken to be the identity.
     recording
         The recording it was made from, or another of the same camera.
     tracked_frames
-        Frames to follow points through, in one piece where the exposure changes most; 0 for none.
+        Length of the excerpt in which to track points, placed where the exposure changes most; 0 for none.
     """
     if calibration.size != recording.size:
         return Examples(notes=("no pictures: the recording has another image size than the calibration",))
@@ -110,8 +126,18 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
     try:
         tracking = compare_tracking(excerpt, corrector)
     except OspcError as error:
-        notes.append(f"no points were followed: {error}")
+        notes.append(f"no points were tracked: {error}")
     return Examples(pictures, tracking, (excerpt.first, excerpt.first + len(excerpt)), tuple(notes))
+
+
+def exposures_beside(folder: Path) -> FloatArray | None:
+    """Return the exposures in the times.txt of an output folder; None where there is none that can be read."""
+    from ospc.recording.times_file import read_times
+
+    try:
+        return read_times(folder / "times.txt").exposures_ms
+    except OspcError:
+        return None
 
 
 @dataclass(frozen=True)
@@ -124,7 +150,7 @@ class _Excerpt:
 
     @classmethod
     def where_exposure_changes(cls, recording: Recording, count: int, reach: int) -> _Excerpt:
-        """Return the piece with the largest range of exposures, the earliest of several."""
+        """Return the excerpt with the largest range of exposures, the earliest of several."""
         count = min(count, reach)
         log_exposure = np.log(np.maximum(recording.exposures_ms[:reach], 1e-12))
         pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
@@ -156,9 +182,9 @@ class _Excerpt:
 
 
 def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
-    """Return the pairs whose exposures differ most, among those that share much of their scene; else one frame."""
+    """Return the pairs with the most different exposures among those that share much of their scene."""
     inside = np.all(ratios.frames < reach, axis=1)
-    shared = ratios.samples >= max(FOUNDED, 0.5 * float(ratios.samples.max(initial=0)))
+    shared = ratios.samples >= max(_LEAST_SAMPLES, 0.5 * float(ratios.samples.max(initial=0)))
     chosen: list[tuple[int, int]] = []
     for pair in np.argsort(-np.abs(np.log(ratios.metadata)), kind="stable"):
         first, second = (int(frame) for frame in ratios.frames[pair])
@@ -177,7 +203,7 @@ def _stands_still(coverage: Coverage | None) -> bool:
 
 
 def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, int]]:
-    """Return two frames of one unchanging scene, between which the exposures of most frames lie."""
+    """Return the frames whose exposures have a fifth of all exposures below and above them."""
     order = np.argsort(exposures_ms, kind="stable")
     return [(int(order[len(order) // 5]), int(order[-1 - len(order) // 5]))]
 
@@ -187,7 +213,7 @@ def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int,
     frames: dict[int, Frame] = {}
     for frame in recording:
         if frame.index in wanted:
-            _ = frame.image  # now: a video has passed it later on
+            _ = frame.image  # load it now: a video cannot go back to it later
             frames[frame.index] = frame
         if len(frames) == len(wanted):
             break
@@ -220,13 +246,3 @@ def _small(image: Image) -> ImageSize:
     height, width = image.shape
     scale = min(1.0, _WIDTH_PX / width)
     return max(1, round(width * scale)), max(1, round(height * scale))
-
-
-def exposures_beside(folder: Path) -> FloatArray | None:
-    """Return the exposures in the times.txt of an output folder; None where there is none that can be read."""
-    from ospc.recording.times_file import read_times
-
-    try:
-        return read_times(folder / "times.txt").exposures_ms
-    except OspcError:
-        return None

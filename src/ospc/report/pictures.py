@@ -1,52 +1,55 @@
-"""The pictures of a calibration, each by the name of its file."""
+"""The pictures of a calibration that are written as PNG files."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+from ospc.arrays import FloatArray
 from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration
-from ospc.report.panels import (
-    draw_exposures,
-    draw_exposures_over_time,
-    draw_response,
-    draw_response_error,
-    draw_vignette,
-    draw_vignette_error,
-    draw_vignette_map,
-)
-from ospc.report.style import ORANGE, new_figure, rules, save
+from ospc.report.charts import Findings, charts_of
+from ospc.report.style import ORANGE, new_figure, printable, rules, save
 
-_SIZES_IN = {
-    "figure.png": (14.0, 5.2),
-    "plot_response.png": (6.4, 6.0),
-    "plot_vignette.png": (11.0, 5.2),
-    "plot_exposures.png": (11.0, 5.0),
+_CONTENT = {
+    "figure.png": ("response", "vignette", "ratios"),
+    "plot_response.png": ("response",),
+    "plot_vignette.png": ("vignette", "vignette map"),
+    "plot_exposures.png": ("exposures", "ratios"),
 }
 
-PICTURES = ("figure.png", "plot_response.png", "plot_vignette.png", "plot_exposures.png")
-"""File names: an overview like the paper's figure 3, and its three panels on their own."""
+PICTURES = tuple(_CONTENT)
+"""File names: an overview like figure 3 of the paper, and its three parts on their own."""
+
+_HEIGHT_IN, _CHART_IN = 4.2, 3.1
+_MARGIN_IN = {"left": 0.78, "right": 0.15, "top": 0.62, "bottom": 0.72, "between": 0.85}
+"""Room around and between the charts for titles and labels."""
 
 
-def write_picture(name: str, calibration: Calibration, path: Path, truth: Photometry | None = None) -> Path | None:
-    """Draw one of :data:`PICTURES` and return its path, or None where what it shows is not known.
+def write_picture(
+    name: str,
+    calibration: Calibration,
+    path: Path,
+    truth: Photometry | None = None,
+    exposures_ms: FloatArray | None = None,
+) -> Path | None:
+    """Draw one of :data:`PICTURES` and return its path, or None where what it shows is unknown.
 
     Parameters
     ----------
     name
         Which one.
     calibration
-        What to draw.
+        The calibration.
     path
         Where to write it.
     truth
-        What to draw beside it.
+        A reference to draw beside it.
+    exposures_ms
+        Exposure of every frame according to the metadata, shape (frames,); None where unknown.
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If it cannot be written.
     """
@@ -55,80 +58,46 @@ def write_picture(name: str, calibration: Calibration, path: Path, truth: Photom
         "plot_response.png": calibration.response is not None,
         "plot_vignette.png": calibration.vignette is not None,
         "plot_exposures.png": calibration.exposure_ratios.metadata.size > 0,
-    }[name]
-    if not known:
+    }
+    if not known[name]:
         return None
-    return _drawn(name, calibration, path, truth)
-
-
-def _drawn(name: str, calibration: Calibration, path: Path, truth: Photometry | None) -> Path:
-    figure = new_figure(*_SIZES_IN[name])
+    available = charts_of(Findings(calibration, exposures_ms, truth=truth))
+    charts = [available[part] for part in _CONTENT[name] if part in available]
     with rules():
-        if name == "figure.png":
-            _overview(figure, calibration, truth)
-        elif name == "plot_response.png":
-            upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-            _response(upper, lower, calibration, truth)
-        elif name == "plot_vignette.png":
-            _vignette_picture(figure, calibration, truth)
-        else:
-            left, right = figure.subplots(1, 2)
-            draw_exposures(left, calibration)
-            draw_exposures_over_time(right, calibration)
+        figure, grid = _row(len(charts))
+        for cell, chart in zip(grid, charts, strict=True):
+            chart.draw_into(cell)
+        figure.suptitle(
+            printable(_title(calibration)), fontsize=9, y=1 - 0.12 / _HEIGHT_IN, va="top", parse_math=False
+        )
         _label(figure, calibration)
         return save(figure, path)
 
 
+def _row(charts: int) -> tuple[Any, Any]:
+    """Return a figure and a grid with one row of cells in it."""
+    margin = _MARGIN_IN
+    width_in = margin["left"] + charts * _CHART_IN + (charts - 1) * margin["between"] + margin["right"]
+    figure = new_figure(width_in, _HEIGHT_IN, layout=None)
+    figure.subplots_adjust(
+        left=margin["left"] / width_in,
+        right=1 - margin["right"] / width_in,
+        top=1 - margin["top"] / _HEIGHT_IN,
+        bottom=margin["bottom"] / _HEIGHT_IN,
+        wspace=margin["between"] / _CHART_IN,
+    )
+    return figure, figure.add_gridspec(1, charts)
+
+
 def _label(figure: Any, calibration: Calibration) -> None:
-    """Say under the picture what it must not be taken for."""
+    """Say under a picture that its curves are known only up to an exponent, where that is so."""
     if calibration.exponent_sigma:
         figure.supxlabel(
-            "No exposures were known: response, vignette and exposures are estimated up to one common exponent γ "
+            "The exposures were unknown: response, vignette and exposures are estimated up to one common exponent γ "
             f"(ln γ ± {calibration.exponent_sigma:.2f})",
-            fontsize=8.5,
+            fontsize=8,
             color=ORANGE,
         )
-
-
-def _overview(figure: Any, calibration: Calibration, truth: Photometry | None) -> None:
-    figure.suptitle(_title(calibration), fontsize=10)
-    grid = figure.add_gridspec(2, 3, height_ratios=(3, 1))
-    _response(*_two_rows(figure, grid, 0), calibration, truth)
-    _vignette(*_two_rows(figure, grid, 1), calibration, truth)
-    draw_exposures(figure.add_subplot(grid[:, 2]), calibration)
-
-
-def _two_rows(figure: Any, grid: Any, column: int) -> tuple[Any, Any]:
-    return figure.add_subplot(grid[0, column]), figure.add_subplot(grid[1, column])
-
-
-def _response(upper: Any, lower: Any, calibration: Calibration, truth: Photometry | None) -> None:
-    draw_response(upper, calibration, None if truth is None else truth.response)
-    draw_response_error(lower, calibration, None if truth is None else truth.response)
-    _join(upper, lower)
-
-
-def _vignette(upper: Any, lower: Any, calibration: Calibration, truth: Photometry | None) -> None:
-    draw_vignette(upper, calibration, None if truth is None else truth.vignette)
-    draw_vignette_error(lower, calibration, None if truth is None else truth.vignette)
-    _join(upper, lower)
-
-
-def _join(upper: Any, lower: Any) -> None:
-    """Name the common axis once, or give all room to the upper panel if the lower one shows nothing."""
-    if lower.get_visible():
-        upper.set(xlabel="")
-        return
-    lower.remove()
-    grid = upper.get_subplotspec().get_gridspec()
-    upper.set_subplotspec(grid[:, upper.get_subplotspec().colspan.start])
-
-
-def _vignette_picture(figure: Any, calibration: Calibration, truth: Photometry | None) -> None:
-    grid = figure.add_gridspec(2, 2, height_ratios=(3, 1))
-    _vignette(figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0]), calibration, truth)
-    if calibration.vignette is not None:
-        draw_vignette_map(figure.add_subplot(grid[:, 1]), calibration.vignette)
 
 
 def _title(calibration: Calibration) -> str:
@@ -137,5 +106,5 @@ def _title(calibration: Calibration) -> str:
     if "frames" in counts:
         parts.append(f"{counts['frames']} frames")
     if calibration.partial:
-        parts.append("partial: interrupted before the end")
-    return "   ·   ".join(part for part in parts if part)
+        parts.append("partial: the run stopped before the end")
+    return " · ".join(part for part in parts if part)

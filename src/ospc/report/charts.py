@@ -1,0 +1,174 @@
+"""Every chart of a report or picture: its title, what to see in it, and how it is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.formats.opening import Photometry
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.coverage import Coverage
+from ospc.report import curves, evidence
+from ospc.report.examples import Examples
+
+WIDTH_IN = 4.6
+"""Width of a chart; with letters of 9 points, the charts are readable on a telephone too."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """All that a report shows.
+
+    Attributes
+    ----------
+    calibration
+        The calibration.
+    exposures_ms
+        Exposure of every frame according to the metadata, shape (frames,); None where unknown.
+    examples
+        What the calibration does to its own recording.
+    truth
+        A reference to draw it against.
+    check
+        Result of a check of the recording, as ``ospc check --json`` prints it; None where there was none.
+    """
+
+    calibration: Calibration
+    exposures_ms: FloatArray | None = None
+    examples: Examples = field(default_factory=Examples)
+    truth: Photometry | None = None
+    check: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart that can be drawn into any figure.
+
+    Attributes
+    ----------
+    title
+        What it shows.
+    caption
+        How to read it.
+    draw
+        Draws it into a cell of a grid and returns the topmost axes.
+    height_in
+        Height in inches at a width of :data:`WIDTH_IN`.
+    """
+
+    title: str
+    caption: str
+    draw: Callable[[Any], Any]
+    height_in: float = 3.2
+
+    def draw_into(self, cell: Any) -> None:
+        """Draw the chart with its title into a cell of a grid."""
+        self.draw(cell).set_title(self.title)
+
+
+def charts_of(findings: Findings) -> dict[str, Chart]:
+    """Return the charts that can be drawn, by name, in the order in which a report shows them.
+
+    "response" and "vignette" are always there: where one is unknown, the chart says so.
+    """
+    calibration, coverage = findings.calibration, findings.calibration.coverage
+    charts = _curves(calibration, findings.truth) | _exposures(calibration, findings.exposures_ms)
+    if coverage is not None:
+        charts |= _coverage(coverage, calibration.max_grey) | _residuals(coverage, calibration.max_grey)
+    return charts
+
+
+def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Chart]:
+    response, vignette = (None, None) if truth is None else (truth.response, truth.vignette)
+    charts = {
+        "response": Chart(
+            "Inverse response g",
+            "Irradiance behind each grey level, relative to saturation: g(0) = 0 and g(largest grey level) = 1 by "
+            "convention. The lowest panel counts the observations.",
+            partial(curves.draw_response, calibration=calibration, reference=response),
+            4.6,
+        ),
+        "vignette": Chart(
+            "Vignette V",
+            "Share of the light at the centre that arrives at each distance from it: the mean along the four half "
+            "diagonals.",
+            partial(curves.draw_vignette, calibration=calibration, reference=vignette),
+            4.6,
+        ),
+    }
+    if calibration.vignette is not None:
+        charts["vignette map"] = Chart(
+            "Vignette over the image",
+            "The attenuation at each pixel.",
+            partial(curves.draw_vignette_map, vignette=calibration.vignette),
+        )
+    return charts
+
+
+def _exposures(calibration: Calibration, exposures_ms: FloatArray | None) -> dict[str, Chart]:
+    ratios = calibration.exposure_ratios
+    charts: dict[str, Chart] = {}
+    if not ratios.metadata.size:
+        return charts
+    if exposures_ms is not None and len(exposures_ms) > int(ratios.frames.max()):
+        charts["exposures"] = Chart(
+            "Exposures along the recording",
+            "A dot is the exposure of a frame as estimated from the images: that of an earlier frame by the "
+            "metadata, divided by the estimated ratio of the two. Dots beside the line indicate exposures that "
+            "belong to other frames, gain that changed unrecorded, or frames that were matched badly.",
+            partial(evidence.draw_exposures, exposures_ms=exposures_ms, ratios=ratios),
+        )
+    charts["ratios"] = Chart(
+        "Exposure ratios of pairs of frames",
+        "The closer the dots lie to the line, the better images and metadata agree. The median weights each pair by "
+        "its samples.",
+        partial(evidence.draw_ratios, ratios=ratios),
+    )
+    return charts
+
+
+def _coverage(coverage: Coverage, max_grey: int) -> dict[str, Chart]:
+    return {
+        "grey coverage": Chart(
+            "Observations by grey level and exposure",
+            "The response is found from the same light at several exposures: filled columns are good, empty ones are "
+            "grey levels that were never observed.",
+            partial(evidence.draw_grey_coverage, coverage=coverage, max_grey=max_grey),
+        ),
+        "radius coverage": Chart(
+            "Observations by radius in two frames",
+            "The vignette is found from scene points that move between centre and corner: observations away from the "
+            "diagonal determine it, those on the diagonal do not.",
+            partial(evidence.draw_radius_coverage, coverage=coverage),
+        ),
+    }
+
+
+def _residuals(coverage: Coverage, max_grey: int) -> dict[str, Chart]:
+    charts = {}
+    if coverage.residual_by_grey is not None:
+        charts["grey residual"] = Chart(
+            "Residuals over grey levels",
+            "A median away from zero means that the response bends where the model does not. The width of the band "
+            "is noise and imperfect matching.",
+            partial(evidence.draw_grey_residual, by_grey=coverage.residual_by_grey, max_grey=max_grey),
+        )
+    if coverage.residual_by_radius is not None:
+        charts["radius residual"] = Chart(
+            "Residuals over the radius",
+            "A median away from zero means that the vignette falls off in a way that the model does not.",
+            partial(evidence.draw_radius_residual, by_radius=coverage.residual_by_radius),
+        )
+    if coverage.residual_by_place is not None and np.isfinite(coverage.residual_by_place).any():
+        charts["place residual"] = Chart(
+            "Residuals over the image",
+            "A large patch of one colour means shading that the model does not describe, or dirt on the lens. "
+            "A random mixture of colours is noise.",
+            partial(evidence.draw_place_residual, by_place=coverage.residual_by_place),
+        )
+    return charts

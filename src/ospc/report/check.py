@@ -1,0 +1,135 @@
+"""A picture of the result of a check."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ospc.diagnosis.pixel_statistics import GREY_CELLS, RADIUS_CELLS
+from ospc.diagnosis.report import RecordingReport
+from ospc.report.curves import RADIUS_LABEL, logarithmic
+from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, printable, rules, save
+
+_EXPOSURE_ROWS = 12
+"""Classes of exposure."""
+
+_SAME_EXPOSURE = 1e-3
+"""Range of ln exposure below which there is only one class."""
+
+_DECIDING = 10
+"""Differences in log likelihood up to which the axis is linear: larger ones are all equally decisive."""
+
+
+def plot_report(report: RecordingReport, path: str | Path) -> Path:
+    """Draw brightness against exposure, the score of each lag, and the coverage; return the path of the picture.
+
+    Parameters
+    ----------
+    report
+        Result of the check.
+    path
+        Where to write it; the suffix determines the kind of picture.
+
+    Raises
+    ------
+    FormatError
+        If the picture cannot be written.
+    """
+    lag = report.exposure_lag_frames
+    title = (
+        f"{report.name}: {len(report.looked_at)} of {report.frames} frames, exposure lag "
+        f"{'not determined' if lag is None else f'{lag} frames'}"
+    )
+    with rules():
+        figure = new_figure(11, 7)
+        brightness, score, grey, radii = figure.subplots(2, 2, width_ratios=(2, 1)).flat
+        _draw_brightness(report, brightness)
+        _draw_score(report, score)
+        _draw_grey(report, grey)
+        _draw_radii(report, radii)
+        figure.suptitle(printable(title), fontsize=10, parse_math=False)
+        return save(figure, Path(path))
+
+
+def _draw_brightness(report: RecordingReport, axes: Any) -> None:
+    """Draw the observed change of brightness and what exposures explain of it, accumulated within each run."""
+    axes.set(
+        title="Brightness of the same scene points, and what the exposures explain of it",
+        xlabel="frame (runs side by side, each with the number of its first frame)",
+        ylabel="ln grey level, relative to the start of the run",
+    )
+    fit, frame = report.lag.fit, report.lag.frame
+    if fit is None or not len(frame):
+        axes.text(0.5, 0.5, "too few frames could be compared", ha="center", transform=axes.transAxes)
+        return
+    runs = np.split(np.arange(len(frame)), np.flatnonzero(np.diff(frame) != 1) + 1)
+    place = 0
+    for number, run in enumerate(runs):
+        x = place + np.arange(len(run) + 1)
+        for values, style, label in (
+            (fit.observed, {"color": BLACK, "lw": 1.4}, "observed"),
+            (fit.explained, {"color": ORANGE, "lw": 1.4, "ls": "--"}, "explained by the exposures"),
+            (fit.unexplained, {"color": BLUE, "lw": 1, "ls": "-."}, "unexplained"),
+        ):
+            total = np.concatenate([[0.0], np.cumsum(values[run])])
+            axes.plot(x, total, label=label if number == 0 else None, **style)
+        axes.annotate(f"{frame[run[0]]}", (place, 0), xytext=(2, 2), textcoords="offset points", fontsize=7)
+        place += len(run) + 2
+    axes.legend(loc="best")
+
+
+def _draw_score(report: RecordingReport, axes: Any) -> None:
+    from matplotlib.ticker import FuncFormatter
+
+    lag = report.lag
+    axes.set(
+        title=f"Lag of the exposures: {lag.state}", xlabel="lag in frames", ylabel="log likelihood below the best"
+    )
+    if not np.any(lag.score):
+        axes.text(0.5, 0.5, "cannot be determined", ha="center", transform=axes.transAxes)
+        return
+    colours = [GREEN if int(n) == lag.frames else GREY for n in lag.lags]
+    axes.bar(lag.lags, lag.score, color=colours)
+    best = int(np.argmax(lag.score))
+    axes.plot(lag.lags[best], 0, "o", color=colours[best], clip_on=False, zorder=3)
+    axes.set_xticks(lag.lags)
+    axes.set_yscale("symlog", linthresh=_DECIDING)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}"))
+
+
+def _draw_grey(report: RecordingReport, axes: Any) -> None:
+    """Draw how often each grey level occurs at each exposure."""
+    pixels = report.pixels
+    low, high = float(pixels.log_exposure.min()), float(pixels.log_exposure.max())
+    if high - low > _SAME_EXPOSURE:
+        edges = np.linspace(low, high, _EXPOSURE_ROWS + 1)
+    else:
+        edges = np.array([low - 0.05, low + 0.05])
+    row = np.clip(np.searchsorted(edges, pixels.log_exposure, side="right") - 1, 0, len(edges) - 2)
+    share = np.full((len(edges) - 1, GREY_CELLS), np.nan)
+    for number in np.unique(row):
+        share[number] = pixels.grey_share[row == number].mean(axis=0)
+    levels = np.linspace(0, pixels.max_grey, GREY_CELLS + 1)
+    mesh = axes.pcolormesh(levels, np.exp(edges), np.sqrt(share), cmap="viridis", vmin=0)
+    axes.figure.colorbar(mesh, ax=axes, label="√ share of pixels")
+    logarithmic(axes, "y", float(np.exp(edges[0])), float(np.exp(edges[-1])))
+    axes.set(title="Grey levels at each exposure", xlabel="grey level M", ylabel="exposure in ms")
+    axes.grid(visible=False)
+
+
+def _draw_radii(report: RecordingReport, axes: Any) -> None:
+    share = report.pixels.mean_radius_share
+    radius = (np.arange(RADIUS_CELLS) + 0.5) / RADIUS_CELLS
+    axes.bar(radius, np.nan_to_num(share), width=0.9 / RADIUS_CELLS, color=BLUE, alpha=0.7)
+    reach = report.motion.radial_reach
+    axes.annotate("", xy=(min(reach, 1.0), 1.06), xytext=(0, 1.06), arrowprops={"arrowstyle": "|-|", "color": ORANGE})
+    axes.text(min(reach, 0.5) + 0.02, 1.09, f"radial motion {reach:.2f}", color=ORANGE, fontsize=8)
+    axes.set(
+        title="Well exposed share of each radius",
+        xlabel=RADIUS_LABEL,
+        ylabel="share of pixels",
+        xlim=(0, 1),
+        ylim=(0, 1.2),
+    )

@@ -1,0 +1,247 @@
+"""Drawings of response and vignette with their uncertainty.
+
+Every function draws into a cell of a matplotlib grid (a ``SubplotSpec``) and returns the topmost axes.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette, diagonal_profile
+from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, printable
+
+RADIUS_LABEL = "distance from the image centre (1 = corner)"
+
+_BANDS = ((2, 0.2), (1, 0.35))
+"""Multiples of the standard deviation that are shown as bands, and the opacity of each."""
+
+_PANEL_HEIGHTS = (3.0, 1.1, 0.9)
+"""Of the curve, its error and the number of observations, relative to one another."""
+
+_MOST_LEVELS = 257
+"""Points of a drawn response: as smooth as a screen can show."""
+
+_LEAST_EXTENT = 1e-4
+"""Smallest half height of an error panel; errors below it do not matter."""
+
+_MOST_TICKS = 6
+"""Intervals between the ticks of an axis."""
+
+_LABEL_IN = 0.56
+"""Distance of the label of a y axis from the axis, in inches: room for the numbers of the ticks."""
+
+_BAR_WIDTHS = (20, 1, 4.5)
+"""Of an image, its colour bar, and the numbers and label beside that, relative to one another."""
+
+_MAP_COLUMNS = 240
+"""Cells in a row of the vignette map."""
+
+_MAP_STEPS = 9
+"""Most steps of attenuation in the vignette map: more could not be told apart by their colour."""
+
+_WRAP_COLUMNS = 38
+"""Characters in a line of text in place of a curve."""
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A curve to draw, as a function of x; arrays of shape (points,)."""
+
+    x: FloatArray
+    value: FloatArray
+    sigma: FloatArray | None
+    reference: FloatArray | None
+    colour: str
+    name: str
+    x_label: str
+    x_limits: tuple[float, float]
+
+
+def draw_response(cell: Any, calibration: Calibration, reference: Response | None = None) -> Any:
+    """Draw g over grey levels, its uncertainty and error enlarged, and the number of observations.
+
+    Grey levels outside the range that was measured are shaded.
+    """
+    response, white = calibration.response, calibration.max_grey
+    if response is None:
+        return _draw_unknown(cell, calibration, "response")
+    index = np.unique(np.linspace(0, response.inverse_table.size - 1, _MOST_LEVELS).round().astype(int))
+    curve = _Curve(
+        x=response.levels[index] * white,
+        value=response.inverse_table[index],
+        sigma=None if response.inverse_sigma is None else response.inverse_sigma[index],
+        reference=None if reference is None else reference.inverse(response.levels[index]),
+        colour=BLUE,
+        name="g",
+        x_label="grey level M",
+        x_limits=(0.0, float(white)),
+    )
+    panels = _panels(cell, curve, None if calibration.coverage is None else calibration.coverage.by_grey)
+    low, high = (end * white for end in response.support)
+    for axes in panels:
+        for start, end in ((0.0, low), (high, float(white))):
+            if end > start:
+                axes.axvspan(start, end, color=GREY, alpha=0.25, lw=0, label="extrapolated")
+    panels[0].set(ylim=(0, 1.02), ylabel="irradiance g(M)")
+    _legend(panels[0], "upper left")
+    return panels[0]
+
+
+def draw_vignette(cell: Any, calibration: Calibration, reference: Vignette | None = None) -> Any:
+    """Draw V over the radius, its uncertainty and error enlarged, and the number of observations."""
+    vignette = calibration.vignette
+    if vignette is None:
+        return _draw_unknown(cell, calibration, "vignette")
+    curve = _Curve(
+        x=PROFILE_RADII,
+        value=diagonal_profile(vignette, PROFILE_RADII),
+        sigma=calibration.vignette_sigma,
+        reference=None if reference is None else diagonal_profile(reference, PROFILE_RADII),
+        colour=ORANGE,
+        name="V",
+        x_label=RADIUS_LABEL,
+        x_limits=(0.0, 1.0),
+    )
+    panels = _panels(cell, curve, None if calibration.coverage is None else calibration.coverage.by_radius)
+    lowest = min(float(v.min()) for v in (curve.value, curve.reference) if v is not None)
+    panels[0].set(ylim=(max(min(0.9, lowest - 0.08), 0.0), 1.04), ylabel="attenuation V")
+    _legend(panels[0], "lower left")
+    return panels[0]
+
+
+def draw_vignette_map(cell: Any, vignette: Vignette) -> Any:
+    """Draw V over the image in round steps."""
+    from matplotlib.colors import BoundaryNorm
+    from matplotlib.ticker import MaxNLocator
+
+    axes, bar = map_axes_in(cell)
+    width, height = vignette.size
+    columns, rows = min(_MAP_COLUMNS, width), max(1, min(height, round(_MAP_COLUMNS * height / width)))
+    x, y = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
+    values = vignette.at(np.stack([x, y], axis=-1))
+    steps = MaxNLocator(_MAP_STEPS).tick_values(float(values.min()), max(float(values.max()), values.min() + 1e-3))
+    shown = axes.imshow(
+        values,
+        cmap="cividis",
+        norm=BoundaryNorm(steps, 256),
+        extent=(0, width, height, 0),
+        interpolation="none",
+    )
+    axes.figure.colorbar(shown, cax=bar, label="attenuation V")
+    axes.set(xlabel="x in pixels", ylabel="y in pixels")
+    return axes
+
+
+def axes_in(cell: Any) -> Any:
+    """Return new axes that fill a cell of a grid."""
+    from matplotlib.transforms import ScaledTranslation
+
+    figure = cell.get_gridspec().figure
+    axes = figure.add_subplot(cell)
+    axes.locator_params(nbins=_MOST_TICKS)
+    place = ScaledTranslation(-_LABEL_IN, 0, figure.dpi_scale_trans)
+    axes.yaxis.set_label_coords(0, 0.5, transform=axes.transAxes + place)
+    return axes
+
+
+def map_axes_in(cell: Any) -> tuple[Any, Any]:
+    """Return new axes for an image in a cell of a grid, and axes for its colour bar."""
+    image, bar, _room_for_numbers = cell.subgridspec(1, 3, width_ratios=_BAR_WIDTHS, wspace=0.04)
+    axes = axes_in(image)
+    axes.grid(visible=False)
+    return axes, axes.figure.add_subplot(bar)
+
+
+def logarithmic(axes: Any, name: str, low: float, high: float) -> None:
+    """Scale an axis, "x" or "y", logarithmically between two limits, with a few round numbers as ticks."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+
+    for multiples in ((1, 2, 5), (1, 3), (1,)):
+        ticks = [m * 10.0**e for e in range(-9, 13) for m in multiples if low <= m * 10.0**e <= high]
+        if len(ticks) <= _MOST_TICKS:
+            break
+    ticks = ticks[:: max(1, -(-len(ticks) // _MOST_TICKS))]
+    if len(ticks) < 3 and high < 10 * low:
+        ticks = [tick for tick in MaxNLocator(5).tick_values(low, high) if low <= tick <= high]
+    axes.set(**{f"{name}scale": "log", f"{name}lim": (low, high)})
+    axis = getattr(axes, f"{name}axis")
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
+
+
+def _panels(cell: Any, curve: _Curve, observations: IntArray | None) -> list[Any]:
+    """Draw a curve, below it its error where known, and below that the observations where counted."""
+    judged = curve.sigma is not None or curve.reference is not None
+    shown = [True, judged, observations is not None]
+    heights = [height for height, is_shown in zip(_PANEL_HEIGHTS, shown, strict=True) if is_shown]
+    grid = cell.subgridspec(len(heights), 1, height_ratios=heights, hspace=0.12)
+    panels = [axes_in(grid[row]) for row in range(len(heights))]
+    _draw_curve(panels[0], curve)
+    if judged:
+        _draw_error(panels[1], curve)
+    if observations is not None:
+        edges = np.linspace(*curve.x_limits, len(observations) + 1)
+        panels[-1].stairs(observations, edges, fill=True, color=GREEN, alpha=0.6, baseline=0.1)
+        panels[-1].set_ylabel("count")
+        logarithmic(panels[-1], "y", 1.0, max(10.0, 1.5 * float(observations.max())))
+    for axes in panels:
+        axes.set_xlim(curve.x_limits)
+        axes.tick_params(labelbottom=axes is panels[-1])
+    panels[-1].set_xlabel(curve.x_label)
+    return panels
+
+
+def _draw_curve(axes: Any, curve: _Curve) -> None:
+    _draw_bands(axes, curve)
+    axes.plot(curve.x, curve.value, color=curve.colour, lw=1.8, label="estimate")
+    if curve.reference is not None:
+        axes.plot(curve.x, curve.reference, "--", color=BLACK, lw=1.2, label="reference")
+
+
+def _draw_error(axes: Any, curve: _Curve) -> None:
+    _draw_bands(axes, replace(curve, value=np.zeros_like(curve.value)))
+    axes.axhline(0, color=curve.colour, lw=1)
+    reach = 0.0 if curve.sigma is None else 2 * float(curve.sigma.max())
+    if curve.reference is not None:
+        error = curve.value - curve.reference
+        reach = max(reach, float(np.abs(error).max()))
+        axes.plot(curve.x, error, color=BLACK, lw=1.2)
+    reach = 1.15 * max(reach, _LEAST_EXTENT)
+    label = f"{'±σ' if curve.reference is None else 'error'} of {curve.name}"
+    axes.set(ylim=(-reach, reach), ylabel=label)
+    axes.locator_params(axis="y", nbins=4)
+
+
+def _draw_bands(axes: Any, curve: _Curve) -> None:
+    if curve.sigma is None:
+        return
+    for times, opacity in _BANDS:
+        low, high = curve.value - times * curve.sigma, curve.value + times * curve.sigma
+        axes.fill_between(curve.x, low, high, color=curve.colour, alpha=opacity, lw=0, label=f"±{times}σ")
+
+
+def _legend(axes: Any, place: str) -> None:
+    """Explain each kind of mark once, the estimate first."""
+    handles, labels = axes.get_legend_handles_labels()
+    by_label = dict(zip(labels, handles, strict=True))
+    order = [name for name in ("estimate", "±1σ", "±2σ", "reference", "extrapolated") if name in by_label]
+    axes.legend([by_label[name] for name in order], order, loc=place)
+
+
+def _draw_unknown(cell: Any, calibration: Calibration, part: str) -> Any:
+    """Say in place of a curve that it is unknown, and why."""
+    axes = axes_in(cell)
+    verdict = calibration.verdicts.get(part)
+    reason = "" if verdict is None else f": {printable(verdict.reason)}"
+    text = textwrap.fill(f"not known{reason}", _WRAP_COLUMNS)
+    axes.set(xticks=[], yticks=[])
+    axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes, parse_math=False)
+    return axes

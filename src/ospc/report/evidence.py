@@ -1,0 +1,188 @@
+"""Drawings of what a calibration rests on: exposures, coverage and residuals.
+
+Every function draws into a cell of a matplotlib grid (a ``SubplotSpec``) and returns the axes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.photometry.calibration import ExposureRatios
+from ospc.photometry.coverage import Coverage
+from ospc.photometry.exposure_ratios import weighted_median
+from ospc.report.curves import RADIUS_LABEL, axes_in, logarithmic, map_axes_in
+from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE
+
+FEW_SAMPLES = 50
+"""A pair of frames with fewer samples may be matched wrongly; it is drawn, but as an open grey circle."""
+
+_MOST_POINTS = 2000
+"""Points in a scatter plot: more would only cover one another."""
+
+_LEAST_RESIDUAL = 0.5
+"""Smallest half range of a residual axis in per cent; less is noise."""
+
+
+def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) -> Any:
+    """Draw the exposure of every frame according to the metadata, and as estimated from the images.
+
+    Parameters
+    ----------
+    cell
+        Where to draw.
+    exposures_ms
+        From the metadata, shape (frames,).
+    ratios
+        Exposure ratios of pairs of these frames.
+    """
+    axes = axes_in(cell)
+    frames, estimated_ms = exposures_from_images(exposures_ms, ratios)
+    chosen = _thinned(len(frames))
+    axes.step(np.arange(len(exposures_ms)), exposures_ms, where="post", color=BLACK, lw=1, label="metadata")
+    axes.plot(
+        frames[chosen], estimated_ms[chosen], "o", color=GREEN, ms=3.5, mew=0, alpha=0.7, label="from the images"
+    )
+    axes.set(xlabel="frame", ylabel="exposure in ms", xlim=(0, max(1, len(exposures_ms) - 1)))
+    low, high = _limits(exposures_ms, estimated_ms)
+    logarithmic(axes, "y", low, high * (high / low) ** 0.25)  # a quarter more, for the legend
+    axes.legend(loc="upper left", ncols=2)
+    return axes
+
+
+def exposures_from_images(exposures_ms: FloatArray, ratios: ExposureRatios) -> tuple[IntArray, FloatArray]:
+    """Return frames and their exposures as estimated from the images.
+
+    A pair of frames gives the exposure of the later one: that of the earlier one by the metadata, divided by the
+    ratio between the two. A frame gets the median over its pairs, weighted by their samples.
+
+    Parameters
+    ----------
+    exposures_ms
+        From the metadata, shape (frames,).
+    ratios
+        Exposure ratios of pairs of these frames; those with few samples are not used.
+
+    Returns
+    -------
+    tuple
+        Frame numbers in ascending order, and exposures in ms, shape (estimated frames,) each.
+    """
+    pairs = np.flatnonzero(ratios.samples >= FEW_SAMPLES)
+    first, second = ratios.frames[pairs].T
+    later_ms, weight = exposures_ms[first] / ratios.estimated[pairs], ratios.samples[pairs]
+    frames = np.unique(second)
+    medians = [weighted_median(later_ms[second == frame], weight[second == frame]) for frame in frames]
+    return frames, np.array(medians, dtype=np.float64)
+
+
+def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
+    """Draw the exposure ratios of pairs of frames, from the images against those of the metadata."""
+    axes = axes_in(cell)
+    chosen = _thinned(ratios.metadata.size)
+    metadata, estimated = ratios.metadata[chosen], ratios.estimated[chosen]
+    few = ratios.samples[chosen] < FEW_SAMPLES
+    shown = np.ones_like(few) if few.all() else ~few
+    low, high = _limits(metadata[shown], estimated[shown])
+    axes.plot([low, high], [low, high], "--", color=BLACK, lw=1.2, label="equal", zorder=1)
+    if not few.all():
+        label = f"pair of frames (median |Δ ln k| {ratios.misfit:.2g})"
+        axes.plot(metadata[~few], estimated[~few], "o", color=GREEN, ms=4, mew=0, alpha=0.65, label=label)
+    if few.any():
+        label = f"pair with fewer than {FEW_SAMPLES} samples"
+        axes.plot(metadata[few], estimated[few], "o", mfc="none", mec=GREY, ms=4, label=label)
+    axes.set(xlabel="exposure ratio k by the metadata", ylabel="k from the images")
+    logarithmic(axes, "x", low, high)
+    logarithmic(axes, "y", low, high * (high / low) ** 0.45)  # room for the legend
+    axes.legend(loc="upper left")
+    return axes
+
+
+def draw_grey_coverage(cell: Any, coverage: Coverage, max_grey: int) -> Any:
+    """Draw how many observations each grey level has at each exposure."""
+    edges_ms, counts = coverage.exposure_edges_ms, coverage.grey_exposure
+    axes = _draw_counts(cell, counts, (0, max_grey, 0, len(counts)))
+    rows = np.unique(np.linspace(0, len(counts), min(len(counts), 5) + 1).round().astype(int))
+    axes.set_yticks(rows, [f"{edges_ms[row]:.3g}" for row in rows])
+    axes.set(xlabel="grey level M", ylabel="exposure in ms")
+    return axes
+
+
+def draw_radius_coverage(cell: Any, coverage: Coverage) -> Any:
+    """Draw between which radii scene points moved."""
+    axes = _draw_counts(cell, coverage.radius_radius + coverage.radius_radius.T, (0, 1, 0, 1))
+    axes.plot([0, 1], [0, 1], "--", color=BLACK, lw=0.8)
+    axes.set(xlabel="radius in one frame (1 = corner)", ylabel="radius in the other")
+    return axes
+
+
+def draw_grey_residual(cell: Any, by_grey: FloatArray, max_grey: int) -> Any:
+    """Draw the residuals over grey levels; ``by_grey`` has the quantiles of each class, shape (greys, 3)."""
+    return _draw_residual(axes_in(cell), by_grey, float(max_grey), "grey level M", BLUE)
+
+
+def draw_radius_residual(cell: Any, by_radius: FloatArray) -> Any:
+    """Draw the residuals over radii; ``by_radius`` has the quantiles of each class, shape (radii, 3)."""
+    return _draw_residual(axes_in(cell), by_radius, 1.0, RADIUS_LABEL, ORANGE)
+
+
+def draw_place_residual(cell: Any, by_place: FloatArray) -> Any:
+    """Draw the median residuals over the image, shape (rows, columns)."""
+    axes, bar = map_axes_in(cell)
+    known = np.abs(100 * by_place[np.isfinite(by_place)])
+    reach = max(_LEAST_RESIDUAL, float(known.max(initial=0.0)))
+    shown = axes.imshow(100 * by_place, cmap="PuOr_r", vmin=-reach, vmax=reach, interpolation="none")
+    axes.figure.colorbar(shown, cax=bar, label="residual in % of irradiance")
+    axes.set(xticks=[], yticks=[], xlabel="across the image", ylabel="down the image")
+    return axes
+
+
+def _draw_counts(cell: Any, counts: IntArray, extent: tuple[float, float, float, float]) -> Any:
+    from matplotlib.colors import LogNorm
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    axes, bar = map_axes_in(cell)
+    most = max(10, int(counts.max()))
+    shown = axes.imshow(
+        np.where(counts > 0, counts, np.nan),
+        cmap="Greens",
+        norm=LogNorm(1, most),
+        extent=extent,
+        origin="lower",
+        aspect="auto",
+        interpolation="none",
+    )
+    axes.figure.colorbar(shown, cax=bar, label="observations")
+    bar.yaxis.set_major_locator(FixedLocator([10**e for e in range(10) if 10**e <= most]))
+    bar.yaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}"))
+    bar.yaxis.set_minor_locator(NullLocator())
+    return axes
+
+
+def _draw_residual(axes: Any, quantiles: FloatArray, x_end: float, x_label: str, colour: str) -> Any:
+    """Draw the middle of the residuals and where two thirds of them lie, in equal classes from 0 to ``x_end``."""
+    middle = (np.arange(len(quantiles)) + 0.5) / len(quantiles) * x_end
+    low, median, high = 100 * quantiles.T
+    axes.axhline(0, color=BLACK, lw=0.8, ls="--")
+    axes.fill_between(middle, low, high, color=colour, alpha=0.25, lw=0, label="two thirds of the observations")
+    axes.plot(middle, median, color=colour, lw=1.8, label="median")
+    known = np.abs(np.concatenate([low, high]))
+    known = known[np.isfinite(known)]
+    reach = 1.2 * max(_LEAST_RESIDUAL, float(np.quantile(known, 0.95)) if known.size else 0.0)
+    axes.set(xlim=(0, x_end), ylim=(-reach, 1.3 * reach), xlabel=x_label, ylabel="residual in % of irradiance")
+    axes.legend(loc="upper center", ncols=2)
+    return axes
+
+
+def _thinned(count: int) -> IntArray:
+    """Return evenly chosen indices where there are too many points to draw."""
+    return np.arange(0, count, max(1, int(np.ceil(count / _MOST_POINTS))))
+
+
+def _limits(*values: FloatArray) -> tuple[float, float]:
+    """Return the limits of a logarithmic axis that show all but the outermost per cent of positive values."""
+    every = np.concatenate(values)
+    low, high = np.quantile(every[np.isfinite(every) & (every > 0)], [0.005, 0.995])
+    return float(low / 1.12), float(high * 1.12)
