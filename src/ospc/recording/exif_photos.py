@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from ospc.errors import ExposureError, MissingExtraError, RecordingError
-from ospc.recording.frame_table import EXPOSURE_RANGE_MS, FrameTable, Row, make_table, table_or_unlisted
+from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
+from ospc.recording.frame_table import FrameTable, Row, make_table, table_or_unlisted
 from ospc.recording.image_folder import exposure_lists
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages

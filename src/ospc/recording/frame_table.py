@@ -13,11 +13,9 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError
+from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.image_names import by_name, is_image_name
 from ospc.recording.wording import listed, quoted
-
-EXPOSURE_RANGE_MS = (1e-9, 1e9)
-"""From a picosecond to eleven days; outside of it a number is no exposure."""
 
 LARGEST_STAMP = 1e20
 """Larger numbers are no time stamp in any unit."""

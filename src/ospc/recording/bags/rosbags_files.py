@@ -11,15 +11,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ospc.errors import MissingExtraError, RecordingError
-from ospc.recording.bags.container import MAX_CHUNK_BYTES, Message, Topic, refusing_damage
+from ospc.recording.bags.container import (
+    MAX_CHUNK_BYTES,
+    MAX_TOPICS,
+    Encoding,
+    Message,
+    Topic,
+    refusing_damage,
+)
 from ospc.recording.bags.expansion import ZSTD_START, expand
-from ospc.recording.bags.wire import Encoding
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 ROS1_START, SQLITE_START = b"#ROSBAG V", b"SQLite format 3\0"
-_MAX_TOPICS = 20_000
+_SQLITE_HEADER_BYTES = 100
+_SQLITE_LARGEST_PAGE = 65536
+"""Page size that a header states as 1, since it does not fit 16 bits."""
 
 
 class Ros1File:
@@ -36,18 +44,19 @@ class Ros1File:
         If it is damaged or was not closed.
     """
 
-    _ADVICE = "record it again, or save what is whole with 'rosbag reindex'"
+    _ADVICE = "record it again, or save the intact part with 'rosbag reindex'"
 
     def __init__(self, path: Path) -> None:
         self.path = path
         with self._open(()) as reader:
+            counts = [info.connection_counts for info in reader.chunk_infos]
             self.topics = tuple(
-                _topic(connections[0], sum(c.get(x.id, 0) for c in _counts(reader) for x in connections), "ros1")
+                _topic(connections[0], sum(count.get(c.id, 0) for count in counts for c in connections), "ros1")
                 for connections in _by_name(reader.connections)
             )
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Give the messages of some topics in the order they were recorded.
+        """Yield the messages of some topics in the order they were recorded.
 
         Raises
         ------
@@ -65,7 +74,7 @@ class Ros1File:
         with refusing_damage(self.path, self._ADVICE):
             reader = _sparing_reader()(self.path, frozenset(names))
             with reader:
-                # What comes with the package expands whatever it is given.
+                # The decompressors of the package have no limit.
                 reader.chunks = {
                     place: chunk._replace(decompressor=partial(expand, compression=_compression(chunk)))
                     for place, chunk in reader.chunks.items()
@@ -107,10 +116,6 @@ def _compression(chunk: Any) -> str:
     return next(name for name, function in decompressors.items() if function is chunk.decompressor)
 
 
-def _counts(reader: Any) -> list[dict[int, int]]:
-    return [info.connection_counts for info in reader.chunk_infos]
-
-
 class Sqlite3File:
     """A file of a bag of ROS 2 in SQLite.
 
@@ -125,7 +130,7 @@ class Sqlite3File:
         If it is damaged.
     """
 
-    _ADVICE = "record it again, or save what is whole with 'sqlite3 FILE .recover'"
+    _ADVICE = "record it again, or save the intact part with 'sqlite3 FILE .recover'"
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -136,7 +141,7 @@ class Sqlite3File:
             )
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Give the messages of some topics in the order they were recorded.
+        """Yield the messages of some topics in the order they were recorded.
 
         Raises
         ------
@@ -157,9 +162,9 @@ class Sqlite3File:
             except ImportError:
                 raise MissingExtraError("reading bags", "ros") from None
             _check_length(self.path)
-            # The package puts the path into an address as it is.
+            # The package puts the path into a URI without quoting it.
             if any(c in str(self.path) for c in "?#%"):
-                raise RecordingError(f"{self.path}: its path must not hold '?', '#' or '%'; rename it")
+                raise RecordingError(f"{self.path}: its path must not contain '?', '#' or '%'; rename it")
             reader = Sqlite3Reader(self.path)
             reader.open()
             try:
@@ -169,33 +174,32 @@ class Sqlite3File:
 
 
 def _check_length(path: Path) -> None:
-    """Refuse a database shorter than its header says, which SQLite itself only finds out where it reads."""
+    """Refuse a database shorter than its header says; SQLite itself notices only where it reads."""
     with path.open("rb") as file:
-        header = file.read(100)
+        header = file.read(_SQLITE_HEADER_BYTES)
         size = os.fstat(file.fileno()).st_size
-    (page_bytes, changes, pages), (valid_for,) = (
-        struct.unpack_from(">H6xII", header, 16),
-        struct.unpack_from(">I", header, 92),
-    )
-    # Where the two counters differ, the number of pages is not kept up to date (SQLite file format, section 1.3.7).
-    if changes == valid_for and size < pages * (65536 if page_bytes == 1 else page_bytes):
+    page_bytes, changes, pages = struct.unpack_from(">H6xII", header, 16)
+    (valid_for,) = struct.unpack_from(">I", header, 92)
+    page_bytes = _SQLITE_LARGEST_PAGE if page_bytes == 1 else page_bytes
+    # If the two counters differ, the number of pages is not kept up to date (SQLite file format, section 1.3.7).
+    if changes == valid_for and size < pages * page_bytes:
         raise RecordingError(f"{path}: the bag ends early; {Sqlite3File._ADVICE}")
 
 
 def _expanded(data: bytes) -> bytes:
-    """Return a message; bags may compress each by itself, and plain ones never begin like that."""
+    """Return a message decompressed; bags may compress each by itself, and plain ones never begin like that."""
     return expand(data, "zstd") if data.startswith(ZSTD_START) else data
 
 
 def _checked(data: bytes) -> bytes:
     if len(data) > MAX_CHUNK_BYTES:
-        raise RecordingError(f"a message has more than the {MAX_CHUNK_BYTES} bytes allowed")
+        raise RecordingError(f"has a message larger than the {MAX_CHUNK_BYTES} bytes allowed")
     return data
 
 
 def _by_name(connections: list[Connection]) -> list[list[Connection]]:
-    if len(connections) > _MAX_TOPICS:
-        raise RecordingError(f"has more than the {_MAX_TOPICS} topics allowed")
+    if len(connections) > MAX_TOPICS:
+        raise RecordingError(f"has more than the {MAX_TOPICS} topics allowed")
     found: dict[str, list[Connection]] = {}
     for connection in connections:
         found.setdefault(connection.topic, []).append(connection)

@@ -12,9 +12,8 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import ExposureError
 from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import ExposureUnit, GainUnit
+from ospc.recording.exposure_units import EXPOSURE_RANGE_MS, ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
-from ospc.recording.frame_table import EXPOSURE_RANGE_MS
 
 MOST_SAID = 160
 """Characters kept of what a driver says."""
