@@ -124,7 +124,7 @@ def test_frames_missing_at_the_end_are_unreadable(
 def test_a_file_that_only_begins_like_a_video_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "walk.avi").write_bytes(b"RIFF\0\0\0\0AVI " + bytes(100))
     (tmp_path / "walk.csv").write_text(LIST)
-    with pytest.raises(RecordingError, match=r"walk\.avi: the video is damaged or of an unknown codec"):
+    with pytest.raises(RecordingError, match=r"walk\.avi: the video is damaged or its codec is unknown"):
         open_recording(tmp_path / "walk.avi")
 
 

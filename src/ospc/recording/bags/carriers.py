@@ -59,7 +59,7 @@ class Carrier:
     Attributes
     ----------
     extract
-        Returns the exposure and gain in a message, each in its unit; None if it holds none.
+        Returns the exposure and gain in a message.
     unit
         Unit of the exposures; None to infer it from the numbers.
     gain_unit

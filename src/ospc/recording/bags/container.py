@@ -1,12 +1,13 @@
-"""What every file of a bag offers, whatever its format."""
+"""What all files of bags have in common, whatever their format."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple
 
 from ospc.errors import OspcError, RecordingError, said_by
 from ospc.recording.wording import escaped
@@ -70,18 +71,33 @@ class Message(NamedTuple):
     data: bytes
 
 
-class BagFile(Protocol):
-    """One file of a bag."""
+class BagFile(ABC):
+    """One file of a bag.
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        ...
+    Parameters
+    ----------
+    path
+        The file.
 
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """Its topics."""
-        ...
+    Attributes
+    ----------
+    topics
+        Its topics.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged or ends early.
+    MissingExtraError
+        If the optional dependency for bags is not installed.
+    """
+
+    _ADVICE: ClassVar[str]
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with self._reader(()) as reader:
+            self.topics = tuple(self._topics(reader))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
         """Yield the messages of some topics one by one, in the same order every time.
@@ -98,30 +114,36 @@ class BagFile(Protocol):
         RecordingError
             If the file is damaged.
         """
-        ...
+        with self._reader(names) as reader:
+            yield from self._messages(reader, names, start_ns)
 
+    @abstractmethod
+    def _open(self, names: Collection[str]) -> AbstractContextManager[Any]:
+        """Open a reader of the file that needs messages of these topics only."""
 
-@contextmanager
-def refusing_damage(path: Path, advice: str) -> Iterator[None]:
-    """Turn every error that a library raises for a damaged file into one error that names the file.
+    @abstractmethod
+    def _topics(self, reader: Any) -> Iterator[Topic]: ...
 
-    Raises
-    ------
-    RecordingError
-        If anything goes wrong.
-    """
-    try:
-        yield
-    except RecordingError as error:
-        # Inner functions do not know the file.
-        if str(error).startswith(str(path)):
+    @abstractmethod
+    def _messages(self, reader: Any, names: Collection[str], start_ns: int | None) -> Iterator[Message]: ...
+
+    @contextmanager
+    def _reader(self, names: Collection[str]) -> Iterator[Any]:
+        """Open a reader; turn every error of a library for a damaged file into one error that names the file."""
+        try:
+            with self._open(names) as reader:
+                yield reader
+        except RecordingError as error:
+            # Inner functions do not know the file.
+            if str(error).startswith(str(self.path)):
+                raise
+            raise RecordingError(f"{self.path}: {error}; {self._ADVICE}") from None
+        except OspcError:
             raise
-        raise RecordingError(f"{path}: {error}; {advice}") from None
-    except OspcError:
-        raise
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
-    except Exception as error:
-        said = escaped(said_by(error, _QUOTED_CHARACTERS))
-        why = f" ({said})" if said else ""
-        raise RecordingError(f"{path}: the bag is damaged or ends early{why}; {advice}") from None
+        except OSError as error:
+            reason = error.strerror
+            raise RecordingError(f"{self.path}: cannot be read ({reason}); check the file and its rights") from None
+        except Exception as error:
+            said = escaped(said_by(error, _QUOTED_CHARACTERS))
+            why = f" ({said})" if said else ""
+            raise RecordingError(f"{self.path}: the bag is damaged or ends early{why}; {self._ADVICE}") from None

@@ -9,20 +9,18 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
-from pathlib import Path
 from typing import Any, BinaryIO
 
 from ospc.errors import MissingExtraError, RecordingError
 from ospc.recording.bags.container import (
     MAX_CHUNK_BYTES,
     MAX_TOPICS,
+    BagFile,
     Encoding,
     Message,
     Topic,
-    refusing_damage,
 )
 from ospc.recording.bags.expansion import expand
 
@@ -36,7 +34,6 @@ _END_BYTES = 1 + 8 + 8 + 8 + 4 + len(MCAP_START)
 
 _ENCODINGS: dict[str, Encoding] = {"ros1": "ros1", "cdr": "cdr"}
 _IDL = ("ros2idl", "omgidl")
-_ADVICE = "record it again, or save the intact part with 'mcap recover'"
 
 
 @dataclass
@@ -82,49 +79,23 @@ class _Directory:
         return {number: channel.topic for number, channel in self.channels.items() if channel.topic in names}
 
 
-class McapFile:
-    """A file of a bag in the MCAP format.
+class McapFile(BagFile):
+    """A file of a bag in the MCAP format."""
 
-    Parameters
-    ----------
-    path
-        The file.
+    _ADVICE = "record it again, or save the intact part with 'mcap recover'"
 
-    Raises
-    ------
-    RecordingError
-        If it is damaged or ends early.
-    MissingExtraError
-        If the optional dependency for bags is not installed.
-    """
+    def _open(self, names: Collection[str]) -> BinaryIO:
+        return self.path.open("rb")
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with self._open() as file:
-            self._directory = _read_directory(file)
-            self.topics = tuple(self._directory.topics())
+    def _topics(self, reader: BinaryIO) -> Iterator[Topic]:
+        self._directory = _read_directory(reader)
+        yield from self._directory.topics()
 
-    def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Yield the messages of some topics in the order of the file.
-
-        Raises
-        ------
-        RecordingError
-            If it is damaged.
-        """
+    def _messages(self, reader: BinaryIO, names: Collection[str], start_ns: int | None) -> Iterator[Message]:
         start = start_ns or 0
-        with self._open() as file:
-            ahead = [place for place, end_ns in self._directory.chunks if end_ns >= start]
-            if start_ns is not None and ahead:
-                file.seek(min(ahead))
-            yield from _messages(file, self._directory, names, start)
-
-    @contextmanager
-    def _open(self) -> Iterator[BinaryIO]:
-        with refusing_damage(self.path, _ADVICE), self.path.open("rb") as file:
-            if file.read(len(MCAP_START)) != MCAP_START:
-                raise RecordingError(f"{self.path}: is not an MCAP file")
-            yield file
+        ahead = [place for place, end_ns in self._directory.chunks if end_ns >= start]
+        reader.seek(min(ahead) if start_ns is not None and ahead else len(MCAP_START))
+        yield from _messages(reader, self._directory, names, start)
 
 
 def _parsed(record: str, content: bytes) -> Any:
