@@ -38,7 +38,7 @@ class Option:
     """
 
     help: str
-    parse: Callable[[str], object] = str
+    parse: Callable[[str], object]
     choices: tuple[str, ...] = ()
     metavar: str | None = None
     aliases: tuple[str, ...] = ()

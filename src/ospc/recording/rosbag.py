@@ -105,7 +105,7 @@ class BagRecording(StoredRecording):
         What the user states about the recording.
     layout
         What the images have in common.
-    messages
+    numbers
         Number of the message of every frame, shape (frames,).
     times
         When the messages of the topic were sent and recorded.
@@ -115,13 +115,13 @@ class BagRecording(StoredRecording):
     topic: Topic
     options: ReadingOptions
     layout: PixelLayout
-    messages: IntArray = field(repr=False)
+    numbers: IntArray = field(repr=False)
     times: Times = field(repr=False)
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames in order, not yet decoded; they share one pass through the bag."""
         stream = ImageStream(self.bag, self.topic, self.times.log_ns)
-        for index, number in enumerate(self.messages.tolist()):
+        for index, number in enumerate(self.numbers.tolist()):
             yield self._frame(index, _label(self.topic, number), partial(self._load, stream, number))
 
     def stored_bytes(self, index: int) -> bytes:
@@ -132,7 +132,7 @@ class BagRecording(StoredRecording):
         FrameError
             If it cannot be read.
         """
-        return _read(ImageStream(self.bag, self.topic, self.times.log_ns), int(self.messages[index]))
+        return _read(ImageStream(self.bag, self.topic, self.times.log_ns), int(self.numbers[index]))
 
     def _load(self, stream: ImageStream, number: int) -> Image:
         stored = _load(stream, self.topic, self.options, number)
@@ -144,7 +144,7 @@ class _Frames:
     """Times of all image messages; number, exposure and time stamp of those that are frames."""
 
     times: Times
-    messages: IntArray
+    numbers: IntArray
     exposures_ms: FloatArray
     stamps_s: FloatArray
 
@@ -155,7 +155,7 @@ def _recording(
     """Find out how the images are stored and put the recording together."""
     load = partial(_load, ImageStream(bag, images, frames.times.log_ns), images, options)
     layout, pixel_notes = find_layout(
-        lambda i: load(int(frames.messages[i])),
+        lambda i: load(int(frames.numbers[i])),
         frames.exposures_ms,
         f"{bag.path}: {escaped(images.name)}",
         options,
@@ -175,7 +175,7 @@ def _recording(
         topic=images,
         options=options,
         layout=layout,
-        messages=frames.messages,
+        numbers=frames.numbers,
         times=frames.times,
     )
 

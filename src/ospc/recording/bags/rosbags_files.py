@@ -30,7 +30,7 @@ _SQLITE_LARGEST_PAGE = 65536
 """Page size that a header states as 1, since it does not fit 16 bits."""
 
 
-class _RosbagsFile(BagFile):
+class RosbagsFile(BagFile):
     """A file that a reader of rosbags reads; the formats differ in how it is opened."""
 
     _ENCODING: ClassVar[Encoding]
@@ -67,7 +67,7 @@ class _RosbagsFile(BagFile):
         return data
 
 
-class Ros1File(_RosbagsFile):
+class Ros1File(RosbagsFile):
     """A bag of ROS 1."""
 
     _ADVICE = "record it again, or save the intact part with 'rosbag reindex'"
@@ -121,7 +121,7 @@ def _compression(chunk: Any) -> str:
     return next(name for name, function in decompressors.items() if function is chunk.decompressor)
 
 
-class Sqlite3File(_RosbagsFile):
+class Sqlite3File(RosbagsFile):
     """A file of a bag of ROS 2 in SQLite."""
 
     _ADVICE = "record it again, or save the intact part with 'sqlite3 FILE .recover'"
