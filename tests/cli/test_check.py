@@ -15,7 +15,7 @@ from filmed import Film, wandering  # (made for the tests of checks)
 
 from ospc.cli.main import cli
 from ospc.errors import OspcError
-from ospc.formats.conversion import convert_recording
+from ospc.recording.writing.conversion import convert_recording
 
 FRAMES = 60
 STATES = ("identifiable", "marginal", "not identifiable")

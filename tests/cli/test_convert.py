@@ -11,8 +11,8 @@ from click.testing import CliRunner, Result
 from ospc.cli import convert as module
 from ospc.cli.main import cli
 from ospc.errors import FrameError, OspcError
-from ospc.formats.conversion import convert_recording
 from ospc.recording import ArrayRecording, open_recording
+from ospc.recording.writing.conversion import convert_recording
 
 COUNT = 5
 

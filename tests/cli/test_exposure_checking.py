@@ -14,8 +14,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
 from filmed import Film, wandering  # (made for the tests of checks)
 
 from ospc.cli.calibrate import command
-from ospc.formats.conversion import convert_recording
 from ospc.photometry.calibration import Calibration
+from ospc.recording.writing.conversion import convert_recording
 
 FRAMES = 80
 GREY = np.arange(30, 230) / 255

@@ -92,4 +92,4 @@ def test_nothing_is_overwritten_and_no_frame_is_said(asked: dict[str, Any], tmp_
     asked["camera"] = Camera(0)
     result = CliRunner().invoke(cli, ["record", "opencv:0", "-o", str(tmp_path / "none")])
     assert isinstance(result.exception, OspcError)
-    assert "not one frame came" in str(result.exception)
+    assert "delivered no frames" in str(result.exception)

@@ -91,7 +91,7 @@ def test_exposures_move_to_their_frames(lag: int) -> None:
 def test_no_lag_leaves_the_recording_and_too_large_a_one_is_refused() -> None:
     recording = ArrayRecording([np.zeros((4, 4), np.uint8)] * 3, [1, 2, 3])
     assert with_exposure_lag(recording, 0) is recording
-    with pytest.raises(SettingError, match="leaves nothing of the 3 frames"):
+    with pytest.raises(SettingError, match="leaves none of its 3 frames"):
         with_exposure_lag(recording, -3)
 
 

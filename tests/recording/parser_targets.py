@@ -40,10 +40,9 @@ from ospc.errors import OspcError
 from ospc.recording import open_recording
 from ospc.recording.bags.bag import Bag
 from ospc.recording.bags.carriers import carrier_of
-from ospc.recording.bags.container import Topic
+from ospc.recording.bags.container import Encoding, Topic
 from ospc.recording.bags.image_messages import IMAGE_TYPES, read_image
 from ospc.recording.bags.messages import MessageType
-from ospc.recording.bags.wire import Encoding
 from ospc.recording.decoding import decode_stored
 from ospc.recording.exif_photos import _photo
 from ospc.recording.exposure_table import parse_exposure_table
@@ -189,8 +188,12 @@ def _reading(data: bytes, _folder: Path) -> None:
     carrier_of(topic, DEFAULT).readings(topic)(data[1:])
 
 
+_DESCRIBED_MESSAGE = struct.pack("<I8xIB3xIIB4x", 0x100, 1, 0, 0, 1, 0)
+"""A header with an empty text, no numbers, an empty text, and four zeros, in little-endian CDR."""
+
+
 def _described(data: bytes, _folder: Path) -> None:
-    MessageType("a_msgs/msg/A", data.decode("utf-8", "replace"), "cdr").decode(bytes(64))
+    MessageType("a_msgs/msg/A", "cdr", data.decode("utf-8", "replace")).decode(_DESCRIBED_MESSAGE)
 
 
 def _video(data: bytes, folder: Path) -> None:

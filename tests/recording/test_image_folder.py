@@ -57,7 +57,7 @@ def test_units_come_from_the_header(opened: Open, header: str, exposure_ms: floa
 def test_a_missing_unit_is_stated_as_assumed(opened: Open) -> None:
     recording = opened({"anything.csv": "file;exposure\na.png;2\nb.png;4\nc.png;8\n"})
     assert recording.exposures_ms.tolist() == [2, 4, 8]
-    assert any("exposures are taken as ms: nothing names another unit" in note for note in recording.notes)
+    assert any("exposures are taken as ms: no other unit is stated" in note for note in recording.notes)
 
 
 def test_times_as_in_the_tum_datasets(opened: Open) -> None:
@@ -232,7 +232,7 @@ def test_an_image_list_is_in_seconds_and_checked_against_its_inverse() -> None:
     table = parse_image_list("# Filename exposure 1/shutter\na.png 32 0.03125\nb.png 0.5 2\n", "image_list.txt")
     assert table.ids == ("a.png", "b.png")
     assert table.exposures_ms.tolist() == [32000, 500]
-    with pytest.raises(ExposureError, match=r"image_list\.txt, line 1: exposure 2 s and its inverse 2 contradict"):
+    with pytest.raises(ExposureError, match=r"image_list\.txt, line 1: the exposure 2 s contradicts its inverse 2"):
         parse_image_list("a.png 2 2\n", "image_list.txt")
 
 

@@ -24,7 +24,7 @@ def test_names_are_unique_and_each_says_what_it_needs(tmp_path: Path) -> None:
 
 
 def test_a_kind_nobody_knows_lists_those_known(tum_folder: Make) -> None:
-    with pytest.raises(RecordingError, match="'super8'; known: tum_mono, "):
+    with pytest.raises(RecordingError, match="'super8' is not a kind of recording; known: tum_mono, "):
         open_recording(tum_folder(), "super8")
 
 

@@ -229,7 +229,7 @@ def test_any_field_can_be_named_with_its_unit(tmp_path: Path) -> None:
         open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="shutter"))
     with pytest.raises(RecordingError, match="has no topic '/z'; it has"):
         open_recording(path, options=ReadingOptions(exposure_topic="/z"))
-    with pytest.raises(ExposureError, match="no name of a field"):
+    with pytest.raises(ExposureError, match="not the name of a field"):
         open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="a; b"))
 
 

@@ -100,7 +100,7 @@ def test_a_folder_hides_an_archive_unless_it_is_empty(tum_archive: Make) -> None
     (place / "times.txt").write_text("0 1 1\n")
     recording = open_recording(place)
     assert len(recording) == 1
-    assert "images.zip is not read" in recording.notes[0]
+    assert "images.zip is ignored" in recording.notes[0]
 
 
 def test_frames_can_be_iterated_over_twice(tum_archive: Make) -> None:
@@ -181,7 +181,7 @@ UNREADABLE = {
     "JPEG of absurd size": (jpeg_of_size(65535, 65535), "bytes allowed"),
     "PNG that lies about its size": (png_of_size(4000, 3000), "damaged and cannot be decoded"),
     "another size": (encoded(grey(1, (20, 10))), "is 20x10 pixels where the recording has 24x16"),
-    "another depth": (encoded(grey(1, dtype=np.uint16)), "not of 8 bit"),
+    "another depth": (encoded(grey(1, dtype=np.uint16)), "does not have 8 bits"),
     "floats": (encoded(np.zeros((16, 24), np.float32), ".tif"), "32 bits a channel"),
 }
 

@@ -81,7 +81,7 @@ def test_without_time_stamps_the_frame_rate_gives_them(video: Callable[..., Path
     recording = open_recording(video({"walk.csv": "exposure_us\n" + "100\n" * 6}))
     assert recording.stamps_s == pytest.approx(np.arange(6) / 25)
     assert recording.exposures_ms == pytest.approx(0.1)
-    assert any("25 frames a second" in note for note in recording.notes)
+    assert any("frame rate of 25" in note for note in recording.notes)
 
 
 BROKEN: dict[str, tuple[dict[str, str], type[OspcError], tuple[str, ...]]] = {
@@ -124,7 +124,7 @@ def test_frames_missing_at_the_end_are_unreadable(
 def test_a_file_that_only_begins_like_a_video_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "walk.avi").write_bytes(b"RIFF\0\0\0\0AVI " + bytes(100))
     (tmp_path / "walk.csv").write_text(LIST)
-    with pytest.raises(RecordingError, match=r"walk\.avi: the video is damaged or of an unknown codec"):
+    with pytest.raises(RecordingError, match=r"walk\.avi: the video is damaged or its codec is unknown"):
         open_recording(tmp_path / "walk.avi")
 
 
@@ -133,7 +133,7 @@ def test_a_playlist_is_no_video_whatever_its_name(tmp_path: Path) -> None:
     (tmp_path / "walk.csv").write_text(LIST)
     with pytest.raises(RecordingError, match="not a recording"):
         open_recording(tmp_path / "walk.mp4")
-    with pytest.raises(RecordingError, match="is no MP4"):
+    with pytest.raises(RecordingError, match="is not an MP4"):
         open_recording(tmp_path / "walk.mp4", "video")
 
 

@@ -40,7 +40,7 @@ HOSTILE: dict[str, tuple[dict[str | zipfile.ZipInfo, bytes], str]] = {
     "drive": ({"C:/00000.png": PNG}, "leads out of the archive"),
     "backslashes": ({"..\\..\\00000.png": PNG}, "leads out of the archive"),
     "link": ({link("00000.png"): b"/etc/passwd"}, "is a link"),
-    "unusual compression": ({lzma_member("00000.png"): PNG}, "unusual method"),
+    "unusual compression": ({lzma_member("00000.png"): PNG}, "unsupported compression"),
     "several folders": ({"left/0.png": PNG, "right/0.png": PNG}, "folders 'left' and 'right'"),
     "no images": ({"readme.txt": b"hello"}, "holds no images"),
     "hidden twins only": ({"__MACOSX/._0.png": PNG, ".0.png": PNG}, "holds no images"),
@@ -64,7 +64,7 @@ def test_hidden_twins_are_ignored_beside_images(tum_archive: Make) -> None:
 def test_a_member_twice_is_refused(tum_archive: Make) -> None:
     with pytest.warns(UserWarning, match="Duplicate"):
         place = tum_archive({"0.png": PNG, zipfile.ZipInfo("0.png"): PNG})
-    with pytest.raises(RecordingError, match="is there twice"):
+    with pytest.raises(RecordingError, match="appears twice"):
         open_recording(place)
 
 

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, fields
-from enum import Enum
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from ospc.diagnosis.before_calibrating import LagChoice
 from ospc.errors import SettingError
-from ospc.recording.bayer import Mosaic
-from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.options import ReadingOptions
+from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, with_overrides
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://")
-_ENUMS: dict[str, type[Enum]] = {"channel": Channel, "exposure_unit": ExposureUnit, "gain_unit": GainUnit}
 _NAMED_LAGS: dict[str, Literal["auto", "never"]] = {"auto": "auto", "never": "never"}
 _OWN = ("kind", "correct_lag")
-_READING = tuple(entry.name for entry in fields(ReadingOptions))
+_READING = tuple(declared_options())
 
 
 @dataclass(frozen=True)
@@ -92,15 +87,7 @@ class Entry:
         SettingError
             If an option does not take its value.
         """
-        values: dict[str, object] = {}
-        for name, value in self.options:
-            if name in _ENUMS:
-                values[name] = _one_of(name, value)
-            elif name == "bayer":
-                values[name] = Mosaic(value)
-            elif name in _READING:
-                values[name] = value
-        return ReadingOptions(**values)  # type: ignore[arg-type]
+        return ReadingOptions.of({name: value for name, value in self.options if name in _READING})
 
     def with_defaults(self, defaults: tuple[tuple[str, str], ...]) -> Entry:
         """Return the entry with options added that it does not have itself."""
@@ -146,12 +133,3 @@ def options_of(text: str) -> tuple[tuple[str, str], ...]:
 def absolute(recording: str, folder: Path) -> str:
     """Return the absolute path of a recording, relative ones taken from a folder; an address as it is."""
     return recording if is_address(recording) else str((folder / recording).absolute())
-
-
-def _one_of(name: str, value: str) -> object:
-    kind = _ENUMS[name]
-    try:
-        return kind(value)
-    except ValueError:
-        known = ", ".join(str(member.value) for member in kind)
-        raise SettingError(f"option {name} is one of {known}, not '{value}'") from None

@@ -1,4 +1,4 @@
-"""``ospc convert``: any recording as a folder that DSO and its descendants read."""
+"""``ospc convert``: write any recording as a folder that DSO and its descendants read."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from ospc.cli.progress import progress_bar
 from ospc.cli.reading import Reading, reading_options
 
 if TYPE_CHECKING:
-    from ospc.formats.conversion import Converted
-    from ospc.formats.conversion_images import ImageFormat
+    from ospc.recording.writing.conversion import Converted
+    from ospc.recording.writing.images import ImageFormat
 
 INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells expect it: 128 + SIGINT."""
 
 
 @dataclass(frozen=True)
 class _Request:
-    """What the user asked for, option by option."""
+    """What the user asked for."""
 
     path: Path
     out: Path
@@ -41,7 +42,7 @@ class _Request:
     "--format",
     "image_format",
     type=click.Choice(["png", "jpg"]),
-    help="Format of the images. By default files are copied where that is possible, and PNG otherwise.",
+    help="Format of the images. By default files are copied if possible and written as PNG otherwise.",
 )
 @click.option("--zip", "archive", is_flag=True, help="Write images.zip instead of images/.")
 @click.option(
@@ -49,10 +50,12 @@ class _Request:
     type=int,
     default=0,
     metavar="FRAMES",
-    help="Move exposures that come late by so many frames to where they belong; 'ospc check' finds the number.",
+    help="Move exposures that come this many frames late to their frames; 'ospc check' finds the number.",
 )
-@click.option("--force", is_flag=True, help="Write into OUT even if it holds files; those of the same names go.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@click.option(
+    "--force", is_flag=True, help="Write into OUT even if it is not empty; files of the same names are replaced."
+)
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 @reading_options
 def command(**options: Any) -> None:
     """Write RECORDING in the layout of the TUM monocular data set, for DSO and its descendants.
@@ -73,15 +76,15 @@ def command(**options: Any) -> None:
 
 
 def _convert(request: _Request, interruption: Interruption) -> Converted:
-    from ospc.diagnosis.shifted import with_exposure_lag
-    from ospc.formats.conversion import convert_recording
+    from ospc.recording.derived import with_exposure_lag
+    from ospc.recording.writing.conversion import convert_recording
 
     recording = with_exposure_lag(request.reading.open(request.path), request.lag)
     visible = not request.quiet and sys.stderr.isatty()
     with progress_bar("converting", len(recording), visible=visible) as show, interruption.deferred():
 
         def step(done: int, total: int) -> None:
-            # Between two frames; what was written is removed on the way out.
+            # Between two frames; what was written so far is removed.
             if interruption.requested:
                 raise KeyboardInterrupt
             show(done, total)

@@ -7,62 +7,75 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import click
 
-if TYPE_CHECKING:
-    from ospc.recording import Recording
-    from ospc.recording.options import ReadingOptions
+from ospc.errors import SettingError
+from ospc.recording import Recording, cameras_of
+from ospc.recording.kinds import kinds
+from ospc.recording.masking import Region, masked, read_mask
+from ospc.recording.options import ReadingOptions, declared_options
 
 EACH = "each"
 """Value of ``--channel`` for one calibration of each channel."""
+
+_EACH_HELP = " With each, 'ospc calibrate' calibrates red, green and blue into OUT/red, OUT/green and OUT/blue."
+_WIDTH_WHEN_PIPED = 200
+"""Characters per line of a table that does not go to a terminal; long topic names fit."""
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What the user says about how a recording is read, option by option; None for what its content tells."""
+    """What the user says about how a recording is read.
 
+    Attributes
+    ----------
+    options
+        What readers are told.
+    kind
+        Kind of recording; None to recognise it.
+    mask
+        File of a mask.
+    region
+        Part of the image that is used.
+    each_channel
+        Whether every channel is asked for.
+    """
+
+    options: ReadingOptions
     kind: str | None = None
-    channel: str | None = None
-    bayer: str | None = None
-    exposure_unit: str | None = None
-    gain_unit: str | None = None
-    image_topic: str | None = None
-    exposure_topic: str | None = None
-    exposure_field: str | None = None
-    gain_field: str | None = None
     mask: Path | None = None
-    roi: str | None = None
-    unknown_exposures: bool = False
+    region: Region | None = None
+    each_channel: bool = False
 
     @classmethod
     def taken_from(cls, options: dict[str, Any]) -> Reading:
         """Take these options out of all options of a command."""
-        return cls(**{name: options.pop(name) for name in cls.__dataclass_fields__ if name in options})
-
-    def options(self) -> ReadingOptions:
-        """Return what readers are told."""
-        from ospc.recording.bayer import Mosaic
-        from ospc.recording.channel import Channel
-        from ospc.recording.exposure_units import ExposureUnit, GainUnit
-        from ospc.recording.options import ReadingOptions
-
-        if self.channel == EACH:
-            raise click.UsageError("only 'ospc calibrate' takes --channel each; choose one of them")
-        return ReadingOptions(
-            channel=Channel(self.channel) if self.channel else None,
-            bayer=Mosaic(self.bayer) if self.bayer else None,
-            exposure_unit=ExposureUnit(self.exposure_unit) if self.exposure_unit else None,
-            gain_unit=GainUnit(self.gain_unit) if self.gain_unit else None,
-            image_topic=self.image_topic,
-            exposure_topic=self.exposure_topic,
-            exposure_field=self.exposure_field,
-            gain_field=self.gain_field,
-            unknown_exposures=self.unknown_exposures,
+        unknown_exposures = bool(options.pop("unknown_exposures", False))
+        texts = {name: options.pop(name) for name in declared_options() if name in options}
+        each = texts.get("channel") == EACH
+        if each:
+            del texts["channel"]
+        return cls(
+            replace(ReadingOptions.of(texts), unknown_exposures=unknown_exposures),
+            options.pop("kind"),
+            options.pop("mask"),
+            options.pop("roi"),
+            each,
         )
+
+    @property
+    def channel(self) -> object:
+        """Channel that is asked for; :data:`EACH` for all of them."""
+        return EACH if self.each_channel else self.options.channel
+
+    @property
+    def unknown_exposures(self) -> bool:
+        """Whether the exposures are to be estimated."""
+        return self.options.unknown_exposures
 
     def open(self, path: Path) -> Recording:
         """Open a recording.
@@ -74,97 +87,61 @@ class Reading:
         SettingError
             If an option does not fit it.
         """
+        if self.each_channel:
+            raise click.UsageError("only 'ospc calibrate' takes --channel each; choose one channel")
         from ospc.recording import open_recording
 
-        return self.masked(open_recording(path, self.kind, self.options()))
+        return self._masked(open_recording(path, self.kind, self.options))
 
     def cameras(self, path: Path) -> dict[str, Callable[[], Recording]]:
-        """Return what opens each camera of a rig, by its name; each channel counts as one where each is asked for.
+        """Return an opener for each camera of a rig by its name; if each channel is asked for, one for each of them.
 
         Raises
         ------
         RecordingError
             If the path cannot be read.
         """
-        from ospc.recording import cameras_of
-
-        if self.channel != EACH:
-            found = cameras_of(path, self.kind, self.options())
-            return {name: partial(self._opened, opened) for name, opened in found.items()}
-        of_channels = {channel: replace(self, channel=channel).cameras(path) for channel in ("red", "green", "blue")}
+        if not self.each_channel:
+            found = cameras_of(path, self.kind, self.options)
+            return {name: partial(self._opened, opener) for name, opener in found.items()}
+        of_channels = {name: self._of_channel(name).cameras(path) for name in ("red", "green", "blue")}
         several = len(of_channels["green"]) > 1
         return {
-            f"{name}_{channel}" if several else channel: opened
+            f"{name}_{channel}" if several else channel: opener
             for channel, cameras in of_channels.items()
-            for name, opened in cameras.items()
+            for name, opener in cameras.items()
         }
 
-    def _opened(self, opened: Callable[[], Recording]) -> Recording:
-        return self.masked(opened())
+    def _of_channel(self, name: str) -> Reading:
+        channel = ReadingOptions.of({"channel": name}).channel
+        return replace(self, options=replace(self.options, channel=channel), each_channel=False)
 
-    def masked(self, recording: Recording) -> Recording:
-        """Return the recording with what is masked out of it."""
-        from ospc.recording.masking import Region, masked, read_mask
+    def _opened(self, opener: Callable[[], Recording]) -> Recording:
+        return self._masked(opener())
 
-        region = None if self.roi is None else Region.parse(self.roi)
-        return masked(recording, None if self.mask is None else read_mask(self.mask, recording.size), region)
+    def _masked(self, recording: Recording) -> Recording:
+        mask = None if self.mask is None else read_mask(self.mask, recording.size)
+        return masked(recording, mask, self.region)
 
 
 def _check_kind(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
-    if value is not None:
-        from ospc.recording.kinds import kinds
-
-        known = [kind.name for kind in kinds()]
-        if value not in known:
-            raise click.BadParameter(f"{value!r} is no kind of recording; known: {', '.join(known)}")
+    known = [kind.name for kind in kinds()] if value is not None else []
+    if value is not None and value not in known:
+        raise click.BadParameter(f"{value!r} is not a kind of recording; known: {', '.join(known)}")
     return value
 
 
-def _check_region(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
-    if value is not None:
-        from ospc.errors import SettingError
-        from ospc.recording.masking import Region
-
-        try:
-            Region.parse(value)
-        except SettingError as error:
-            raise click.BadParameter(str(error)) from None
-    return value
+def _parse_region(_ctx: click.Context, _param: click.Parameter, value: str | None) -> Region | None:
+    try:
+        return None if value is None else Region.parse(value)
+    except SettingError as error:
+        raise click.BadParameter(str(error)) from None
 
 
-_OPTIONS = (
+_OWN_OPTIONS = (
     click.option(
         "--kind", callback=_check_kind, help="Kind of recording, instead of recognising it (tum_mono, euroc, …)."
     ),
-    click.option(
-        "--channel",
-        type=click.Choice(["luminance", "red", "green", "blue", EACH]),
-        help="Channel of colour or Bayer images; by default the luminance of the first, the green of the second. "
-        "With each, 'ospc calibrate' calibrates red, green and blue into OUT/red, OUT/green and OUT/blue.",
-    ),
-    click.option(
-        "--bayer",
-        type=click.Choice(["rggb", "bggr", "grbg", "gbrg"]),
-        help="The images are a Bayer mosaic of this pattern.",
-    ),
-    click.option(
-        "--exposure-unit",
-        type=click.Choice(["s", "ms", "us", "ns", "100us", "log2s"]),
-        help="Unit of the exposures, instead of inferring it.",
-    ),
-    click.option(
-        "--gain-unit",
-        type=click.Choice(["linear", "db", "iso", "none"]),
-        help="Unit of the gains that exposures are multiplied by; none leaves gains out of account.",
-    ),
-    click.option("--image-topic", "--topic", metavar="TOPIC", help="Topic of a bag with the images."),
-    click.option("--exposure-topic", metavar="TOPIC", help="Topic of a bag with the exposures."),
-    click.option(
-        "--exposure-field",
-        metavar="FIELD",
-        help="Field of these messages that is the exposure, as in info.shutter[0].",
-    ),
-    click.option("--gain-field", metavar="FIELD", help="Field of these messages that is a gain."),
     click.option(
         "--mask",
         type=click.Path(path_type=Path),
@@ -172,25 +149,50 @@ _OPTIONS = (
         help="Image of the frames' size; pixels that are black in it are not used.",
     ),
     click.option(
-        "--roi", metavar="X,Y,W,H", callback=_check_region, help="Use only this part of the image, in pixels."
+        "--roi", metavar="X,Y,W,H", callback=_parse_region, help="Use only this part of the image, in pixels."
     ),
 )
 
 
+def stated_option(name: str, *, each: bool = False) -> Callable[[_Command], _Command]:
+    """Make the command-line option for a field of :class:`~ospc.recording.options.ReadingOptions`.
+
+    Parameters
+    ----------
+    name
+        Name of the field.
+    each
+        Whether the option also takes :data:`EACH`.
+    """
+    option = declared_options()[name]
+    choices = (*option.choices, EACH) if each else option.choices
+    return click.option(
+        f"--{name.replace('_', '-')}",
+        *option.aliases,
+        name,
+        type=click.Choice(choices) if choices else None,
+        metavar=option.metavar,
+        help=option.help + (_EACH_HELP if each else ""),
+    )
+
+
 def reading_options(command: _Command) -> _Command:
-    """Give a command the options that :class:`Reading` takes."""
-    for option in reversed(_OPTIONS):
+    """Give a command the options that :class:`Reading` takes; 'ospc calibrate' adds ``--unknown-exposures``."""
+    names = [name for name in declared_options() if name != "unknown_exposures"]
+    stated = [stated_option(name, each=name == "channel") for name in names]
+    kind, *masks = _OWN_OPTIONS
+    for option in reversed([kind, *stated, *masks]):
         command = option(command)
     return command
 
 
 def say_topics(path: Path) -> None:
-    """Print the topics of a bag, and what each is good for.
+    """Print the topics of a bag, and what each can be used for.
 
     Raises
     ------
     RecordingError
-        If the path is no bag, or damaged.
+        If the path is not a bag, or it is damaged.
     """
     from rich.console import Console
     from rich.table import Table
@@ -205,5 +207,5 @@ def say_topics(path: Path) -> None:
     for topic, use in uses(Bag.at(path)):
         count = "?" if topic.messages is None else str(topic.messages)
         table.add_row(Text(topic.name), Text(topic.type), count, use)
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH_WHEN_PIPED)
     console.print(table if table.row_count else f"{path}: has no topics", markup=False)

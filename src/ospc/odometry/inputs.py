@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from ospc.errors import RecordingError, SettingError
-from ospc.formats.conversion import convert_recording
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.opening import Photometry
 from ospc.odometry.conditions import Condition
 from ospc.recording import Recording
 from ospc.recording.identity import identity
+from ospc.recording.writing.conversion import convert_recording
 
 CAMERA, TIMES, PCALIB, VIGNETTE = "camera.txt", "times.txt", "pcalib.txt", "vignette.png"
 _SUFFIXES = (".png", ".jpg", ".jpeg")

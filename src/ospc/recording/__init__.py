@@ -1,7 +1,7 @@
 """Recordings: frames one by one, each with its exposure and time stamp.
 
-:func:`open_recording` recognises the kind of recording from its content. A kind is one module of this package that
-ends with a class satisfying :class:`ospc.recording.kinds.Kind` and is named in :mod:`ospc.recording.kinds`.
+:func:`open_recording` recognises the kind of recording from its content; :mod:`ospc.recording.kinds` says how to add
+a kind.
 """
 
 from ospc.recording.arrays import ArrayRecording

@@ -1,4 +1,4 @@
-"""Decoding ahead: while one frame is worked on, a thread decodes those that will be wanted next."""
+"""Decoding ahead: while one frame is processed, a thread decodes the next ones."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ospc.arrays import Image
 from ospc.recording.frame import Frame
 
 _DECODED = 3
-"""Most images decoded and not yet taken."""
+"""Images decoded ahead: enough to keep the thread busy, few enough for memory."""
 
 _VERIFIED = 64
-"""Most frames looked at ahead; what is known of them without decoding is small."""
+"""Frames taken and verified ahead; without their images they are small."""
 
 
 def decoded_ahead(
@@ -25,22 +25,22 @@ def decoded_ahead(
     decoded: int = _DECODED,
     verified: int = _VERIFIED,
 ) -> Iterator[Frame]:
-    """Give the same frames in the same order, with images decoded ahead of time in a thread.
+    """Yield the same frames in the same order, with images decoded ahead of time in a thread.
 
-    What a frame gives, and the error it raises, is the same as without: only when the work is done differs. Frames
-    whose recording cannot be read by another thread (:attr:`Frame.threads`) are passed on as they are.
+    Images and errors are the same as without; only the time of decoding differs. Frames that other threads cannot
+    read (:attr:`Frame.threads`) are passed on unchanged.
 
     Parameters
     ----------
     frames
-        The frames; they are taken from it by the calling thread only.
+        The frames; only the calling thread iterates over them.
     wanted
-        Whether the image of the frame that many places after the one last given (1 for the next) will most likely be
-        read; being wrong costs time and nothing else.
+        Called with how far a frame is ahead of the last one yielded, 1 for the next; returns whether its image will
+        probably be read. A wrong answer only costs time.
     decoded
-        Most images decoded ahead.
+        Largest number of images decoded ahead.
     verified
-        Most frames taken from ``frames`` ahead.
+        Largest number of frames taken ahead.
     """
     source = iter(frames)
     first = next(source, None)
@@ -61,7 +61,7 @@ def decoded_ahead(
 
 
 class _Prepared:
-    """A frame and what is being done about it."""
+    """A frame and the work in progress on it."""
 
     def __init__(self, frame: Frame) -> None:
         self.frame = frame
@@ -69,16 +69,16 @@ class _Prepared:
         self._plain = frame
 
     def decode(self, worker: ThreadPoolExecutor) -> None:
-        """Have its image decoded."""
+        """Decode its image in the worker."""
         plain = self._plain
-        # Not by its property: in Python 3.11 that holds a lock shared by all frames while it waits.
+        # Not through the cached property, which in Python 3.11 holds a lock shared by all frames.
         job: Future[Image] = worker.submit(plain.load)
-        # An image that decodes is there and whole; so nothing is read twice.
+        # Decoding verifies the image too, so nothing is read twice.
         verify = None if plain.verify is None else lambda: _done(job)
         self.frame, self.decoding = replace(plain, load=job.result, verify=verify), True
 
     def check(self, worker: ThreadPoolExecutor) -> None:
-        """Have it looked at whether its image is there and whole."""
+        """Verify its image in the worker."""
         if self._plain.verify is not None and self._plain.threads:
             job: Future[None] = worker.submit(self._plain.verify)
             self.frame = replace(self._plain, verify=job.result)
@@ -97,15 +97,15 @@ def _fill(
     decoded: int,
     verified: int,
 ) -> None:
-    """Take frames ahead until enough images are under way."""
-    under_way = sum(entry.decoding for entry in queue)
-    while under_way < decoded and len(queue) < verified:
+    """Take frames ahead until enough images are being decoded."""
+    in_progress = sum(entry.decoding for entry in queue)
+    while in_progress < decoded and len(queue) < verified:
         entry = next((_Prepared(frame) for frame in islice(source, 1)), None)
         if entry is None:
             return
         queue.append(entry)
         if entry.frame.threads and wanted(len(queue)):
             entry.decode(worker)
-            under_way += 1
+            in_progress += 1
         else:
             entry.check(worker)

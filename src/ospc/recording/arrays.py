@@ -1,4 +1,4 @@
-"""A recording in memory: what a notebook or a simulator has at hand."""
+"""A recording in memory, for notebooks and simulators."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import FloatArray, Image
 from ospc.errors import ExposureError, FrameError, RecordingError
 from ospc.recording.bit_depth import detect_bit_depth
+from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame import Frame, check_image
-from ospc.recording.frame_table import EXPOSURE_RANGE_MS
+from ospc.recording.recording import StoredRecording
 
 
-class ArrayRecording:
+class ArrayRecording(StoredRecording):
     """Images in memory with their exposures.
 
     Parameters
@@ -25,18 +26,18 @@ class ArrayRecording:
         Grey images, uint8 or uint16: an array of shape (frames, height, width), or a sequence of arrays of shape
         (height, width). They are not copied.
     exposures_ms
-        Exposure of every frame in milliseconds times linear gain, shape (frames,).
+        Exposure time in milliseconds times linear gain of every frame, shape (frames,).
     stamps_s
-        Time stamps in seconds, strictly increasing, shape (frames,); one frame a second where not given.
+        Time stamps in seconds, strictly increasing, shape (frames,); by default one frame per second.
     name
-        What to call the recording in messages.
+        Name of the recording in messages.
     max_grey
-        Largest grey value the sensor delivers; where not given, 255 for uint8, and found from the values for uint16.
+        Largest grey value the sensor delivers; by default 255 for uint8, and inferred from the values for uint16.
 
     Raises
     ------
     ExposureError
-        If exposures are not finite and positive, or not as many as images.
+        If exposures are not finite and positive, or their number is not that of the images.
     RecordingError
         If there are no images, the first is not a grey image, or stamps do not increase.
 
@@ -60,78 +61,42 @@ class ArrayRecording:
     ) -> None:
         if len(images) == 0:
             raise RecordingError(f"{name}: holds no images; give at least one")
-        self._images = images
-        self._name = name
         first = _first(images, name)
-        self._size = (first.shape[1], first.shape[0])
-        self._exposures_ms = _exposures(exposures_ms, len(images), name)
-        self._stamps_s = _stamps(np.arange(len(images)) if stamps_s is None else stamps_s, len(images), name)
-        self._notes: tuple[str, ...] = ()
+        notes: tuple[str, ...] = ()
         if max_grey is None:
-            # An array is used as it is, so the empty bits of left-aligned data stay where they are.
+            # Arrays are used unchanged, so the empty bits of left-aligned data stay where they are.
             pixels = (np.asarray(image) for image in images)
             depth = detect_bit_depth(image for image in pixels if image.dtype == first.dtype)
             max_grey = depth.max_grey << depth.shift
-            self._notes = () if depth.note is None else (f"{name}: largest grey value taken as {max_grey}",)
-        self._max_grey = max_grey
-
-    @property
-    def path(self) -> Path:
-        """Its name."""
-        return Path(self._name)
-
-    @property
-    def kind(self) -> str:
-        """``array``."""
-        return "array"
-
-    @property
-    def size(self) -> ImageSize:
-        """Width and height of its frames in pixels."""
-        return self._size
-
-    @property
-    def max_grey(self) -> int:
-        """Largest grey value the sensor delivers."""
-        return self._max_grey
-
-    @property
-    def exposures_ms(self) -> FloatArray:
-        """Exposure of every frame in milliseconds times linear gain, shape (frames,)."""
-        return self._exposures_ms
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        """Time stamp of every frame in seconds, shape (frames,)."""
-        return self._stamps_s
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was inferred."""
-        return self._notes
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self._images)
+            notes = () if depth.note is None else (f"{name}: largest grey value taken as {max_grey}",)
+        super().__init__(
+            path=Path(name),
+            kind="array",
+            size=(first.shape[1], first.shape[0]),
+            max_grey=max_grey,
+            exposures_ms=_exposures(exposures_ms, len(images), name),
+            stamps_s=_stamps(np.arange(len(images)) if stamps_s is None else stamps_s, len(images), name),
+            notes=notes,
+        )
+        self._images = images
+        self._name = name
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames one by one."""
+        """Yield the frames in order."""
         for index in range(len(self)):
-            stamp_s, exposure_ms = float(self._stamps_s[index]), float(self._exposures_ms[index])
-            load = partial(self._load, index)
-            yield Frame(index, stamp_s, exposure_ms, f"{self._name}[{index}]", load, self._max_grey)
+            yield self._frame(index, f"{self._name}[{index}]", partial(self._load, index))
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return the pixels of a frame as bytes, to recognise the recording by."""
+        """Return the pixels of a frame."""
         return np.ascontiguousarray(self._images[index]).tobytes()
 
     def _load(self, index: int) -> Image:
         name = f"{self._name}[{index}]"
         image = check_image(np.asarray(self._images[index]), name)
-        if (image.shape[1], image.shape[0]) != self._size:
+        if (image.shape[1], image.shape[0]) != self.size:
             raise FrameError(
                 f"{name}: is {image.shape[1]}x{image.shape[0]} pixels where the recording has "
-                f"{self._size[0]}x{self._size[1]}; bring all images to one size"
+                f"{self.size[0]}x{self.size[1]}; bring all images to one size"
             )
         return image
 
@@ -145,13 +110,13 @@ def _first(images: npt.NDArray[np.generic] | Sequence[Image], name: str) -> Imag
 
 
 def _column(values: npt.ArrayLike, count: int, what: str, name: str) -> FloatArray:
-    """Return one number a frame, frozen."""
+    """Return one number per frame, read-only."""
     try:
         column = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ExposureError(f"{name}: {what} must be numbers, one a frame") from None
+        raise ExposureError(f"{name}: {what} must be numbers, one per frame") from None
     if column.shape != (count,):
-        raise ExposureError(f"{name}: {what} must be one a frame, {count} of them, not of shape {column.shape}")
+        raise ExposureError(f"{name}: {what} have shape {column.shape}; give one per frame, {count} in all")
     column.setflags(write=False)
     return column
 
@@ -172,7 +137,7 @@ def _stamps(values: npt.ArrayLike, count: int, name: str) -> FloatArray:
     column = _column(values, count, "time stamps", name)
     bad = np.flatnonzero(~np.isfinite(column))
     if bad.size:
-        raise RecordingError(f"{name}[{bad[0]}]: {column[bad[0]]:g} is no time stamp; correct it")
+        raise RecordingError(f"{name}[{bad[0]}]: {column[bad[0]]:g} is not a time stamp; correct it")
     wrong = np.flatnonzero(np.diff(column) <= 0)
     if wrong.size:
         raise RecordingError(

@@ -1,4 +1,4 @@
-"""Images whose pixels lie behind red, green and blue filters: how to tell, and what to take of them as grey."""
+"""Bayer mosaics: how to recognise them, and how to take one colour from them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ospc.arrays import Image
 from ospc.errors import SettingError
 
 _MOSAIC_RATIO = 0.7
-"""Measured: 0.31–0.45 on a real mosaic, 1.15 on grey images of the same camera and of others."""
+"""Threshold of the diagonal over the adjacent difference; measured 0.31–0.45 on mosaics and 1.15 on grey images."""
 
-_LOOKED_AT = 1024
-"""Width and height of the part in the middle that decides; even, so that blocks stay whole."""
+_TESTED_PX = 1024
+"""Width and height of the central part that is tested; even, so that it holds whole 2×2 blocks."""
 
 
 class GreenPixels(Enum):
-    """Which pixels of each 2×2 block are green: those of the falling diagonal or of the rising one."""
+    """Which pixels of each 2×2 block are green: those on the falling or on the rising diagonal."""
 
     FALLING = ((0, 0), (1, 1))
     RISING = ((0, 1), (1, 0))
@@ -34,7 +34,7 @@ class GreenPixels(Enum):
 
 @dataclass(frozen=True)
 class Mosaic:
-    """Where the colours of a Bayer mosaic are.
+    """Arrangement of the colours in a Bayer mosaic.
 
     Attributes
     ----------
@@ -48,11 +48,11 @@ class Mosaic:
 
     def __post_init__(self) -> None:
         if self.pattern not in self.PATTERNS:
-            raise SettingError(f"no Bayer pattern is called '{self.pattern}'; known: {', '.join(self.PATTERNS)}")
+            raise SettingError(f"'{self.pattern}' is not a Bayer pattern; known: {', '.join(self.PATTERNS)}")
 
     @property
     def green(self) -> GreenPixels:
-        """Its green pixels."""
+        """Positions of its green pixels."""
         return GreenPixels.FALLING if self.pattern.startswith("g") else GreenPixels.RISING
 
     def red(self, image: Image) -> Image:
@@ -65,10 +65,10 @@ class Mosaic:
 
 
 def find_green(image: Image) -> GreenPixels | None:
-    """Find out whether an image is a Bayer mosaic, and where its green pixels are; None where it is none.
+    """Return the positions of the green pixels of a Bayer mosaic; None if the image is not a mosaic.
 
-    In a grey image neighbours in a row or column resemble each other more than those on a diagonal, which are farther
-    apart. In a mosaic the two green pixels of a block, on a diagonal, resemble each other most.
+    In a grey image, horizontal and vertical neighbours are more alike than diagonal ones, which are further apart.
+    In a mosaic, the two green pixels on the diagonal of a block are the most alike.
 
     Parameters
     ----------
@@ -77,8 +77,8 @@ def find_green(image: Image) -> GreenPixels | None:
     """
     if image.shape[0] % 2 or image.shape[1] % 2:
         return None
-    top, left = (max(0, (length - _LOOKED_AT) // 4 * 2) for length in image.shape)
-    part = image[top : top + _LOOKED_AT, left : left + _LOOKED_AT]
+    top, left = (max(0, (length - _TESTED_PX) // 4 * 2) for length in image.shape)
+    part = image[top : top + _TESTED_PX, left : left + _TESTED_PX]
     block = {(i, j): part[i::2, j::2].astype(np.int32) for i in (0, 1) for j in (0, 1)}
     along = min(
         _distance(block, (0, 0), (0, 1)) + _distance(block, (1, 0), (1, 1)),
@@ -94,6 +94,6 @@ def _distance(block: Mapping[tuple[int, int], Image], first: tuple[int, int], se
 
 
 def _every_other(image: Image, place: tuple[int, int]) -> Image:
-    # Odd sizes lose their last row or column: a block needs both.
+    # Images of odd size lose their last row or column, which has no complete block.
     height, width = (length // 2 * 2 for length in image.shape)
     return np.ascontiguousarray(image[place[0] : height : 2, place[1] : width : 2])

@@ -1,4 +1,4 @@
-"""How many of the 16 bits a 16-bit image uses, and at which end of the word they are."""
+"""The bit depth of 16-bit images, and at which end of the word the bits are."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ import numpy as np
 from ospc.arrays import Image
 
 _SENSOR_BITS = (8, 10, 12, 14, 16)
+"""Bit depths of sensors; others do not exist."""
 
 
 @dataclass(frozen=True)
 class BitDepth:
-    """Bits of a sensor and where they lie in the stored word.
+    """Bits of a sensor and their position in the stored word.
 
     Attributes
     ----------
     bits
-        Bits the sensor delivers.
+        Bits that the sensor delivers.
     shift
-        Empty bits below them: 0 where the values are right-aligned.
+        Empty bits below them; 0 if the values are right-aligned.
     stored_bits
         Bits of the stored word, 8 or 16.
     """
@@ -37,7 +38,7 @@ class BitDepth:
 
     @property
     def note(self) -> str | None:
-        """What was found, for a user to contradict; None for 8 bit."""
+        """The result for the user to check; None for 8 bits."""
         if self.stored_bits == 8:
             return None
         aligned = f"left-aligned, shifted right by {self.shift}" if self.shift else "right-aligned"
@@ -46,9 +47,9 @@ class BitDepth:
 
 
 def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
-    """Find the bit depth from sample images, the brighter the better.
+    """Infer the bit depth from sample images, the brighter the better.
 
-    Bits that are zero everywhere are unused: below the values they tell left-aligned data, above them right-aligned.
+    Bits that are zero everywhere are unused: low ones in left-aligned data, high ones in right-aligned data.
 
     Parameters
     ----------

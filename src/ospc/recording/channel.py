@@ -1,4 +1,4 @@
-"""Which channel of colour images is taken as grey."""
+"""The channel of colour images that is used as the grey image."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from ospc.arrays import Image
 class Channel(Enum):
     """A channel of colour images.
 
-    Channels of one camera answer to light alike only behind the colour filters: response and vignette may differ
-    between them, and luma mixes the three.
+    Response and vignette may differ between the channels of a camera, and luma mixes the three.
     """
 
     LUMINANCE = "luminance"

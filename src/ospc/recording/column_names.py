@@ -1,4 +1,4 @@
-"""What the header of a list of exposures says about its columns: meaning and unit."""
+"""Meaning and unit of the columns in a list of exposures, from its header."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _LONG_UNITS = {
     "nanosecond": "ns",
 }
 
-# The words for each meaning in order of preference: columns named by an earlier group hide those named by later ones.
+# Words for each meaning, in order of preference: columns of an earlier group hide those of later groups.
 _EXPOSURE_WORDS = (("exposure", "exposuretime"), ("shutter", "shuttertime", "exptime", "integrationtime"))
 _STAMP_WORDS = (("timestamp", "stamp"), ("time",))
 _IMAGE_WORDS = (("file", "filename"), ("image", "imagename", "imagefile", "path", "name"), ("id", "frameid"))
@@ -51,7 +51,7 @@ class Gain:
     column
         Index of the column.
     name
-        What its header says.
+        Its header.
     scale
         ``linear``, ``db`` (amplitude: 20 dB are a factor of ten) or ``iso`` (100 is a gain of one).
     """
@@ -61,24 +61,24 @@ class Gain:
     scale: Literal["linear", "db", "iso"]
 
     def linear(self, value: float, unit: GainUnit | None = None) -> float:
-        """Return the factor the exposure is multiplied by; a unit that is stated comes before that of the header."""
+        """Return the factor for the exposure; a stated unit overrides that of the header."""
         return float((unit or GainUnit(self.scale)).linear(np.array(value, dtype=np.float64)))
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Which column holds what.
+    """Meaning of the columns.
 
     Attributes
     ----------
     count
         Number of columns.
     image, stamp, exposure
-        Index of the column, None where there is none.
+        Index of the column, None if there is none.
     gains
-        Columns of gains to multiply the exposure by.
+        Columns of gains by which the exposure is multiplied.
     unit
-        Unit of the exposure; None where nothing says it.
+        Unit of the exposure; None if the header does not state it.
     to_s
         Seconds per unit of the time stamp.
     notes
@@ -96,7 +96,7 @@ class Columns:
 
 
 def name_columns(header: Sequence[str], place: str) -> Columns:
-    """Find out what the columns are.
+    """Infer the meaning of columns from their names.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
     Raises
     ------
     ExposureError
-        If there are exposures and several columns could hold them, or their time stamps, or name their images.
+        If several columns could hold the exposures, their time stamps, or the names of the images.
     """
     parsed = [_word_and_unit(name) for name in header]
     exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
@@ -144,12 +144,14 @@ def _among(parsed: Sequence[tuple[str, str]], words: Sequence[str]) -> list[int]
 def _only(
     header: Sequence[str], parsed: Sequence[tuple[str, str]], groups: Sequence[Sequence[str]], place: str
 ) -> int | None:
-    """Return the one column of a meaning, None where there is none."""
+    """Return the only column with a meaning, None if there is none."""
     found = next((columns for words in groups if (columns := _among(parsed, words))), [])
     if len(found) > 1:
         names = listed([quoted(header[i]) for i in found])
         good = "exposure_ms" if groups is _EXPOSURE_WORDS else groups[0][0]
-        raise ExposureError(f"{place}: the columns {names} mean the same; keep one of them and name it '{good}'")
+        raise ExposureError(
+            f"{place}: the columns {names} have the same meaning; keep one of them and name it '{good}'"
+        )
     return found[0] if found else None
 
 

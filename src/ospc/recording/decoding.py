@@ -1,4 +1,4 @@
-"""From the bytes of an image file to a grey image, in bounded memory."""
+"""Decoding image files to grey images in bounded memory."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from ospc.recording.image_header import ImageHeader, read_header
 from ospc.recording.pixel_layout import StoredImage
 
 MAX_DECODED_BYTES = 512 * 2**20
-"""Images that would need more, with all channels they are stored with, are refused before they are decoded."""
+"""Images that would need more, counting all stored channels, are refused before decoding."""
 
 MAX_FILE_BYTES = 256 * 2**20
-"""Larger image files are refused before they are read."""
+"""Larger image files are refused before reading."""
 
-# The orientation noted in a photograph is ignored: response and vignette belong to the sensor's own axes.
+# The EXIF orientation is ignored: response and vignette belong to the axes of the sensor.
 _STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _GREY, _COLOUR = cv2.IMREAD_GRAYSCALE | _STORED, cv2.IMREAD_COLOR | _STORED
 _JPEG_START, _PNG_START = b"\xff\xd8", b"\x89PNG"
 _DEFLATE_EXPANDS = 1032
-"""Two bits for a copy of 258 bytes: the compression of PNG cannot do better."""
+"""Largest compression ratio of PNG: deflate copies 258 bytes with at least two bits."""
 
 
 def decode_grey(data: bytes, name: str) -> Image:
@@ -33,7 +33,7 @@ def decode_grey(data: bytes, name: str) -> Image:
     data
         The whole file.
     name
-        What to call it in a message.
+        Name of the image in messages.
 
     Returns
     -------
@@ -43,18 +43,18 @@ def decode_grey(data: bytes, name: str) -> Image:
     Raises
     ------
     FrameError
-        If it is not an image, truncated, damaged, too large, or not of 8 or 16 bit.
+        If it is not an image, truncated, damaged, too large, or does not have 8 or 16 bits.
     """
     return decode_stored(data, name).pixels
 
 
 def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> StoredImage:
-    """Decode an image file; of colour a channel is taken, luma unless another is asked for.
+    """Decode an image file to one channel; by default to luma if it is in colour.
 
     Raises
     ------
     FrameError
-        If it is not an image, truncated, damaged, too large, or not of 8 or 16 bit.
+        If it is not an image, truncated, damaged, too large, or does not have 8 or 16 bits.
     """
     header = read_header(data, name)
     _check_header(header, name)
@@ -62,7 +62,7 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
         raise FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
     colour = header.channels > 2
     wanted = channel or Channel.LUMINANCE
-    # JPEG stores luma. Elsewhere the decoders' own conversions truncate, half a grey value off; OpenCV's rounds.
+    # JPEG stores luma. For other formats the decoders truncate when converting to grey; OpenCV's conversion rounds.
     in_colour = colour and not (data.startswith(_JPEG_START) and wanted is Channel.LUMINANCE)
     try:
         image: Image | None = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _COLOUR if in_colour else _GREY)
@@ -73,15 +73,15 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     if image is None:
         raise FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
     if image.dtype not in (np.uint8, np.uint16):
-        raise FrameError(f"{name}: has {image.dtype} values, not 8 or 16 bit; convert it to PNG")
+        raise FrameError(f"{name}: has {image.dtype} values; convert it to PNG of 8 or 16 bits")
     return StoredImage(image, colour)
 
 
 def _can_hold(data: bytes, header: ImageHeader) -> bool:
-    """Tell whether a file can hold as many pixels as its header states; otherwise decoding it would take long."""
+    """Tell whether a file can hold as many pixels as its header states; decoding one that cannot would take long."""
     pixels = header.width * header.height
     if data.startswith(_JPEG_START):
-        # Each block of 8×8 pixels takes a bit at the least, for its mean.
+        # Each block of 8×8 pixels takes at least one bit, for its mean.
         return pixels // 64 <= 8 * len(data)
     if data.startswith(_PNG_START):
         return pixels * header.bits // 8 <= _DEFLATE_EXPANDS * len(data)
@@ -89,11 +89,11 @@ def _can_hold(data: bytes, header: ImageHeader) -> bool:
 
 
 def _check_header(header: ImageHeader, name: str) -> None:
-    """Refuse what would need too much memory, before it is decoded."""
+    """Refuse images that would need too much memory."""
     if header.width * header.height * header.channels * max(header.bits, 8) > 8 * MAX_DECODED_BYTES:
         raise FrameError(
             f"{name}: its header states {header.width}x{header.height} pixels, which need more than the "
-            f"{MAX_DECODED_BYTES} bytes allowed; the file is damaged, or scale the images down"
+            f"{MAX_DECODED_BYTES} bytes allowed; repair the file or scale the images down"
         )
     if header.bits > 16:
         raise FrameError(f"{name}: has {header.bits} bits a channel; convert it to 8 or 16 bit PNG")

@@ -1,27 +1,48 @@
-"""A recording that is another one, changed: what it does not change it passes on."""
+"""A recording made from another one: fewer frames, other exposures, or a mask."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
-from ospc.arrays import ImageSize
-from ospc.recording.recording import Recording
+import numpy as np
+
+from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
+from ospc.errors import SettingError
+from ospc.recording.channel import Channel
+from ospc.recording.frame import Frame
+from ospc.recording.recording import HasStoredBytes, Recording
 
 
+@dataclass(frozen=True, eq=False)
 class DerivedRecording:
-    """What a recording made of another has in common with it; frames, exposures and notes are its own.
+    """Some frames of another recording, with exposures and a mask of its own; the images are unchanged.
 
     Attributes
     ----------
     inner
         The other recording.
+    frames
+        Indices of the frames that are kept, increasing, shape (frames,).
+    exposures_ms
+        Exposure of every kept frame, shape (frames,).
+    mask
+        True where pixels may be used, shape (height, width); None to keep the masks of the inner recording.
+    remarks
+        Notes to add to those of the inner recording.
     """
 
     inner: Recording
+    frames: IntArray = field(repr=False)
+    exposures_ms: FloatArray = field(repr=False)
+    mask: BoolArray | None = field(default=None, repr=False)
+    remarks: tuple[str, ...] = ()
 
     @property
     def path(self) -> Path:
-        """Where the inner recording was opened from."""
+        """Path the inner recording was opened from."""
         return self.inner.path
 
     @property
@@ -31,10 +52,107 @@ class DerivedRecording:
 
     @property
     def size(self) -> ImageSize:
-        """Width and height of its frames in pixels."""
+        """Width and height of the frames in pixels."""
         return self.inner.size
 
     @property
     def max_grey(self) -> int:
         """Largest grey value the sensor delivers."""
         return self.inner.max_grey
+
+    @property
+    def channel(self) -> Channel | None:
+        """Channel taken from colour images; None if the inner recording has no choice of channel."""
+        return getattr(self.inner, "channel", None)
+
+    @property
+    def stamps_s(self) -> FloatArray:
+        """Time stamp of every kept frame in seconds, shape (frames,)."""
+        return self.inner.stamps_s[self.frames]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes of the inner recording, then the remarks."""
+        return (*self.inner.notes, *self.remarks)
+
+    def __len__(self) -> int:
+        """Return the number of kept frames."""
+        return len(self.frames)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield the kept frames, numbered from 0."""
+        kept = {int(frame): index for index, frame in enumerate(self.frames)}
+        for frame in self.inner:
+            index = kept.get(frame.index)
+            if index is not None:
+                mask = frame.mask if self.mask is None else self.mask
+                yield replace(frame, index=index, exposure_ms=float(self.exposures_ms[index]), mask=mask)
+
+    def stored_bytes(self, index: int) -> bytes:
+        """Return the stored form of a frame's image and the mask: with another mask it is another recording.
+
+        Raises
+        ------
+        FrameError
+            If the image cannot be read.
+        """
+        inner_index = int(self.frames[index])
+        if isinstance(self.inner, HasStoredBytes):
+            data = self.inner.stored_bytes(inner_index)
+        else:
+            data = next(islice(self.inner, inner_index, None)).image.tobytes()
+        return data if self.mask is None else data + np.packbits(self.mask).tobytes()
+
+
+def with_mask(recording: Recording, mask: BoolArray) -> DerivedRecording:
+    """Return a recording with a mask for all its frames.
+
+    Parameters
+    ----------
+    recording
+        The recording.
+    mask
+        True where pixels may be used, shape (height, width).
+    """
+    note = f"{1 - mask.mean():.0%} of every image is masked and not used"
+    return DerivedRecording(recording, np.arange(len(recording)), recording.exposures_ms, mask, (note,))
+
+
+def with_exposure_lag(recording: Recording, lag: int) -> Recording:
+    """Return a recording with every exposure moved to the frame it was taken with.
+
+    Parameters
+    ----------
+    recording
+        The recording.
+    lag
+        Number of frames by which the metadata come late: the exposure listed for frame i belongs to frame i − lag.
+
+    Returns
+    -------
+    Recording
+        Shorter by abs(lag) frames, those whose exposure is not listed; the recording itself if the lag is 0.
+
+    Raises
+    ------
+    SettingError
+        If no frames are left.
+    """
+    if lag == 0:
+        return recording
+    count, missing = len(recording), abs(lag)
+    if missing >= count:
+        raise SettingError(
+            f"{recording.path}: a lag of {lag} frames leaves none of its {count} frames; give a smaller lag"
+        )
+    frames = np.arange(max(0, -lag), count - max(0, lag))
+    end = "last" if lag > 0 else "first"
+    note = f"exposures are corrected for a lag of {lag} frames; the {end} {missing} frames are left out"
+    return DerivedRecording(recording, frames, recording.exposures_ms[frames + lag], remarks=(note,))
+
+
+def innermost(recording: Recording, index: int) -> tuple[Recording, int]:
+    """Return the recording that a derived one is made from in the end, and the index of a frame in it."""
+    if isinstance(recording, DerivedRecording):
+        return innermost(recording.inner, int(recording.frames[index]))
+    return recording, index

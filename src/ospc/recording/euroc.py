@@ -1,7 +1,7 @@
 """Folders in the layout of the EuRoC and TUM visual-inertial datasets: ``mav0/cam0`` with ``data.csv`` and ``data/``.
 
-The layout has no place for exposures. They are read from ``dso/cam0/times.txt`` beside ``mav0``, as the TUM dataset
-gives them, or from a list of exposures beside ``data.csv``.
+The layout does not include exposures. They are read from ``dso/cam0/times.txt`` beside ``mav0``, as in the TUM
+dataset, or from a list of exposures beside ``data.csv``.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from ospc.recording.wording import listed
 
 _IMAGES, _INDEX = "data", "data.csv"
 _FIRST_CAMERA = ("mav0/cam0", "cam0", ".")
+"""Where the first camera is if the path is the recording, its ``mav0``, or the camera itself."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +34,14 @@ class Euroc:
         return _camera(path) is not None
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        """Open one camera: the one the path leads to, otherwise the first.
+        """Open the camera at the path, otherwise the first one.
 
         Raises
         ------
         RecordingError
             If there is no such camera, or its images do not correspond to the exposures.
         ExposureError
-            If exposures are missing or invalid, or there is more than one list of them.
+            If exposures are missing or invalid, or there are several lists.
         """
         camera = _camera(path)
         if camera is None:
@@ -61,7 +62,7 @@ class Euroc:
         return open_sequence(path, self.name, source, table, notes, options=options)
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-        """Return all cameras of ``mav0``; of a path to one camera, that one."""
+        """Return all cameras of ``mav0``, or the one camera at the path."""
         camera = _camera(path)
         if camera is None or camera == path:
             return {path.resolve().name: (path, options)}
@@ -70,7 +71,7 @@ class Euroc:
 
 
 def _camera(path: Path) -> Path | None:
-    """Return the folder of the camera that the path leads to."""
+    """Return the folder of the first camera under the path."""
     for inner in _FIRST_CAMERA:
         camera = path / inner
         if (camera / _INDEX).is_file() and (camera / _IMAGES).is_dir():
@@ -79,7 +80,7 @@ def _camera(path: Path) -> Path | None:
 
 
 def _list_of(camera: Path) -> Path:
-    # The folder may be given as '.' or 'cam0': only its full path says what is beside it.
+    # The path may be '.' or 'cam0': only the full path shows what is beside it.
     full = camera.resolve()
     beside = full.parent.parent / "dso" / full.name / "times.txt"
     found = exposure_lists(camera) + ([beside] if beside.is_file() else [])
@@ -87,8 +88,7 @@ def _list_of(camera: Path) -> Path:
         raise ExposureError(f"{camera}: has several lists of exposures ({listed(found)}); keep the one to use")
     if not found:
         raise ExposureError(
-            f"{camera}: has no list of exposures, and the layout itself holds none; put exposures.csv with a header "
-            f"'timestamp_ns,exposure_ms' there"
+            f"{camera}: has no list of exposures; put exposures.csv with a header 'timestamp_ns,exposure_ms' there"
         )
     return found[0]
 

@@ -1,4 +1,4 @@
-"""A folder of photographs whose exposures are noted in the files themselves, as EXIF.
+"""A folder of photographs whose exposures are in the files themselves, as EXIF.
 
 Exposure is time × ISO/100 / N², N the f-number: what the sensor gets from the same scene, times the gain it is read
 with. EXIF rounds all three, times to the nominal 1/60 of a 1/64, so ratios are good to some per cent.
@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from ospc.errors import ExposureError, MissingExtraError, RecordingError
-from ospc.recording.frame_table import EXPOSURE_RANGE_MS, FrameTable, Row, make_table, table_or_unlisted
+from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
+from ospc.recording.frame_table import FrameTable, Row, make_table, table_or_unlisted
 from ospc.recording.image_folder import exposure_lists
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
@@ -24,12 +25,12 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.wording import listed
 
 _HEAD_BYTES = 256 * 1024
-"""EXIF is one segment of at most 64 KiB near the beginning of a photograph."""
+"""Read of each photograph: EXIF is a segment of at most 64 KiB near its beginning."""
 
 _SIGNATURE = b"Exif\0\0"
 _TIME, _NUMBER, _ISO = "EXIF ExposureTime", "EXIF FNumber", "EXIF ISOSpeedRatings"
 _TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", "Image Model"
-_FORMULA = "exposure is time × ISO/100 / f-number², from EXIF, in ms; its ratios are as good as the rounding in EXIF"
+_FORMULA = "exposure is time × ISO/100 / f-number², from EXIF, in ms; EXIF rounds these values"
 _LIST_INSTEAD = "add exposures.csv with a header 'file,exposure_s'"
 
 
@@ -40,7 +41,7 @@ class ExifPhotos:
     name: str = "exif_photos"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path is a folder of images, the first of them with EXIF, without a list of exposures."""
+        """Tell whether the path is a folder of images without a list of exposures, the first of which has EXIF."""
         if not path.is_dir():
             return False
         names = FolderImages.of(path).names
@@ -76,7 +77,7 @@ class ExifPhotos:
 
 @dataclass(frozen=True)
 class _Photo:
-    """What the EXIF of a photograph says."""
+    """EXIF values of a photograph."""
 
     name: str
     exposure_ms: float
@@ -110,25 +111,25 @@ def _head(path: Path) -> bytes:
 
 
 def _tags(path: Path) -> Mapping[str, Any]:
-    """Return the tags of a photograph; none where its EXIF is damaged."""
+    """Return the EXIF tags of a photograph; none if its EXIF is damaged."""
     try:
         import exifread
     except ImportError:
         raise MissingExtraError("reading exposures from photographs", "exif") from None
     logger = logging.getLogger("exifread")
     if not logger.handlers:
-        # Without a handler its remarks on odd files would be printed.
+        # Without a handler, its remarks on odd files would be printed.
         logger.addHandler(logging.NullHandler())
     try:
         tags: Mapping[str, Any] = exifread.process_file(BytesIO(_head(path)), details=False)
     except Exception:
-        # Damaged EXIF makes the parser fail in ways it does not name.
+        # The parser raises undocumented errors for damaged EXIF.
         return {}
     return tags
 
 
 def _positive(tags: Mapping[str, Any], name: str) -> float | None:
-    """Return the number of a tag, None where it is absent or no positive number."""
+    """Return the number in a tag, None if it is absent or not positive."""
     try:
         value = float(tags[name].values[0])
     except (KeyError, IndexError, AttributeError, TypeError, ValueError, ZeroDivisionError, OverflowError):
@@ -149,11 +150,11 @@ def _fraction(tags: Mapping[str, Any]) -> str:
 
 
 def _table(path: Path, photos: list[_Photo]) -> FrameTable:
-    """Order the photographs by the time they were taken; a burst shares its second, and then the name decides."""
+    """Order the photographs by the time they were taken, or by name if several share a second."""
     stamps = [photo.taken for photo in photos if photo.taken is not None]
     if len(stamps) < len(photos) or len(set(stamps)) < len(stamps):
         rows = [Row(i + 1, photo.name, float(i), photo.exposure_ms) for i, photo in enumerate(photos)]
-        return make_table(str(path), rows, (f"{path}: frames are in the order of their names, one a second",))
+        return make_table(str(path), rows, (f"{path}: frames are in the order of their names, one per second",))
     first = min(stamps)
     seconds = [(taken - first).total_seconds() for taken in stamps]
     order = sorted(range(len(photos)), key=seconds.__getitem__)
@@ -162,7 +163,7 @@ def _table(path: Path, photos: list[_Photo]) -> FrameTable:
 
 
 def _notes(path: Path, photos: list[_Photo]) -> list[str]:
-    """State the formula, and what it could not be fed with or does not cover."""
+    """Return notes on the formula and on values that are missing or change; refuse inconsistent ones."""
     notes = [f"{path}: {_FORMULA}"]
     without = {
         "ISO": [p.name for p in photos if p.iso is None],
@@ -177,7 +178,7 @@ def _notes(path: Path, photos: list[_Photo]) -> list[str]:
         if names:
             notes.append(f"{path}: EXIF states no {what}; it is taken as the same in all photographs")
     if len({p.f_number for p in photos}) > 1:
-        notes.append(f"{path}: the f-number changes, and the vignette changes with it; better keep it fixed")
+        notes.append(f"{path}: the f-number changes, and the vignette with it; keep it fixed")
     models = sorted({p.model for p in photos})
     if len(models) > 1:
         raise RecordingError(f"{path}: photographs of several cameras ({listed(models)}); keep those of one")

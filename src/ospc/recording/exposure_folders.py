@@ -1,4 +1,4 @@
-"""Folders named by exposure, images in them named by time stamp, as cameras that bracket are recorded.
+"""Folders named by exposure with images named by time stamp, as exposure brackets are recorded.
 
 ``2.0/1695668703271420672.png`` was exposed for 2 ms. Images are often the raw mosaic of a colour sensor: of a mosaic
 the green pixels are taken, at half the width and height.
@@ -21,6 +21,7 @@ from ospc.recording.text_file import is_number
 _NAME = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)[ _]?(ns|us|ms|s)?", re.ASCII)
 _IN_MS = {"ns": 1e-6, "us": 1e-3, "ms": 1.0, "s": 1e3, None: 1.0}
 _LEAST_FOLDERS = 2
+"""A single folder with a number for a name is probably not named by exposure."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class ExposureFolders:
         Raises
         ------
         RecordingError
-            If there are no such folders, an image is not named by its time stamp, or two by the same.
+            If there are no such folders, or images are not named by distinct time stamps.
         """
         folders = _folders(path)
         if not folders:
@@ -49,7 +50,7 @@ class ExposureFolders:
         exposures_ms = {f"{inner.place.name}/{name}": ms for inner, ms in folders for name in inner.names}
         notes = []
         if any(_unit(inner.place.name) is None for inner, _ in folders):
-            notes.append(f"{path}: names of folders are taken as exposures in ms")
+            notes.append(f"{path}: names of folders without a unit are taken as exposures in ms")
         source = FolderImages(path, tuple(exposures_ms))
         return open_sequence(
             path, self.name, source, _table(path, exposures_ms), notes, options=options, take_green=True
@@ -57,7 +58,7 @@ class ExposureFolders:
 
 
 def _folders(path: Path) -> list[tuple[FolderImages, float]]:
-    """Return the folders of images whose name is an exposure, with the exposure in ms."""
+    """Return the folders of images named by exposure, with the exposure in ms."""
     found = []
     for inner in sorted(path.iterdir()) if path.is_dir() else ():
         exposure_ms = _exposure_ms(inner.name)
@@ -69,7 +70,7 @@ def _folders(path: Path) -> list[tuple[FolderImages, float]]:
 
 
 def _exposure_ms(name: str) -> float:
-    """Return the exposure a folder is named by; 0 where its name is none."""
+    """Return the exposure in the name of a folder; 0 if there is none."""
     match = _NAME.fullmatch(name)
     return float(match[1]) * _IN_MS[match[2]] if match else 0.0
 

@@ -1,4 +1,4 @@
-"""Lists of exposures other than ``times.txt``: delimited text whose header says what the columns are."""
+"""Lists of exposures other than ``times.txt``: delimited text with a header that names the columns."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.text_file import is_number, lines_of, parse_number, read_text
 
 _LARGEST_STAMP_S = 1e11
-"""Larger time stamps are not in seconds."""
+"""Larger time stamps are not in seconds, so they do not yet give the frame rate."""
 
 _ADVICE = "name the columns in its first line, such as 'file,timestamp_s,exposure_ms'"
 
@@ -37,7 +37,7 @@ def read_exposure_table(path: Path, options: ReadingOptions = DEFAULT) -> FrameT
 
 
 def names_exposures(path: Path) -> bool:
-    """Tell whether a file is a list of exposures: its header, commented or not, names at least one column of them."""
+    """Tell whether a file is a list of exposures: its header, commented out or not, names a column of exposures."""
     try:
         layout = _layout(read_text(path), str(path))
     except ExposureError:
@@ -50,8 +50,8 @@ def names_exposures(path: Path) -> bool:
 def parse_exposure_table(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Parse a list of exposures.
 
-    Fields are separated by commas, semicolons, tabs or blanks. The header is the first line, or the last comment
-    line before the data; without one, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
+    Fields are separated by commas, semicolons, tabs or spaces. The header is the first line, or the last comment
+    line before the data; without a header, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
     ``exposure[ms]``.
 
     Parameters
@@ -59,9 +59,9 @@ def parse_exposure_table(text: str, source: str, options: ReadingOptions = DEFAU
     text
         Content of the file.
     source
-        What to call it in a message.
+        Name of the file in messages.
     options
-        What the user says about units.
+        What the user states about units.
 
     Raises
     ------
@@ -74,14 +74,16 @@ def parse_exposure_table(text: str, source: str, options: ReadingOptions = DEFAU
     columns = layout.columns
     if columns.exposure is None:
         raise ExposureError(
-            f"{source}: it is not clear which of its {columns.count} columns holds exposures; {_ADVICE}"
+            f"{source}: it is unclear which of its {columns.count} columns holds exposures; {_ADVICE}"
         )
     rows = []
     values, factors = [], []
     for index, (line, fields) in enumerate(layout.rows):
         place = f"{source}, line {line}"
         if len(fields) != columns.count:
-            raise RecordingError(f"{place}: has {len(fields)} columns where others have {columns.count}; correct it")
+            raise RecordingError(
+                f"{place}: has {len(fields)} columns where the others have {columns.count}; correct it"
+            )
         values.append(parse_number(fields[columns.exposure], "the exposure", place))
         factor = 1.0
         for gain in columns.gains:
@@ -107,7 +109,7 @@ def parse_exposure_table(text: str, source: str, options: ReadingOptions = DEFAU
 
 @dataclass(frozen=True)
 class _Layout:
-    """The rows of a file, split into fields, and what its columns are; named if a header says so."""
+    """The rows of a file, split into fields, and the meaning of its columns; named if there is a header."""
 
     columns: Columns
     rows: list[tuple[int, list[str]]]
@@ -137,25 +139,24 @@ def _layout(text: str, source: str) -> _Layout:
 def _unit(
     layout: _Layout, values: Sequence[float], stamps_s: Sequence[float], source: str, options: ReadingOptions
 ) -> tuple[ExposureUnit, list[str]]:
-    """Return the unit of the exposures: the one stated, the one in the header, or the one that fits the numbers."""
+    """Return the unit that is stated, that is in the header, or that fits the numbers, in this order."""
     if options.exposure_unit is not None:
         return options.exposure_unit, [f"exposures are in {options.exposure_unit.value}, as stated"]
     if layout.columns.unit is not None:
         return layout.columns.unit, []
     steps = np.diff(np.asarray(stamps_s)) if layout.columns.stamp is not None else np.empty(0)
-    # Stamps beyond any number of seconds say nothing yet about the frame rate.
     usable = len(steps) > 0 and np.all(np.isfinite(steps)) and abs(stamps_s[0]) < _LARGEST_STAMP_S
     interval_ms = 1e3 * float(np.median(steps)) if usable else None
     try:
         unit = infer_unit(values, interval_ms if interval_ms and interval_ms > 0 else None, source)
     except ExposureError:
         unit = ExposureUnit.MS
-    how = "nothing names another unit" if unit is ExposureUnit.MS else "by their size"
+    how = "no other unit is stated" if unit is ExposureUnit.MS else "by their size"
     return unit, [f"exposures are taken as {unit.value}: {how}"]
 
 
 def _unnamed(fields: list[str], source: str) -> Columns:
-    """Return what the columns are where only their number and the first row tell."""
+    """Infer the columns of a file without header from their number and the first row."""
     count = len(fields)
     if count == 3:
         said = ("columns are taken as id, stamp[s], exposure",)
@@ -172,7 +173,7 @@ def _separator(line: str) -> str | None:
 
 
 def _fields(line: str, separator: str | None, place: str) -> list[str]:
-    """Split a line; a header such as ``exposure [ms]`` stays whole unless blanks separate."""
+    """Split a line; units such as ``[ms]`` stay with their name."""
     if separator is None:
         return re.sub(r"\s+(?=[\[(]\w{1,3}[\])])", "", line).split()
     try:

@@ -1,7 +1,7 @@
-"""Units that exposures and gains come in, and how to tell the unit from the numbers alone.
+"""Units of exposures and gains, and how to infer a unit from the numbers alone.
 
-Sources: V4L2 counts ``exposure_time_absolute`` in 100 µs, DirectShow gives log2 of seconds, GenICam, libcamera and
-RealSense microseconds. A gain in decibel is one of amplitude, 20 dB a factor of ten; ISO 100 is a gain of one.
+Sources: V4L2 counts ``exposure_time_absolute`` in 100 µs, DirectShow uses log2 of seconds, GenICam, libcamera and
+RealSense microseconds. A gain in decibels is an amplitude, 20 dB are a factor of ten; ISO 100 is a gain of one.
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError
+
+EXPOSURE_RANGE_MS = (1e-9, 1e9)
+"""From a picosecond to eleven days; a number outside is not an exposure."""
 
 
 class ExposureUnit(Enum):
@@ -26,7 +29,7 @@ class ExposureUnit(Enum):
     LOG2_S = "log2s"
 
     def to_ms(self, values: FloatArray) -> FloatArray:
-        """Return exposures of this unit in milliseconds; infinite where they are beyond any number."""
+        """Convert exposures in this unit to milliseconds; infinite if the result exceeds all floats."""
         if self is ExposureUnit.LOG2_S:
             with np.errstate(over="ignore"):
                 return np.asarray(np.exp2(values) * 1e3)
@@ -51,7 +54,7 @@ class GainUnit(Enum):
     NONE = "none"
 
     def linear(self, values: FloatArray) -> FloatArray:
-        """Return the factors the exposures are multiplied by; ``none`` leaves gains out of account."""
+        """Return the factors by which exposures are multiplied; ones for ``none``, which ignores gains."""
         if self is GainUnit.NONE:
             return np.ones_like(values)
         if self is GainUnit.DB:
@@ -61,27 +64,32 @@ class GainUnit(Enum):
 
 
 _LINEAR_UNITS = (ExposureUnit.MS, ExposureUnit.US, ExposureUnit.S, ExposureUnit.US100, ExposureUnit.NS)
-"""In the order in which they are preferred where several fit."""
+"""In order of preference if several are plausible."""
 
-_SHORTEST_MS = 0.02
-_LONGEST_MS = 1000.0
-_LONGEST_LOG2_S, _SHORTEST_LOG2_S = 1.0, -20.0
+_SHORTEST_MS, _LONGEST_MS = 0.02, 1000.0
+"""Plausible median exposures of a recording; the longest applies if the frame rate is unknown."""
+
+_SHORTEST_LOG2_S, _LONGEST_LOG2_S = -20.0, 1.0
+"""Plausible exposures in log2 s: from a microsecond to two seconds."""
+
+_INTERVAL_MARGIN = 1.1
+"""An exposure may exceed the frame interval by this factor, as time stamps jitter."""
 
 
 def infer_unit(values: Sequence[float] | FloatArray, interval_ms: float | None, source: str) -> ExposureUnit:
-    """Find the unit in which exposures are plausible: no longer than from one frame to the next, and not too short.
+    """Infer the unit in which exposures are plausible: no longer than the frame interval, and not too short.
 
-    Ratios of exposures, and with them response and vignette, are the same in all units but log2 s, and that one
-    betrays itself: its values are whole and negative.
+    Ratios of exposures, and so response and vignette, are the same in all units but log2 s, which is recognised by
+    its negative values.
 
     Parameters
     ----------
     values
         The exposures.
     interval_ms
-        Median time between frames; None where it is unknown.
+        Median time between frames; None if it is unknown.
     source
-        What to call them in a message.
+        Name of the exposures in messages.
 
     Raises
     ------
@@ -94,13 +102,13 @@ def infer_unit(values: Sequence[float] | FloatArray, interval_ms: float | None, 
         if np.all((finite >= _SHORTEST_LOG2_S) & (finite <= _LONGEST_LOG2_S)):
             return ExposureUnit.LOG2_S
         raise ExposureError(
-            f"{source}: an exposure of {finite.min():g} is possible in no unit; state it or correct it"
+            f"{source}: an exposure of {finite.min():g} is possible in no unit; state the unit or correct the value"
         )
     positive = finite[finite > 0]
     if not positive.size:
-        raise ExposureError(f"{source}: holds no positive exposure; is it the right field?")
+        raise ExposureError(f"{source}: holds no positive exposure; check whether it is the right field")
     middle = float(np.median(positive))
-    longest = 1.1 * interval_ms if interval_ms is not None else _LONGEST_MS
+    longest = _INTERVAL_MARGIN * interval_ms if interval_ms is not None else _LONGEST_MS
     for unit in _LINEAR_UNITS:
         if _SHORTEST_MS <= middle * _IN_MS[unit] <= longest:
             return unit

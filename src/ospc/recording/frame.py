@@ -14,10 +14,10 @@ from ospc.errors import FrameError
 
 @dataclass(frozen=True)
 class Frame:
-    """A grey image with the exposure it was taken with; decoded only when :attr:`image` is first read.
+    """A grey image and its exposure; decoded only when :attr:`image` is first read.
 
-    Exposures are known before any pixel is looked at, so a calibrator can decide from them alone which frames are
-    worth decoding.
+    The exposure is known before the image is decoded, so a calibrator can choose from exposures alone which frames
+    to decode.
 
     Attributes
     ----------
@@ -28,18 +28,18 @@ class Frame:
     exposure_ms
         Exposure time in milliseconds times linear gain; finite and positive.
     name
-        What to call the frame in a message: its file name, usually.
+        Name of the frame in messages, usually its file name.
     load
-        Reads the image; raises :class:`~ospc.errors.FrameError` where that fails.
+        Reads the image; raises :class:`~ospc.errors.FrameError` if that fails.
     max_grey
-        Largest grey value the sensor delivers: 255 for 8 bit, 4095 for 12 bit.
+        Largest grey value the sensor delivers: 255 for 8 bits, 4095 for 12 bits.
     verify
-        Looks whether the image is there and whole, without decoding it; raises :class:`~ospc.errors.FrameError`
-        where it is not. None where only :attr:`image` can tell.
+        Checks that the image file is present and complete, without decoding it; raises
+        :class:`~ospc.errors.FrameError` if it is not. None if only decoding can tell.
     mask
-        True where pixels may be used, shape (height, width); None for everywhere.
+        True where pixels may be used, shape (height, width); None for all pixels.
     threads
-        Whether :attr:`load` and :attr:`verify` may be called by any thread.
+        Whether :attr:`load` and :attr:`verify` may be called from any thread.
     """
 
     index: int
@@ -62,7 +62,7 @@ class Frame:
         stamp_s: float = 0.0,
         max_grey: int | None = None,
     ) -> Frame:
-        """Make a frame of an image in memory.
+        """Make a frame from an image in memory.
 
         Parameters
         ----------
@@ -75,12 +75,12 @@ class Frame:
         stamp_s
             Time stamp in seconds.
         max_grey
-            Largest possible grey value; that of the data type where not given.
+            Largest possible grey value; by default that of the data type.
 
         Raises
         ------
         FrameError
-            If the array is not a grey image of 8 or 16 bit.
+            If the array is not a grey image of 8 or 16 bits.
         """
         name = f"frame {index}"
         checked = check_image(np.asarray(image), name)
@@ -100,7 +100,7 @@ class Frame:
 
 
 def check_image(image: Image, name: str) -> Image:
-    """Return the image if it is a grey image of 8 or 16 bit.
+    """Return the image if it is a grey image of 8 or 16 bits.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def check_image(image: Image, name: str) -> Image:
         If it is not.
     """
     if image.ndim != 2 or image.size == 0:
-        raise FrameError(f"{name}: a grey image has two dimensions, this has shape {image.shape}")
+        raise FrameError(f"{name}: a grey image has two dimensions, but this array has shape {image.shape}")
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: grey values must be uint8 or uint16, not {image.dtype}")
     return image

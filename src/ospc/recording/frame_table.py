@@ -1,4 +1,4 @@
-"""Which exposure and time stamp belong to which image."""
+"""Lists of frames: which exposure and time stamp belong to which image."""
 
 from __future__ import annotations
 
@@ -13,30 +13,29 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError
+from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.image_names import by_name, is_image_name
 from ospc.recording.wording import listed, quoted
 
-EXPOSURE_RANGE_MS = (1e-9, 1e9)
-"""From a picosecond to eleven days; outside of it a number is no exposure."""
-
 LARGEST_STAMP = 1e20
-"""Larger numbers are no time stamp in any unit."""
+"""Larger numbers are not time stamps in any unit."""
 
 _EPOCH_UNITS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
-"""Time stamps that count from 1970 tell their unit by their size: 1e11 s would be the year 5138."""
+"""Least value, scale and name of units of time stamps since 1970: 1e11 s would be the year 5138."""
 
 _INTEGER = re.compile(r"\d{1,30}", re.ASCII)
+"""Numbers of images; Python refuses to convert numbers that are much longer."""
 
 
 class Row(NamedTuple):
-    """One frame as a file lists it.
+    """One line of a list of frames.
 
     Attributes
     ----------
     line
         Line number, for messages.
     image
-        What the file calls the image; empty where it does not name it.
+        Name of the image in the list; empty if it is not named.
     stamp_s
         Time stamp in seconds.
     exposure_ms
@@ -51,14 +50,14 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FrameTable:
-    """A list of frames as a file gives it, checked.
+    """A checked list of frames.
 
     Attributes
     ----------
     source
         The file, for messages.
     ids
-        What the file calls each image; empty where it does not name them.
+        Names of the images in the list; empty if they are not named.
     stamps_s
         Time stamps in seconds, strictly increasing, shape (frames,).
     exposures_ms
@@ -66,7 +65,7 @@ class FrameTable:
     notes
         What was inferred.
     stamped
-        Whether the file gives time stamps; otherwise the frames are numbered, one a second.
+        Whether the list has time stamps; otherwise the frames are numbered, one per second.
     """
 
     source: str
@@ -82,19 +81,19 @@ class FrameTable:
 
 
 def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = (), *, stamped: bool = True) -> FrameTable:
-    """Check the rows of a list of frames and put them together.
+    """Check the rows of a list of frames and make a table of them.
 
     Parameters
     ----------
     source
         The file, for messages.
     rows
-        One per frame, in temporal order; either all name their image or none does. Stamps so large that they cannot
-        be seconds are scaled by what they must be.
+        One per frame, in temporal order; either all name their image or none does. Stamps too large for seconds are
+        converted from the unit that fits.
     notes
         What was inferred so far.
     stamped
-        Whether the stamps are those of the file.
+        Whether the stamps come from the file.
 
     Raises
     ------
@@ -123,23 +122,23 @@ def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = (), *, s
 
 
 def table_or_unlisted(read: Callable[[], FrameTable], source: str, frames: int, *, allowed: bool) -> FrameTable:
-    """Return the frames as they are listed, or, where their exposures are missing or unusable, with 1 ms each.
+    """Return the listed frames, or frames of 1 ms each if their exposures are missing or unusable.
 
     Parameters
     ----------
     read
-        Reads the list.
+        Reads the list; raises ExposureError if that fails.
     source
         Where the images are, for messages.
     frames
         Number of images.
     allowed
-        Whether to do without exposures.
+        Whether frames without known exposures are accepted.
 
     Raises
     ------
     ExposureError
-        If there are none, and they are needed.
+        If there are no usable exposures and that is not allowed.
     """
     try:
         return read()
@@ -150,10 +149,10 @@ def table_or_unlisted(read: Callable[[], FrameTable], source: str, frames: int, 
 
 
 def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
-    """Return frames of which no exposure is known."""
+    """Return frames with unknown exposures, 1 ms each."""
     ones = np.ones(len(stamps_s))
     ones.setflags(write=False)
-    return FrameTable(source, (), stamps_s, ones, (f"{source}: holds no exposures that can be used",), stamped)
+    return FrameTable(source, (), stamps_s, ones, (f"{source}: holds no usable exposures",), stamped)
 
 
 def _check_exposures(source: str, rows: Sequence[Row]) -> None:
@@ -170,7 +169,7 @@ def _check_exposures(source: str, rows: Sequence[Row]) -> None:
 def _check_stamps(source: str, rows: Sequence[Row]) -> None:
     for row in rows:
         if not abs(row.stamp_s) < LARGEST_STAMP:
-            raise RecordingError(f"{source}, line {row.line}: {row.stamp_s:g} is no time stamp; correct the line")
+            raise RecordingError(f"{source}, line {row.line}: {row.stamp_s:g} is not a time stamp; correct the line")
     for before, after in pairwise(rows):
         if after.stamp_s <= before.stamp_s:
             how = "the same time stamp" if before.stamp_s == after.stamp_s else "time goes back"
@@ -192,8 +191,8 @@ def _check_ids(source: str, rows: Sequence[Row]) -> None:
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Find the image of every row of a table.
 
-    Images belong to the row with their name, with their name without suffix, or with the same number; where rows
-    and images are merely counted differently (from 0, from 1) they correspond by order.
+    An image belongs to the row with its name, its name without suffix, or its number. If rows and images are both
+    numbered without gaps, but from different numbers, they correspond by order.
 
     Parameters
     ----------
@@ -216,8 +215,8 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     """
     if not table.ids:
         if len(table) != len(names):
-            raise _forward_backward_error(table, names, place, "")
-        return tuple(names), (f"{table.source}: names no images; they are taken in the order of their names",)
+            raise _mismatch(table, names, place, "")
+        return tuple(names), (f"{table.source}: names no images; they are matched in the order of their names",)
     by_key = _by_key(names, place)
     found = [by_key.get(image) or by_key.get(_number(image)) for image in table.ids]
     missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
@@ -227,26 +226,26 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
             return tuple(name for name in found if name is not None), ()
         none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
         if none_match or _counted(table.ids, names):
-            return tuple(names), (f"{table.source}: its ids are no names of images; they are matched by order",)
+            return tuple(names), (f"{table.source}: its ids are not names of images; they are matched by order",)
     detail = f"; no image for {listed(missing)}" if missing else ""
     detail += f"; no line for {listed(unused)}" if unused else ""
-    raise _forward_backward_error(table, names, place, detail)
+    raise _mismatch(table, names, place, detail)
 
 
-def _forward_backward_error(table: FrameTable, names: Sequence[str], place: str, detail: str) -> RecordingError:
+def _mismatch(table: FrameTable, names: Sequence[str], place: str, detail: str) -> RecordingError:
     same = "other images than the" if len(table) == len(names) else f"{len(table)} frames but there are"
     return RecordingError(
-        f"{table.source}: lists {same} {len(names)} images in {place}{detail}; there must be one line for each image"
+        f"{table.source}: lists {same} {len(names)} images in {place}{detail}; there must be one line per image"
     )
 
 
 def _number(text: str) -> str:
-    """Return a key under which 7, 07 and 00007 are the same, and no file name is found."""
+    """Return a key that is the same for 7, 07 and 00007 and differs from all file names."""
     return f"/{int(text)}" if _INTEGER.fullmatch(text) else ""
 
 
 def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
-    """Return every key an image may be asked for by; a key that stands for two images is an error."""
+    """Return the images by all the keys that may name them; refuse keys of two images."""
     keys: dict[str, str] = {}
     for name in names:
         path = PurePosixPath(name)
@@ -254,13 +253,13 @@ def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
             if keys.setdefault(key, name) != name:
                 raise RecordingError(
                     f"{place}: {quoted(keys[key])} and {quoted(name)} cannot be told apart by their names; "
-                    f"keep one of them"
+                    f"rename one of them"
                 )
     return keys
 
 
 def _counted(ids: Sequence[str], names: Sequence[str]) -> bool:
-    """Tell whether both rows and images are numbered without gaps, if from different numbers."""
+    """Tell whether rows and images are both numbered without gaps."""
     stems = [PurePosixPath(name).stem for name in names]
     return all(_consecutive(texts) for texts in (ids, stems))
 

@@ -1,24 +1,17 @@
-"""What tells one recording from another, to be written beside a result."""
+"""A description that tells one recording from another, stored with every result."""
 
 from __future__ import annotations
 
 from hashlib import sha256
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 
 from ospc.errors import FrameError
-from ospc.recording.recording import Recording
+from ospc.recording.recording import HasStoredBytes, Recording
 
 _SAMPLES = 5
-"""Images looked at, evenly spread: enough to tell recordings apart, few enough to take no time."""
-
-
-@runtime_checkable
-class _HasStoredBytes(Protocol):
-    """A recording that gives its images as they are stored, which costs less than decoding them."""
-
-    def stored_bytes(self, index: int) -> bytes: ...
+"""Images hashed, evenly spread: enough to tell recordings apart, few enough to cost nothing."""
 
 
 def identity(recording: Recording) -> dict[str, Any]:
@@ -50,7 +43,7 @@ def _images_sha256(recording: Recording, indices: list[int]) -> str:
     """Hash a few images; an unreadable one counts as empty."""
     channel = getattr(recording, "channel", None)
     total = sha256(b"" if channel is None else channel.value.encode())
-    if isinstance(recording, _HasStoredBytes):
+    if isinstance(recording, HasStoredBytes):
         for index in indices:
             try:
                 stored = recording.stored_bytes(index)

@@ -1,4 +1,4 @@
-"""A folder of images with a list of their exposures among them."""
+"""A folder with images and a list of their exposures."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ospc.recording.wording import listed
 _IMAGE_LIST = "image_list.txt"
 _NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)
 _MAX_CSV_FILES = 32
+"""CSV files of a folder that are searched for exposures; more belong to something else."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class ImageFolder:
         RecordingError
             If there are no images or they do not correspond to the list.
         ExposureError
-            If there is no list of exposures, more than one, or one with exposures missing or invalid.
+            If there is no list of exposures, more than one, or one with missing or invalid exposures.
         """
         if not path.is_dir():
             raise RecordingError(f"{path}: a {self.name} recording is a folder with images and a list of exposures")
@@ -54,7 +55,7 @@ class ImageFolder:
 
 
 def exposure_lists(path: Path) -> list[Path]:
-    """Return the files of a folder that are lists of exposures, by their name or their header."""
+    """Return the lists of exposures in a folder, recognised by their names or headers."""
     named = [path / name for name in _NAMES if (path / name).is_file()]
     csv_files = [p for p in sorted(path.glob("*.csv")) if p.is_file() and p not in named][:_MAX_CSV_FILES]
     return named + [p for p in csv_files if names_exposures(p)]
@@ -78,7 +79,7 @@ def _only_list(path: Path) -> Path:
 
 
 def read_exposures(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
-    """Read a list of exposures, whichever format its name says it is in."""
+    """Read a list of exposures in the format that its name implies."""
     return read_image_list(path) if path.name == _IMAGE_LIST else read_exposure_table(path, options)
 
 

@@ -1,7 +1,7 @@
-"""What an encoded image says about itself, read before any of it is decoded.
+"""Headers of encoded images, read and checked before decoding.
 
-A decoder allocates what the header asks for and gives back half a picture when the file ends early. Both are
-decided here from the bytes alone: the size is known before decoding, and a file without its end is an error.
+A decoder allocates what the header asks for, and returns half a picture if the file ends early. Checking the bytes
+first bounds the memory and refuses incomplete files.
 Sources: PNG specification (W3C, third edition), ITU-T T.81 (JPEG), Netpbm's pgm(5) and ppm(5), the Windows bitmap
 header, TIFF 6.0.
 """
@@ -26,7 +26,7 @@ class ImageHeader:
     width, height
         In pixels.
     channels
-        Number of channels as stored; a palette counts as colour.
+        Number of stored channels; a palette counts as colour.
     bits
         Bits per channel as stored.
     """
@@ -38,19 +38,19 @@ class ImageHeader:
 
 
 def read_header(data: bytes, name: str) -> ImageHeader:
-    """Read the header of an encoded image and check that its end is there.
+    """Read the header of an encoded image and check that the file is complete.
 
     Parameters
     ----------
     data
         The whole file.
     name
-        What to call it in a message.
+        Name of the image in messages.
 
     Raises
     ------
     FrameError
-        If it is of no known format, truncated or damaged.
+        If its format is unknown, or it is truncated or damaged.
     """
     for magic, parse in _FORMATS:
         if data.startswith(magic):
@@ -97,7 +97,7 @@ _JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
 
 
 def _jpeg(data: bytes) -> ImageHeader:
-    """Walk over the segments; a thumbnail's end, inside a segment, is not the picture's end."""
+    """Follow the segments: the end marker of a thumbnail inside a segment does not end the picture."""
     header = None
     place = 2
     while marker := _JPEG_MARKER.search(data, place):
@@ -119,6 +119,7 @@ def _jpeg(data: bytes) -> ImageHeader:
 _PNM_GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
 _PNM_HEADER = re.compile(rb"P[56]" + _PNM_GAP + (rb"(\d{1,9})" + _PNM_GAP) * 2 + rb"(\d{1,5})\s")
 _PNM_HEADER_BYTES = 4096
+"""Searched for the header, which may contain comments."""
 
 
 def _pnm(data: bytes) -> ImageHeader:
@@ -151,13 +152,14 @@ _TIFF_STRIPS, _TIFF_STRIP_BYTES = 273, 279
 _TIFF_TILE_WIDTH, _TIFF_TILE_HEIGHT, _TIFF_TILES, _TIFF_TILE_BYTES = 322, 323, 324, 325
 _TIFF_TAGS = frozenset({256, 257, 258, 273, 277, 279, 322, 323, 324, 325})
 _TIFF_MAX_VALUES = 2**20
+"""Values of one tag; a strip for each row of the largest image takes fewer."""
 
 
 def _tiff(data: bytes) -> ImageHeader:
     order = "<" if data[:2] == b"II" else ">"
     (start,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, start)
-    struct.unpack_from(order + "I", data, start + 2 + 12 * count)  # the link to a next directory must be there
+    struct.unpack_from(order + "I", data, start + 2 + 12 * count)  # the link to the next directory must exist
     tags: dict[int, tuple[int, ...]] = {}
     for place in range(start + 2, start + 2 + 12 * count, 12):
         tag, kind, number = struct.unpack_from(order + "HHI", data, place)

@@ -1,4 +1,4 @@
-"""``image_list.txt``, as static exposure series come with: file name, shutter time and its inverse.
+"""``image_list.txt`` of static exposure series: file name, exposure time and its inverse.
 
 Columns are ``file exposure[s] 1/exposure[1/s]``, optionally followed by f-stop, gain and neutral density.
 """
@@ -11,6 +11,9 @@ from ospc.errors import ExposureError
 from ospc.recording.frame_table import FrameTable, Row, make_table
 from ospc.recording.text_file import lines_of, parse_number, read_text
 
+_INVERSE_TOLERANCE = 0.01
+"""Relative rounding error allowed between an exposure time and its inverse."""
+
 _LAYOUT = "a line is 'file exposure[s] 1/exposure'"
 
 
@@ -22,7 +25,7 @@ def read_image_list(path: Path) -> FrameTable:
     RecordingError
         If it cannot be read or a line breaks the format; the message names the line.
     ExposureError
-        If exposures are missing or invalid, or depend on more than the shutter.
+        If exposures are missing or invalid, or other settings than the exposure time vary.
     """
     return parse_image_list(read_text(path), str(path))
 
@@ -40,17 +43,17 @@ def parse_image_list(text: str, source: str) -> FrameTable:
             raise ExposureError(f"{place}: has no exposure; {_LAYOUT}")
         exposure_s = parse_number(fields[1], "the exposure", place)
         others = [parse_number(field, "every further column", place) for field in fields[2:]]
-        # The two columns check each other: without the second the first might be anything.
-        if others and not abs(exposure_s * others[0] - 1) < 0.01:
+        # The inverse confirms that the column holds exposure times in seconds.
+        if others and not abs(exposure_s * others[0] - 1) < _INVERSE_TOLERANCE:
             raise ExposureError(
-                f"{place}: exposure {exposure_s:g} s and its inverse {others[0]:g} contradict each other; {_LAYOUT}"
+                f"{place}: the exposure {exposure_s:g} s contradicts its inverse {others[0]:g}; {_LAYOUT}"
             )
         if settings is None:
             settings = others[1:]
         if others[1:] != settings:
             raise ExposureError(
                 f"{place}: f-stop, gain or filter differ from those of the first image; keep images that differ in "
-                f"shutter time only, or list their exposures in a CSV file 'file,exposure_s'"
+                f"exposure time only, or list their exposures in a CSV file 'file,exposure_s'"
             )
         rows.append(Row(line, fields[0], float(len(rows)), exposure_s * 1000))
     return make_table(source, rows, (f"{source}: exposures are in seconds",), stamped=False)

@@ -6,11 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import Image
 from ospc.errors import OspcError
-from ospc.recording.channel import Channel
 from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, match_images
@@ -18,90 +16,41 @@ from ospc.recording.image_header import read_header
 from ospc.recording.image_source import ImageSource
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
+from ospc.recording.recording import StoredRecording
 from ospc.recording.wording import escaped
 
 
-@dataclass(frozen=True, eq=False)
-class ImageSequence:
-    """Frames in temporal order, each decoded when its image is asked for.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ImageSequence(StoredRecording):
+    """Frames that are image files, in a folder or an archive.
 
     Attributes
     ----------
-    path
-        Where it was opened from.
-    kind
-        Name of the kind of recording.
     source
         Where the image files are.
     names
         Name of the image file of every frame.
-    exposures_ms
-        Exposures in milliseconds, shape (frames,).
-    stamps_s
-        Time stamps in seconds, shape (frames,).
     layout
-        Size and bit depth of the first readable image; a frame of another size is an unreadable one.
-    notes
-        What a user should know about how it was read.
-    channel
-        Channel taken of colour images; luma where None.
+        Size and bit depth of the first readable image; frames that differ count as unreadable.
     """
 
-    path: Path
-    kind: str
     source: ImageSource = field(repr=False)
     names: tuple[str, ...] = field(repr=False)
-    exposures_ms: FloatArray = field(repr=False)
-    stamps_s: FloatArray = field(repr=False)
     layout: PixelLayout
-    notes: tuple[str, ...] = ()
-    channel: Channel | None = None
-
-    @property
-    def max_grey(self) -> int:
-        """Largest grey value the sensor delivers."""
-        return self.layout.depth.max_grey
-
-    @property
-    def size(self) -> ImageSize:
-        """Width and height of its frames in pixels."""
-        return self.layout.size
-
-    def __len__(self) -> int:
-        """Return the number of frames, unreadable ones included."""
-        return len(self.names)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames one by one, none decoded."""
+        """Yield the frames in order, not yet decoded."""
         for index, name in enumerate(self.names):
-            stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
-            yield Frame(
-                index,
-                stamp_s,
-                exposure_ms,
-                escaped(name),
-                partial(self._load, name),
-                self.max_grey,
-                partial(self._verify, name),
-                threads=True,
+            yield self._frame(
+                index, escaped(name), partial(self._load, name), partial(self._verify, name), threads=True
             )
 
-    def __enter__(self) -> ImageSequence:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close it."""
-        self.close()
-
     def close(self) -> None:
-        """Let go of open files; images cannot be read afterwards."""
+        """Close open files; images cannot be read afterwards."""
         self.source.close()
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return the file of a frame's image, to recognise the recording by.
+        """Return the image file of a frame.
 
         Raises
         ------
@@ -130,12 +79,12 @@ def open_sequence(
     options: ReadingOptions = DEFAULT,
     take_green: bool = False,
 ) -> ImageSequence:
-    """Put a list of frames and their image files together; closes the source where that fails.
+    """Combine a list of frames with their image files; closes the source if that fails.
 
     Parameters
     ----------
     path
-        Where the recording is opened from.
+        Path the recording is opened from.
     kind
         Name of the kind of recording.
     source
@@ -143,11 +92,11 @@ def open_sequence(
     table
         The frames with their exposures.
     notes
-        What is known about it so far.
+        Notes so far.
     options
-        What the user says about it.
+        What the user states about the recording.
     take_green
-        Whether to take the green pixels where the images are a Bayer mosaic.
+        Whether to take the green pixels if the images are a Bayer mosaic.
 
     Raises
     ------
@@ -166,6 +115,17 @@ def open_sequence(
     except OspcError:
         source.close()
         raise
-    numbered = () if table.stamped else (f"{table.source}: has no time stamps; frames are numbered, one a second",)
-    said = (*notes, *table.notes, *numbered, *matching, *pixels)
-    return ImageSequence(path, kind, source, names, table.exposures_ms, table.stamps_s, layout, said, options.channel)
+    numbered = () if table.stamped else (f"{table.source}: has no time stamps; frames are numbered, one per second",)
+    return ImageSequence(
+        path=path,
+        kind=kind,
+        size=layout.size,
+        max_grey=layout.depth.max_grey,
+        exposures_ms=table.exposures_ms,
+        stamps_s=table.stamps_s,
+        notes=(*notes, *table.notes, *numbered, *matching, *pixels),
+        channel=options.channel,
+        source=source,
+        names=names,
+        layout=layout,
+    )

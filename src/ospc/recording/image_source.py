@@ -1,4 +1,4 @@
-"""Where the image files of a recording are: in a folder or in a zip archive, which is never extracted."""
+"""Image files of a recording: in a folder, or in a zip archive that is never extracted."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from ospc.recording.image_names import by_name, is_image_name
 from ospc.recording.wording import escaped, quoted
 
 MAX_EXPANSION = 200
-"""A zip member may be this many times larger than its compressed form; photographs hardly compress at all."""
+"""Largest expansion of a zip member; photographs hardly compress at all."""
 
 FREE_EXPANSION_BYTES = 16 * 2**20
-"""Zip members up to this size may expand by more: a black image does."""
+"""Zip members up to this size may expand more, as black images do."""
 
 MAX_MEMBERS = 1_000_000
 """Zip archives with more members are refused."""
@@ -37,11 +37,11 @@ class ImageSource(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the image files, sorted; numbers in them by their value."""
+        """Names of the image files, sorted with numbers in numeric order."""
         ...
 
     def label(self, name: str) -> str:
-        """Return what to call an image file in a message."""
+        """Return the name of an image file in messages."""
         ...
 
     def read(self, name: str) -> bytes:
@@ -55,7 +55,7 @@ class ImageSource(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of open files; nothing can be read afterwards."""
+        """Close open files; nothing can be read afterwards."""
         ...
 
 
@@ -84,7 +84,7 @@ class FolderImages:
             If it cannot be listed.
         """
         try:
-            # is_file() keeps pipes and devices out: reading one would wait for ever.
+            # is_file() excludes pipes and devices, which could block forever.
             names = [p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file()]
         except OSError as error:
             raise RecordingError(f"{folder}: cannot be listed ({error.strerror}); check its rights") from None
@@ -104,7 +104,7 @@ class FolderImages:
         """
         try:
             with (self.place / name).open("rb") as file:
-                # Asking for the limit itself would reserve that much memory for every image.
+                # read(limit) would allocate that much memory for every image.
                 size = os.fstat(file.fileno()).st_size
                 data = file.read(min(size, MAX_FILE_BYTES) + 1)
         except OSError as error:
@@ -119,7 +119,7 @@ class FolderImages:
 
 @dataclass(frozen=True)
 class ZipImages:
-    """The image files of a zip archive; threads may read from it at the same time.
+    """The image files of a zip archive; threads may share it.
 
     Attributes
     ----------
@@ -141,14 +141,14 @@ class ZipImages:
         Raises
         ------
         RecordingError
-            If it is not a zip archive, is damaged, or has members that a recording has no reason to have.
+            If it is not a zip archive, is damaged, or has suspicious members.
         """
         try:
             archive = zipfile.ZipFile(path)
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file") from None
         except Exception:
-            # Damaged directories make it fail in ways it does not name.
+            # zipfile raises undocumented errors for damaged archives.
             raise RecordingError(f"{path}: not a zip archive, or damaged; copy or download it again") from None
         try:
             members = [m for m in archive.infolist() if _is_image_member(m.filename)]
@@ -174,7 +174,7 @@ class ZipImages:
         """
         size = self._archive.getinfo(name).file_size
         try:
-            # With a length the decompressor stops there, whatever the archive states about its members.
+            # With a length, decompression stops there whatever the archive contains.
             with self._lock, self._archive.open(name) as member:
                 data = member.read(size + 1)
         except Exception:
@@ -192,20 +192,20 @@ class ZipImages:
 
 
 def _is_image_member(name: str) -> bool:
-    """Tell whether a member is an image; archives made on macOS hold a hidden twin of every file."""
+    """Tell whether a member is an image; archives made on macOS contain a hidden twin of every file."""
     parts = re.split(r"[/\\]", name)
     return is_image_name(parts[-1]) and "__MACOSX" not in parts
 
 
 def _check_members(members: list[zipfile.ZipInfo], path: Path) -> None:
-    """Refuse what is hostile or ambiguous before anything is read."""
+    """Refuse hostile and ambiguous members before reading any."""
     for member in members:
         problem = _problem(member)
         if problem:
-            raise RecordingError(f"{path}: member {quoted(member.filename)} {problem}; make the archive anew")
+            raise RecordingError(f"{path}: member {quoted(member.filename)} {problem}; create the archive again")
     repeated = [name for name, count in Counter(m.filename for m in members).items() if count > 1]
     if repeated:
-        raise RecordingError(f"{path}: member {quoted(repeated[0])} is there twice; make the archive anew")
+        raise RecordingError(f"{path}: member {quoted(repeated[0])} appears twice; create the archive again")
     folders = sorted({str(PurePosixPath(m.filename).parent) for m in members})
     if len(folders) > 1:
         two = f"{quoted(folders[0])} and {quoted(folders[1])}"
@@ -213,7 +213,7 @@ def _check_members(members: list[zipfile.ZipInfo], path: Path) -> None:
 
 
 def _problem(member: zipfile.ZipInfo) -> str | None:
-    """Return what is wrong with a member, None where nothing is."""
+    """Return what is wrong with a member, None if nothing is."""
     name = member.filename
     problems = {
         "has a path that leads out of the archive": (
@@ -221,7 +221,7 @@ def _problem(member: zipfile.ZipInfo) -> str | None:
         ),
         "is a link": stat.S_ISLNK(member.external_attr >> 16),
         "is encrypted": bool(member.flag_bits & 1),
-        "is compressed by an unusual method": member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED),
+        "has an unsupported compression": member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED),
         f"has more than the {MAX_FILE_BYTES} bytes allowed": member.file_size > MAX_FILE_BYTES,
         f"expands to more than {MAX_EXPANSION} times its size": (
             member.file_size > max(FREE_EXPANSION_BYTES, MAX_EXPANSION * member.compress_size)

@@ -1,4 +1,12 @@
-"""The kinds of recordings, and how one is recognised."""
+"""The kinds of recordings, and how they are recognised.
+
+To add a kind, write one module in this package and add its name to ``_MODULES`` below. The module ends with
+``KIND = ...``, an object that satisfies :class:`Kind`; the simplest example is :mod:`ospc.recording.tum_mono`. Its
+``open`` usually returns an :class:`~ospc.recording.image_sequence.ImageSequence` or a subclass of
+:class:`~ospc.recording.recording.StoredRecording`. Options that the user must state are fields of
+:class:`~ospc.recording.options.ReadingOptions`. If a path can hold several cameras, the kind also has the method of
+:class:`~ospc.recording.rig.RigKind`.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +21,17 @@ from ospc.recording.recording import Recording
 from ospc.recording.wording import quoted
 
 _MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder", "video", "rosbag")
-"""Modules of this package, in the order in which they are asked; each has a ``KIND``."""
+"""Modules of this package with a ``KIND``; the first kind that recognises a path opens it."""
+
+_EXPECTED = (
+    "expected a folder with images/ or images.zip and times.txt (lines 'id stamp[s] exposure[ms]'), a folder of "
+    "images with a list of their exposures or with EXIF, a EuRoC folder, folders named by exposure, a video file, "
+    "or a ROS bag"
+)
 
 
 class Kind(Protocol):
-    """One kind of recording: recognises it and opens it."""
+    """One kind of recording: recognises and opens it."""
 
     @property
     def name(self) -> str:
@@ -25,7 +39,7 @@ class Kind(Protocol):
         ...
 
     def recognises(self, path: Path) -> bool:
-        """Tell from the content, cheaply, whether the path is of this kind."""
+        """Tell from the content, quickly, whether the path is of this kind."""
         ...
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> Recording:
@@ -40,33 +54,33 @@ class Kind(Protocol):
 
 
 def kinds() -> Iterator[Kind]:
-    """Give the known kinds in the order in which they are asked."""
+    """Yield the kinds in the order in which they are tried."""
     for module in _MODULES:
         kind: Kind = import_module(f"ospc.recording.{module}").KIND
         yield kind
 
 
 def open_recording(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> Recording:
-    """Open a recording; its kind is recognised from its content unless given.
+    """Open a recording.
 
     Parameters
     ----------
     path
         Folder or file.
     kind
-        Name of the kind, to override the recognition.
+        Name of the kind; None to recognise it from the content.
     options
-        What its content does not say, or says wrongly: units, topics, channel.
+        What the content does not state, or states wrongly: units, topics, channel.
 
     Returns
     -------
     Recording
-        Frames are read one by one when it is iterated over.
+        Its frames are read one by one when it is iterated over.
 
     Raises
     ------
     RecordingError
-        If there is nothing at the path, or it is of no known kind, or its parts do not belong together.
+        If the path does not exist, is of no known kind, or its parts do not match.
     """
     place = Path(path)
     known = list(kinds())
@@ -83,19 +97,12 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
         return chosen.open(place, options)
     if kind is not None:
         names = ", ".join(k.name for k in known)
-        raise RecordingError(f"no kind of recording is called {quoted(kind)}; known: {names}")
+        raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")
     raise RecordingError(f"{place}: {_reason(place)}; {_EXPECTED}")
 
 
-_EXPECTED = (
-    "expected a folder with images/ or images.zip and times.txt (lines 'id stamp[s] exposure[ms]'), a folder of "
-    "images with a list of their exposures or with EXIF, a EuRoC folder, folders named by exposure, a video file, "
-    "or a ROS bag"
-)
-
-
 def _reason(place: Path) -> str:
-    """Say why nothing recognised the path."""
+    """Say why no kind recognised the path."""
     if not place.is_dir():
         return "a file of this kind is not a recording"
     return "holds no images" if any(place.iterdir()) else "the folder is empty"

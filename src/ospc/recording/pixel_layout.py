@@ -1,4 +1,4 @@
-"""How the grey values of a recording are stored in its images, found from a few of them."""
+"""How a recording stores its grey values, inferred from a few of its images."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from ospc.recording.channel import Channel
 from ospc.recording.options import ReadingOptions
 
 _DEPTH_SAMPLES = 4
-"""Frames looked at for the bit depth: the first readable and those with the longest exposures, which use all bits."""
+"""Frames that decide the bit depth: the first readable and those with the longest exposures, which use all bits."""
 
 
 @dataclass(frozen=True)
 class StoredImage:
-    """An image as it is stored, of colour only the channel asked for.
+    """One channel of an image as it is stored.
 
     Attributes
     ----------
     pixels
         Shape (height, width), uint8 or uint16.
     colour
-        Whether it was in colour.
+        Whether the image was in colour.
     mosaic
-        Where the colours are if it is said to be a Bayer mosaic.
+        Arrangement of the colours if it is labelled as a Bayer mosaic.
     """
 
     pixels: Image
@@ -46,13 +46,13 @@ class PixelLayout:
     stored_size
         Width and height of the stored images.
     depth
-        Bits of the grey values.
+        Bit depth of the grey values.
     green
-        Which pixels of a Bayer mosaic are green; None where it is none, or all pixels are taken.
+        Which pixels of a Bayer mosaic are green; None if all pixels are used.
     channel
-        Which channel of the mosaic is taken.
+        Which channel of the mosaic is used.
     mosaic
-        Where its other colours are, if that is known.
+        Positions of its other colours, if they are known.
     """
 
     stored_size: ImageSize
@@ -68,24 +68,24 @@ class PixelLayout:
         return (width, height) if self.green is None else (width // 2, height // 2)
 
     def grey(self, stored: Image, label: str) -> Image:
-        """Return the grey image of a stored one.
+        """Convert a stored image to the grey image.
 
         Raises
         ------
         FrameError
-            If its size, type or grey values are not those of the others.
+            If its size, type or range of grey values differs from the others.
         """
         self.check_size((stored.shape[1], stored.shape[0]), label)
         aligned = _aligned(stored, self.depth, label)
         return aligned if self.green is None else self._of_mosaic(aligned, self.green)
 
     def check_size(self, size: ImageSize, label: str) -> None:
-        """Check that a stored image has the size of the others.
+        """Check the size of a stored image.
 
         Raises
         ------
         FrameError
-            If it has not.
+            If it differs from the others.
         """
         if size != self.stored_size:
             raise FrameError(
@@ -105,16 +105,18 @@ class PixelLayout:
 
 
 def _aligned(image: Image, depth: BitDepth, label: str) -> Image:
-    """Return the values with the empty bits below them taken away; values outside the depth are an error."""
+    """Shift out the empty low bits; refuse values that use other bits."""
     if image.dtype != (np.uint8 if depth.stored_bits == 8 else np.uint16):
-        raise FrameError(f"{label}: is not of {depth.stored_bits} bit like the others; bring all images to one type")
+        raise FrameError(
+            f"{label}: does not have {depth.stored_bits} bits like the others; bring all images to one type"
+        )
     if depth.bits == depth.stored_bits:
         return image
     shifted: Image = image >> depth.shift
     if int(shifted.max()) > depth.max_grey or (depth.shift and np.any(image & (2**depth.shift - 1))):
         raise FrameError(
-            f"{label}: has grey values beyond the {depth.bits} bits that others use; convert the recording to "
-            f"images that all use the same bits"
+            f"{label}: has grey values beyond the {depth.bits} bits that the others use; convert all images to "
+            f"the same bits"
         )
     return shifted
 
@@ -127,27 +129,27 @@ def find_layout(
     *,
     take_green: bool,
 ) -> tuple[PixelLayout, list[str]]:
-    """Find the layout from a few images, and what to tell about it.
+    """Infer the layout from a few images; return it with notes for the user.
 
     Parameters
     ----------
     read
-        Gives the image of a frame by its index; raises FrameError where that fails.
+        Returns the image of a frame by its index; raises FrameError if that fails.
     exposures_ms
         Exposure of every frame, shape (frames,).
     place
         Where the images are, for messages.
     options
-        What the user says about them.
+        What the user states about them.
     take_green
-        Whether to take the green pixels of what looks like a Bayer mosaic; otherwise it is only told of.
+        Whether to take the green pixels of images that look like a Bayer mosaic; otherwise a note says so.
 
     Raises
     ------
     RecordingError
         If no image is readable.
     SettingError
-        If the images have no such channel.
+        If the images do not have the requested channel.
     """
     first = _first(read, len(exposures_ms), place)
     depth = detect_bit_depth(_samples(first.pixels, read, exposures_ms))
@@ -163,13 +165,13 @@ def find_layout(
         return PixelLayout(size, depth), notes
     if options.channel is None and mosaic is None and not take_green:
         notes.append(
-            "images look like a Bayer mosaic, whose colours answer differently; take one of them with --channel"
+            "images look like a Bayer mosaic, whose colours have different responses; choose one with --channel"
         )
         return PixelLayout(size, depth), notes
     channel = options.channel or Channel.GREEN
     if channel is not Channel.GREEN and mosaic is None:
         raise SettingError(
-            f"{place}: its images do not say where in the Bayer mosaic {channel.value} is; state the pattern with "
+            f"{place}: its images do not state where {channel.value} is in the Bayer mosaic; state the pattern with "
             f"--bayer ({', '.join(Mosaic.PATTERNS)})"
         )
     return PixelLayout(size, depth, green, channel, mosaic), [*notes, _mosaic_note(channel)]
@@ -178,7 +180,7 @@ def find_layout(
 def _colour_note(channel: Channel | None) -> str:
     if channel in (None, Channel.LUMINANCE):
         return "colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B"
-    return f"of colour images the {channel.value} channel is taken"
+    return f"the {channel.value} channel is taken of colour images"
 
 
 def _mosaic_note(channel: Channel) -> str:
@@ -203,7 +205,7 @@ def _first(read: Callable[[int], StoredImage], count: int, place: str) -> Stored
 
 
 def _samples(first: Image, read: Callable[[int], StoredImage], exposures_ms: FloatArray) -> Iterator[Image]:
-    """Give the first image and, where there is more than 8 bit to find out about, those of longest exposure."""
+    """Yield the first image and, if it has 16 bits, those with the longest exposures."""
     yield first
     if first.dtype == np.uint8:
         return

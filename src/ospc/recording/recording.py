@@ -1,12 +1,16 @@
-"""What every recording offers."""
+"""What every recording offers, and the part that all readers of this package share."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from types import TracebackType
+from typing import Protocol, Self, runtime_checkable
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.recording.channel import Channel
 from ospc.recording.frame import Frame
 
 
@@ -19,7 +23,7 @@ class Recording(Protocol):
 
     @property
     def path(self) -> Path:
-        """Where it was opened from."""
+        """Path it was opened from."""
         ...
 
     @property
@@ -29,7 +33,7 @@ class Recording(Protocol):
 
     @property
     def size(self) -> ImageSize:
-        """Width and height of its frames in pixels."""
+        """Width and height of the frames in pixels."""
         ...
 
     @property
@@ -39,7 +43,7 @@ class Recording(Protocol):
 
     @property
     def exposures_ms(self) -> FloatArray:
-        """Exposure of every frame in milliseconds times linear gain, shape (frames,)."""
+        """Exposure time in milliseconds times linear gain of every frame, shape (frames,)."""
         ...
 
     @property
@@ -49,7 +53,7 @@ class Recording(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know about how it was read: units inferred, lines ignored."""
+        """What the user should know about how it was read: units that were inferred, lines that were ignored."""
         ...
 
     def __len__(self) -> int:
@@ -57,5 +61,97 @@ class Recording(Protocol):
         ...
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames one by one."""
+        """Yield the frames in order, not yet decoded."""
         ...
+
+
+@runtime_checkable
+class HasStoredBytes(Protocol):
+    """A recording that returns its images as they are stored, which is cheaper than decoding them."""
+
+    def stored_bytes(self, index: int) -> bytes:
+        """Return the stored form of a frame's image.
+
+        Raises
+        ------
+        FrameError
+            If it cannot be read.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StoredRecording(ABC):
+    """A recording whose images are decoded when they are asked for: the base class of this package's readers.
+
+    Attributes
+    ----------
+    path
+        Path it was opened from.
+    kind
+        Name of the kind of recording.
+    size
+        Width and height of the frames in pixels.
+    max_grey
+        Largest grey value the sensor delivers.
+    exposures_ms
+        Exposure time in milliseconds times linear gain of every frame, shape (frames,).
+    stamps_s
+        Time stamp of every frame in seconds, shape (frames,).
+    notes
+        What the user should know about how it was read.
+    channel
+        Channel taken from colour images; the default one if None.
+    """
+
+    path: Path
+    kind: str
+    size: ImageSize
+    max_grey: int
+    exposures_ms: FloatArray = field(repr=False)
+    stamps_s: FloatArray = field(repr=False)
+    notes: tuple[str, ...] = ()
+    channel: Channel | None = None
+
+    @abstractmethod
+    def stored_bytes(self, index: int) -> bytes:
+        """Return the stored form of a frame's image, which identifies the recording.
+
+        Raises
+        ------
+        FrameError
+            If it cannot be read.
+        """
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[Frame]:
+        """Yield the frames in order, not yet decoded."""
+
+    def __len__(self) -> int:
+        """Return the number of frames, unreadable ones included."""
+        return len(self.exposures_ms)
+
+    def __enter__(self) -> Self:
+        """Return the recording."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the recording."""
+        self.close()
+
+    def close(self) -> None:  # noqa: B027 (most recordings keep no file open)
+        """Close open files; images cannot be read afterwards."""
+
+    def _frame(
+        self,
+        index: int,
+        name: str,
+        load: Callable[[], Image],
+        verify: Callable[[], None] | None = None,
+        *,
+        threads: bool = False,
+    ) -> Frame:
+        stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
+        return Frame(index, stamp_s, exposure_ms, name, load, self.max_grey, verify, threads=threads)

@@ -1,4 +1,4 @@
-"""Recordings of several cameras at once: those of a EuRoC folder, of a bag, or of folders side by side."""
+"""Recordings of several cameras: a EuRoC folder, a bag, or folders side by side."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
 
 _MAX_CAMERAS = 64
+"""Rigs with more cameras are refused; the path is probably a collection of recordings."""
+
+_MAX_NAME_CHARACTERS = 80
+"""Length of the name of a camera, which names a folder."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 
 Opener = Callable[[], Recording]
@@ -24,7 +28,7 @@ class RigKind(Protocol):
     """A kind of recording that may hold several cameras."""
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-        """Return for each camera what to open it with, by its name.
+        """Return the path and the options that open each camera, by its name.
 
         Raises
         ------
@@ -35,23 +39,23 @@ class RigKind(Protocol):
 
 
 def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> dict[str, Opener]:
-    """Return what opens the recording of each camera of a rig, by the name of the camera.
+    """Return a function for each camera of a rig that opens its recording, by the name of the camera.
 
-    Cameras are opened one by one, so that one without exposures does not keep the others from being read.
+    Cameras are opened one by one, so that the others can be read if one has no exposures.
 
     Parameters
     ----------
     path
-        Folder or file; that of a single camera is a rig of one.
+        Folder or file; a single camera counts as a rig of one.
     kind
         Name of the kind of the recordings, to override the recognition.
     options
-        What their content does not say.
+        What their content does not state.
 
     Returns
     -------
     dict[str, Opener]
-        Names hold letters, digits, ``_``, ``-`` and ``.`` only, and can name a folder.
+        The names consist of letters, digits, ``_``, ``-`` and ``.``, and are valid names of folders.
 
     Raises
     ------
@@ -63,7 +67,9 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
         raise RecordingError(f"{place}: there is no such file or folder; check the path")
     found = dict(_parts(place, kind, options))
     if len(found) > _MAX_CAMERAS:
-        raise RecordingError(f"{place}: holds {len(found)} cameras, more than the {_MAX_CAMERAS} allowed")
+        raise RecordingError(
+            f"{place}: holds {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one of them"
+        )
     return {name: _opener(part, kind, of_part) for name, (part, of_part) in found.items()}
 
 
@@ -88,7 +94,7 @@ def _parts(
 def _named(
     cameras: dict[str, tuple[Path, ReadingOptions]],
 ) -> Iterator[tuple[str, tuple[Path, ReadingOptions]]]:
-    """Make names safe, and still different."""
+    """Make names safe and keep them distinct."""
     taken: set[str] = set()
     for name, part in cameras.items():
         safe, number = safe_name(name), 2
@@ -99,5 +105,5 @@ def _named(
 
 
 def safe_name(name: str) -> str:
-    """Return a name that can be that of a folder, of at most 80 characters."""
-    return _UNSAFE.sub("_", name).strip("._")[:80] or "camera"
+    """Return the name with everything replaced that does not fit a folder name."""
+    return _UNSAFE.sub("_", name).strip("._")[:_MAX_NAME_CHARACTERS] or "camera"

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import ExposureError, FrameError, RecordingError
 from ospc.recording.bags.bag import Bag, is_bag
 from ospc.recording.bags.carriers import Carrier, Reading, carrier_of
@@ -19,15 +18,17 @@ from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import read_image, read_stamp_ns
 from ospc.recording.bags.image_stream import ImageStream
 from ospc.recording.bags.matching import Times, match
+from ospc.recording.bags.messages import DamagedMessageError
 from ospc.recording.bags.topics import exposure_topic, image_topic, image_topics
-from ospc.recording.bags.wire import DamagedMessageError
-from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import GainUnit, infer_unit
+from ospc.recording.exposure_units import EXPOSURE_RANGE_MS, GainUnit, infer_unit
 from ospc.recording.frame import Frame
-from ospc.recording.frame_table import EXPOSURE_RANGE_MS, unlisted
+from ospc.recording.frame_table import unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
+from ospc.recording.recording import StoredRecording
 from ospc.recording.wording import escaped, listed
+
+_NS_PER_S, _NS_PER_MS = 1e9, 1e6
 
 
 @dataclass(frozen=True)
@@ -41,16 +42,16 @@ class Rosbag:
         return is_bag(path)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> BagRecording:
-        """Open the bag and go through it once, for time stamps and exposures.
+        """Open the bag and read it once, for time stamps and exposures.
 
         Raises
         ------
         RecordingError
-            If it is no bag, damaged, ends early, or has no such images.
+            If it is not a bag, is damaged, ends early, or lacks the images.
         ExposureError
-            If the exposures are missing, or it is unclear where they are or in which unit.
+            If the exposures are missing, or their topic, field or unit has to be stated.
         MissingExtraError
-            If the optional dependency for its format is not installed.
+            If the optional dependency for bags is not installed.
         """
         bag = Bag.at(path)
         images, notes = image_topic(bag, options)
@@ -62,164 +63,135 @@ class Rosbag:
             return _without_exposures(bag, images, notes, options)
         source = f"{path}: {escaped(carrying.name)}"
         carrier = carrier_of(carrying, options)
-        contents = _go_through(bag, images, carrying, carrier)
-        if not len(contents.images.log_ns):
-            raise RecordingError(f"{path}: {escaped(images.name)} holds no images")
-        if not len(contents.exposures.log_ns):
-            raise ExposureError(f"{source}: holds no exposures ({carrier.says})")
-        matching = match(contents.images, contents.exposures, source)
-        kept = np.flatnonzero(matching.exposure >= 0)
-        stamps_ns, kept, stamp_notes = _increasing(contents.images, kept, str(path))
-        values, unit_notes = _in_ms(contents, carrier, _interval_ms(stamps_ns), source)
-        exposures_ms = _checked(values[matching.exposure[kept]], source)
-        stream = ImageStream(bag, images, contents.images.log_ns)
-        load = partial(_load, stream, images, options)
-        layout, pixel_notes = find_layout(
-            lambda i: load(int(kept[i])), exposures_ms, f"{path}: {escaped(images.name)}", options, take_green=True
+        found = _read_through(bag, images, carrying, carrier)
+        if not len(found.exposures.log_ns):
+            raise ExposureError(f"{source}: holds no exposures ({carrier.summary}); state another topic")
+        matching = match(found.images, found.exposures, source)
+        messages, stamps_ns, stamp_notes = _increasing(
+            found.images, np.flatnonzero(matching.exposure >= 0), str(path)
         )
-        said = [*notes, *unit_notes, *matching.notes, *stamp_notes, *pixel_notes]
-        stamps_s = stamps_ns / 1e9
-        stamps_s.setflags(write=False)
-        return BagRecording(
-            path, bag, images, options, exposures_ms, stamps_s, layout, kept, contents.images, tuple(said)
-        )
+        values, unit_notes = _in_ms(found, carrier, _interval_ms(stamps_ns), source)
+        exposures_ms = _checked(values[matching.exposure[messages]], source)
+        said = (*notes, *unit_notes, *matching.notes, *stamp_notes)
+        frames = _Frames(found.images, messages, exposures_ms, stamps_ns / _NS_PER_S)
+        return _recording(bag, images, options, frames, said)
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-        """Return the cameras of the bag by the names of their topics; the one topic that is named, if any.
+        """Return the cameras of the bag by the names of their topics; only the stated topic if there is one.
 
         Raises
         ------
         RecordingError
-            If it is no bag, damaged, ends early, or has no such images.
+            If it is not a bag, is damaged, ends early, or lacks the images.
         MissingExtraError
-            If the optional dependency for its format is not installed.
+            If the optional dependency for bags is not installed.
         """
         bag = Bag.at(path)
         topics = image_topics(bag) if options.image_topic is None else []
         return camera_names(topics or [image_topic(bag, options)[0]], path, options)
 
 
-@dataclass(frozen=True, eq=False)
-class BagRecording:
-    """Images of one topic of a bag, each read when it is asked for.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BagRecording(StoredRecording):
+    """Images of one topic of a bag.
 
     Attributes
     ----------
-    path
-        The bag.
     bag
-        Its files.
+        The bag.
     topic
         The topic with the images.
     options
-        What the user says about it.
-    exposures_ms
-        Exposure of every frame in milliseconds times linear gain, shape (frames,).
-    stamps_s
-        Time stamp of every frame in seconds, shape (frames,).
+        What the user states about the recording.
     layout
-        What its images have in common.
-    kept
+        What the images have in common.
+    numbers
         Number of the message of every frame, shape (frames,).
     times
         When the messages of the topic were sent and recorded.
-    notes
-        What a user should know about how it was read.
     """
 
-    path: Path
     bag: Bag = field(repr=False)
     topic: Topic
     options: ReadingOptions
-    exposures_ms: FloatArray = field(repr=False)
-    stamps_s: FloatArray = field(repr=False)
     layout: PixelLayout
-    kept: npt.NDArray[np.int64] = field(repr=False)
+    numbers: IntArray = field(repr=False)
     times: Times = field(repr=False)
-    notes: tuple[str, ...] = ()
-    kind: str = "rosbag"
-
-    @property
-    def channel(self) -> Channel | None:
-        """Channel taken of colour images; None where the user did not say."""
-        return self.options.channel
-
-    @property
-    def size(self) -> ImageSize:
-        """Width and height of its frames in pixels."""
-        return self.layout.size
-
-    @property
-    def max_grey(self) -> int:
-        """Largest grey value the sensor delivers."""
-        return self.layout.depth.max_grey
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self.kept)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames one by one, none decoded; they share one way through the bag."""
+        """Yield the frames in order, not yet decoded; they share one pass through the bag."""
         stream = ImageStream(self.bag, self.topic, self.times.log_ns)
-        for index in range(len(self)):
-            stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
-            name = _label(self.topic, int(self.kept[index]))
-            yield Frame(index, stamp_s, exposure_ms, name, partial(self._load, stream, index), self.max_grey)
+        for index, number in enumerate(self.numbers.tolist()):
+            yield self._frame(index, _label(self.topic, number), partial(self._load, stream, number))
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return the message of a frame, to recognise the recording by.
+        """Return the message of a frame.
 
         Raises
         ------
         FrameError
             If it cannot be read.
         """
-        stream = ImageStream(self.bag, self.topic, self.times.log_ns)
-        return _read(stream, int(self.kept[index]))
+        return _read(ImageStream(self.bag, self.topic, self.times.log_ns), int(self.numbers[index]))
 
-    def _load(self, stream: ImageStream, index: int) -> Image:
-        number = int(self.kept[index])
+    def _load(self, stream: ImageStream, number: int) -> Image:
         stored = _load(stream, self.topic, self.options, number)
         return self.layout.grey(stored.pixels, _label(self.topic, number))
 
 
 @dataclass(frozen=True)
-class _Contents:
-    """What going through a bag gave."""
+class _Frames:
+    """Times of all image messages; number, exposure and time stamp of those that are frames."""
 
-    images: Times
-    exposures: Times
-    values: FloatArray
-    gains: FloatArray
+    times: Times
+    numbers: IntArray
+    exposures_ms: FloatArray
+    stamps_s: FloatArray
+
+
+def _recording(
+    bag: Bag, images: Topic, options: ReadingOptions, frames: _Frames, notes: Sequence[str]
+) -> BagRecording:
+    """Find out how the images are stored and put the recording together."""
+    load = partial(_load, ImageStream(bag, images, frames.times.log_ns), images, options)
+    layout, pixel_notes = find_layout(
+        lambda i: load(int(frames.numbers[i])),
+        frames.exposures_ms,
+        f"{bag.path}: {escaped(images.name)}",
+        options,
+        take_green=True,
+    )
+    frames.stamps_s.setflags(write=False)
+    return BagRecording(
+        path=bag.path,
+        kind="rosbag",
+        size=layout.size,
+        max_grey=layout.depth.max_grey,
+        exposures_ms=frames.exposures_ms,
+        stamps_s=frames.stamps_s,
+        notes=(*notes, *pixel_notes),
+        channel=options.channel,
+        bag=bag,
+        topic=images,
+        options=options,
+        layout=layout,
+        numbers=frames.numbers,
+        times=frames.times,
+    )
 
 
 def _without_exposures(bag: Bag, images: Topic, notes: Sequence[str], options: ReadingOptions) -> BagRecording:
-    times = _image_times(bag, images)
-    source = f"{bag.path}: {escaped(images.name)}"
-    if not len(times.log_ns):
-        raise RecordingError(f"{source} holds no images")
-    stamps_ns, kept, stamp_notes = _increasing(times, np.arange(len(times.log_ns)), str(bag.path))
-    table = unlisted(str(bag.path), stamps_ns / 1e9, stamped=True)
-    load = partial(_load, ImageStream(bag, images, times.log_ns), images, options)
-    layout, pixel_notes = find_layout(
-        lambda i: load(int(kept[i])), table.exposures_ms, source, options, take_green=True
-    )
-    said = (*notes, *table.notes, *stamp_notes, *pixel_notes)
-    return BagRecording(bag.path, bag, images, options, table.exposures_ms, table.stamps_s, layout, kept, times, said)
-
-
-def _image_times(bag: Bag, images: Topic) -> Times:
-    columns = array("q"), array("q")
-    for message in bag.messages({images.name}):
-        columns[0].append(_stamp(message.data, images))
-        columns[1].append(message.log_ns)
-    return Times(*(np.array(column, dtype=np.int64) for column in columns))
+    times = _read_through(bag, images).images
+    messages, stamps_ns, stamp_notes = _increasing(times, np.arange(len(times.log_ns)), str(bag.path))
+    table = unlisted(str(bag.path), stamps_ns / _NS_PER_S, stamped=True)
+    frames = _Frames(times, messages, table.exposures_ms, table.stamps_s)
+    return _recording(bag, images, options, frames, (*notes, *table.notes, *stamp_notes))
 
 
 def camera_names(
     topics: Sequence[Topic], path: Path, options: ReadingOptions
 ) -> dict[str, tuple[Path, ReadingOptions]]:
-    """Name cameras by their topics: ``/cam0/image_raw`` is ``cam0`` unless another topic is, too."""
+    """Name cameras after their topics: ``/cam0/image_raw`` is ``cam0`` unless another topic would get that name."""
     short = [_short_name(topic.name) for topic in topics]
     full = [topic.name.strip("/").replace("/", "_") for topic in topics]
     names = [name if short.count(name) == 1 else long for name, long in zip(short, full, strict=True)]
@@ -232,82 +204,101 @@ def _short_name(topic: str) -> str:
     return "_".join(named or parts)
 
 
-def _go_through(bag: Bag, images: Topic, carrying: Topic, carrier: Carrier) -> _Contents:
-    """Collect times of images, and exposures; one message at a time is in memory."""
-    image_times, exposure_times = (array("q"), array("q")), (array("q"), array("q"))
+@dataclass(frozen=True)
+class _Contents:
+    """Times of the images; times, values and gains of the exposures in the units of their carrier."""
+
+    images: Times
+    exposures: Times
+    values: FloatArray
+    gains: FloatArray
+
+
+def _read_through(
+    bag: Bag, images: Topic, carrying: Topic | None = None, carrier: Carrier | None = None
+) -> _Contents:
+    """Read times and exposures of a bag; one message at a time is in memory."""
+    image_stamps, image_logs, exposure_stamps, exposure_logs = (array("q") for _ in range(4))
     values, gains = array("d"), array("d")
-    read = carrier.readings(carrying)
-    for message in bag.messages({images.name, carrying.name}):
-        try:
+    topic = images
+    try:
+        read: Callable[[bytes], Reading | None] | None = None
+        if carrying is not None and carrier is not None:
+            topic = carrying
+            read = carrier.readings(carrying)
+        for message in bag.messages({images.name} | ({carrying.name} if carrying else set())):
             if message.topic == images.name:
-                image_times[0].append(_stamp(message.data, images))
-                image_times[1].append(message.log_ns)
-            if message.topic == carrying.name:
-                reading: Reading | None = read(message.data)
+                topic = images
+                image_stamps.append(_stamp_ns(message.data, images))
+                image_logs.append(message.log_ns)
+            if carrying is not None and read is not None and message.topic == carrying.name:
+                topic = carrying
+                reading = read(message.data)
                 if reading is not None:
-                    exposure_times[0].append(reading.stamp_ns or 0)
-                    exposure_times[1].append(message.log_ns)
+                    exposure_stamps.append(reading.stamp_ns or 0)
+                    exposure_logs.append(message.log_ns)
                     values.append(reading.exposure)
                     gains.append(reading.gain)
-        except (DamagedMessageError, OverflowError) as error:
-            raise RecordingError(
-                f"{bag.path}: a message of {escaped(message.topic)} cannot be read: {error}"
-            ) from None
+    except (DamagedMessageError, OverflowError) as error:
+        raise RecordingError(f"{bag.path}: a message of {escaped(topic.name)} cannot be read: {error}") from None
+    if not image_logs:
+        raise RecordingError(f"{bag.path}: {escaped(images.name)} holds no images; choose another with --image-topic")
     return _Contents(
-        Times(*(np.array(column, dtype=np.int64) for column in image_times)),
-        Times(*(np.array(column, dtype=np.int64) for column in exposure_times)),
+        Times(_column(image_stamps), _column(image_logs)),
+        Times(_column(exposure_stamps), _column(exposure_logs)),
         np.array(values, dtype=np.float64),
         np.array(gains, dtype=np.float64),
     )
 
 
-def _stamp(data: bytes, topic: Topic) -> int:
+def _column(values: array[int]) -> IntArray:
+    return np.array(values, dtype=np.int64)
+
+
+def _stamp_ns(data: bytes, topic: Topic) -> int:
     try:
-        return max(0, read_stamp_ns(data, topic.encoding))
+        return max(0, read_stamp_ns(data, topic.type, topic.encoding))
     except DamagedMessageError:
-        # The image is unreadable, which is said when it is asked for.
+        # The error is raised when the image is read.
         return 0
 
 
-def _increasing(
-    times: Times, kept: npt.NDArray[np.int64], path: str
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], list[str]]:
-    """Return time stamps that increase, the images they belong to, and what was left out."""
-    stamps, notes = times.stamp_ns[kept], []
-    if np.any(stamps <= 0):
-        stamps = times.log_ns[kept]
-        notes.append(f"{path}: some images have no time stamp; the times at which they were recorded are taken")
-    # An image is kept if it is later than all before it.
-    latest = np.maximum.accumulate(stamps)
-    late = np.concatenate([[True], stamps[1:] > latest[:-1]])
-    if not late.all():
-        notes.append(
-            f"{path}: {np.count_nonzero(~late)} images whose time stamp is not after the one before are left out"
-        )
-    return stamps[late], kept[late], notes
+def _increasing(times: Times, messages: IntArray, path: str) -> tuple[IntArray, IntArray, list[str]]:
+    """Return the messages in temporal order, their time stamps in nanoseconds, and notes about those left out."""
+    stamps_ns, notes = times.stamp_ns[messages], []
+    if np.any(stamps_ns <= 0):
+        stamps_ns = times.log_ns[messages]
+        notes.append(f"{path}: some images have no time stamp; the times of recording are used instead")
+    # An image is kept if it is later than all images before it.
+    latest = np.maximum.accumulate(stamps_ns)
+    later = np.concatenate([[True], stamps_ns[1:] > latest[:-1]])
+    if not later.all():
+        count = np.count_nonzero(~later)
+        notes.append(f"{path}: {count} images whose time stamps do not increase are left out")
+    return messages[later], stamps_ns[later], notes
 
 
-def _interval_ms(stamps_ns: npt.NDArray[np.int64]) -> float | None:
-    return float(np.median(np.diff(stamps_ns))) / 1e6 if len(stamps_ns) > 1 else None
+def _interval_ms(stamps_ns: IntArray) -> float | None:
+    return float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None
 
 
 def _in_ms(
-    contents: _Contents, carrier: Carrier, interval_ms: float | None, source: str
+    found: _Contents, carrier: Carrier, interval_ms: float | None, source: str
 ) -> tuple[FloatArray, list[str]]:
-    """Return exposure times gain in milliseconds, and how that was found."""
-    unit = carrier.unit or infer_unit(contents.values, interval_ms, source)
+    """Return exposure times gain in milliseconds, and notes about the units."""
+    unit = carrier.unit or infer_unit(found.values, interval_ms, source)
     how = "" if carrier.unit is not None else f" taken as {unit.value}, by their size and the frame rate"
-    notes = [f"{source}: exposures are {carrier.says}{how}"]
+    notes = [f"{source}: exposures are {carrier.summary}{how}"]
     gain_unit = carrier.gain_unit
     if gain_unit is None:
-        if np.ptp(contents.gains) > 0:
+        if np.ptp(found.gains) > 0:
             raise ExposureError(
-                f"{source}: the gain changes from {contents.gains.min():g} to {contents.gains.max():g} in the "
+                f"{source}: the gain changes from {found.gains.min():g} to {found.gains.max():g} in the "
                 f"camera's own unit; state the unit with --gain-unit (linear, db, iso, or none to ignore it)"
             )
         gain_unit = GainUnit.NONE
-        notes.append(f"{source}: the gain is constant and left out of account")
-    return unit.to_ms(contents.values) * gain_unit.linear(contents.gains), notes
+        notes.append(f"{source}: the gain is constant and ignored")
+    return unit.to_ms(found.values) * gain_unit.linear(found.gains), notes
 
 
 def _checked(values: FloatArray, source: str) -> FloatArray:
@@ -316,7 +307,7 @@ def _checked(values: FloatArray, source: str) -> FloatArray:
     if bad.size:
         raise ExposureError(
             f"{source}: exposure times gain must be a positive number of milliseconds, not {values[bad[0]]:g} as for "
-            f"image {listed([int(i) for i in bad])}; state unit or gain, or leave the gain out with --gain-unit none"
+            f"image {listed([int(i) for i in bad])}; state the unit or the gain, or ignore it with --gain-unit none"
         )
     values.setflags(write=False)
     return values
@@ -327,7 +318,7 @@ def _load(stream: ImageStream, topic: Topic, options: ReadingOptions, number: in
     try:
         return read_image(_read(stream, number), topic.type, topic.encoding, label, options.channel)
     except DamagedMessageError as error:
-        raise FrameError(f"{label}: {error}") from None
+        raise FrameError(f"{label}: {error}; leave it out") from None
 
 
 def _read(stream: ImageStream, number: int) -> bytes:

@@ -1,4 +1,4 @@
-"""Frames from whatever Python can iterate over."""
+"""Frames from any iterable."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ospc.errors import ExposureError, FrameError
 from ospc.recording.frame import Frame
 
 Item: TypeAlias = Frame | tuple[Image, float] | tuple[Image, float, float]
-"""A frame, or an image with its exposure in ms, or with its exposure in ms and its time stamp in s."""
+"""A frame, an image with its exposure in ms, or an image with its exposure in ms and time stamp in s."""
 
 
 def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator[Frame]:
-    """Give frames as they come out of any iterable; none is kept.
+    """Yield frames from any iterable; none is kept.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
         Frames, or tuples ``(image, exposure_ms)`` or ``(image, exposure_ms, stamp_s)`` with grey images of shape
         (height, width), uint8 or uint16.
     max_grey
-        Largest grey value of the images; has to be stated where they have more than 8 bit.
+        Largest grey value of the images; required if they have more than 8 bits.
 
     Raises
     ------
@@ -46,9 +46,7 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
 
 def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
     if not isinstance(item, tuple | list) or len(item) not in (2, 3):
-        raise FrameError(
-            f"item {index}: is neither a frame nor (image, exposure_ms) or (image, exposure_ms, stamp_s)"
-        )
+        raise FrameError(f"item {index}: must be a frame, (image, exposure_ms) or (image, exposure_ms, stamp_s)")
     image = np.asarray(item[0])
     try:
         exposure_ms, stamp_s = float(item[1]), float(item[2]) if len(item) == 3 else float(index)
@@ -58,6 +56,6 @@ def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
         raise ExposureError(f"item {index}: exposure {exposure_ms} ms is not a positive number")
     if image.dtype != np.uint8 and max_grey is None:
         raise FrameError(
-            f"item {index}: has grey values of type {image.dtype}; state max_grey, the largest the sensor delivers"
+            f"item {index}: has grey values of type {image.dtype}; state max_grey, the largest value of the sensor"
         )
     return Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)

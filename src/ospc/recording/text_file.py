@@ -1,4 +1,4 @@
-"""Small text files that come with a recording, read without trust."""
+"""Small text files of a recording, which are not trusted."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ospc.errors import RecordingError
 from ospc.recording.wording import quoted
 
 MAX_TEXT_BYTES = 64 * 2**20
-"""Larger text files are refused; a million frames need less."""
+"""Larger text files are refused; a list of a million frames is smaller."""
 
 MAX_LINES = 1_000_000
-"""Text files with more lines are refused: at 30 frames a second they would list nine hours."""
+"""Text files with more lines are refused: that is nine hours at 30 frames per second."""
 
 MAX_LINE_CHARACTERS = 4096
-"""Text files with longer lines are refused; a frame needs about fifty characters."""
+"""Text files with longer lines are refused; a frame takes about fifty characters."""
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE | re.ASCII)
@@ -33,12 +33,12 @@ def read_text(path: Path) -> str:
     """
     try:
         with path.open("rb") as file:
-            # Asking for the limit itself would reserve that much memory.
+            # read(limit) would allocate that much memory.
             data = file.read(min(os.fstat(file.fileno()).st_size, MAX_TEXT_BYTES) + 1)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
     if len(data) > MAX_TEXT_BYTES:
-        raise RecordingError(f"{path}: larger than the {MAX_TEXT_BYTES} bytes allowed; is it the right file?")
+        raise RecordingError(f"{path}: larger than the {MAX_TEXT_BYTES} bytes allowed; check the file")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -49,7 +49,7 @@ def read_text(path: Path) -> str:
 
 
 def lines_of(text: str, source: str) -> list[tuple[int, str]]:
-    """Return the lines with their numbers from 1, as an editor counts them; blank ones left out.
+    """Return the lines that are not blank, with their numbers as an editor counts them.
 
     Raises
     ------
@@ -57,12 +57,12 @@ def lines_of(text: str, source: str) -> list[tuple[int, str]]:
         If there are too many lines or one is too long.
     """
     if text.count("\n") + text.count("\r") > 2 * MAX_LINES:
-        raise RecordingError(f"{source}: has more than the {MAX_LINES} lines allowed; is it the right file?")
+        raise RecordingError(f"{source}: has more than the {MAX_LINES} lines allowed; check the file")
     lines = [(number, line.strip()) for number, line in enumerate(_LINE_END.split(text), start=1) if line.strip()]
     for number, line in lines:
         if len(line) > MAX_LINE_CHARACTERS:
             raise RecordingError(
-                f"{source}, line {number}: longer than {MAX_LINE_CHARACTERS} characters; is it the right file?"
+                f"{source}, line {number}: longer than {MAX_LINE_CHARACTERS} characters; check the file"
             )
     return lines
 
@@ -73,16 +73,16 @@ def is_number(text: str) -> bool:
 
 
 def parse_number(text: str, what: str, place: str) -> float:
-    """Return the number written in a field; NaN and infinities are numbers here, for the caller to judge.
+    """Return the number in a field; NaN and infinities count as numbers, for the caller to judge.
 
     Parameters
     ----------
     text
         The field.
     what
-        What belongs there, as the subject of a sentence.
+        What the field holds, as the subject of a sentence.
     place
-        File and line, for the message.
+        File and line, for messages.
 
     Raises
     ------

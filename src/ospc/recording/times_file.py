@@ -14,6 +14,10 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.text_file import lines_of, parse_number, read_text
 
 _COLUMNS = 3
+"""Columns of a line: id, time stamp, exposure."""
+
+_LONG_EXPOSURE = 1.5
+"""Ratio of exposure to frame interval beyond which the unit is doubtful; time stamps jitter."""
 
 
 def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
@@ -24,7 +28,7 @@ def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     RecordingError
         If it cannot be read or a line breaks the format; the message names the line.
     ExposureError
-        If it has no exposures or one that is not a positive number.
+        If exposures are missing or not positive.
     """
     return parse_times(read_text(path), str(path), options)
 
@@ -37,16 +41,16 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
     text
         Content of the file.
     source
-        What to call it in a message.
+        Name of the file in messages.
     options
-        What the user says about the unit; otherwise it is ms.
+        What the user states about the unit, which is ms by default.
 
     Raises
     ------
     RecordingError
         If a line breaks the format; the message names it.
     ExposureError
-        If it has no exposures or one that is not a positive number.
+        If exposures are missing or not positive.
     """
     rows = [(number, line.split()) for number, line in lines_of(text, source) if not line.startswith("#")]
     if options.unknown_exposures:
@@ -75,13 +79,13 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
 
 
 def _with_remark(table: FrameTable) -> FrameTable:
-    """Add what to do where the exposures are longer than the time between frames."""
+    """Add a note if the exposures are longer than the frame interval."""
     interval_ms = 1e3 * float(np.median(np.diff(table.stamps_s))) if len(table) > 1 else math.inf
     middle_ms = float(np.median(table.exposures_ms))
-    if middle_ms <= 1.5 * interval_ms:
+    if middle_ms <= _LONG_EXPOSURE * interval_ms:
         return table
     remark = (
         f"{table.source}: exposures of {middle_ms:.4g} ms are longer than the {interval_ms:.4g} ms between frames; "
-        f"if they are in µs, say so with --exposure-unit us"
+        f"if they are in µs, state --exposure-unit us"
     )
     return replace(table, notes=(*table.notes, remark))

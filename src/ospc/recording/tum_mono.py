@@ -25,7 +25,7 @@ class TumMono:
     name: str = "tum_mono"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path is a folder with such images in it."""
+        """Tell whether the path is a folder that contains them."""
         return (path / _FOLDER).is_dir() or (path / _ARCHIVE).is_file()
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
@@ -34,7 +34,7 @@ class TumMono:
         Raises
         ------
         RecordingError
-            If a part is missing or cannot be read, or images and times do not correspond.
+            If a part is missing or unreadable, or images and times do not correspond.
         ExposureError
             If exposures are missing or invalid.
         """
@@ -54,23 +54,23 @@ class TumMono:
 
 
 def _without_exposures(times: Path, options: ReadingOptions, source: ImageSource) -> FrameTable:
-    """Return the frames with whatever is known of them."""
+    """Return the frames with exposures if they can be read."""
 
     def read() -> FrameTable:
         if not times.is_file():
-            raise ExposureError(f"{times}: is not there")
+            raise ExposureError(f"{times}: does not exist")
         return read_times(times, options)
 
     return table_or_unlisted(read, str(source.place), len(source.names), allowed=True)
 
 
 def _images(path: Path) -> tuple[ImageSource, tuple[str, ...]]:
-    """Return the images; of a folder and an archive, the folder, unless it is empty."""
+    """Return the images in the folder, or in the archive if the folder is empty or missing."""
     folder, archive = path / _FOLDER, path / _ARCHIVE
     if folder.is_dir():
         files = FolderImages.of(folder)
         if files.names:
-            return files, (f"{archive} is not read: {_FOLDER}/ holds images",) if archive.is_file() else ()
+            return files, (f"{archive} is ignored because {_FOLDER}/ holds images",) if archive.is_file() else ()
         if not archive.is_file():
             raise RecordingError(f"{folder}: holds no images; put the PNG, JPEG, TIFF, BMP, PGM or PPM files there")
     if not archive.is_file():

@@ -1,13 +1,13 @@
 """A video file with a list of exposures beside it.
 
-Videos are decoded one after the other and cannot be entered anywhere: reading frames in their order costs what
-playing the video costs, going back starts it anew.
+Videos are decoded frame by frame from the beginning: reading the frames in order costs as much as playing the video,
+going back starts it again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -20,14 +20,21 @@ from ospc.recording.exposure_table import read_exposure_table
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.recording import StoredRecording
 from ospc.recording.video_stream import VideoStream, count_frames
 from ospc.recording.wording import escaped, listed
 
-_BEGINNINGS = ((4, b"ftyp"), (4, b"moov"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "))
-"""Where MP4 and MOV, MKV and WebM, and AVI files say what they are."""
+_SIGNATURES = ((4, b"ftyp"), (4, b"moov"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "))
+"""Offsets and bytes that identify MP4 and MOV, MKV and WebM, and AVI files."""
+
+_HEAD_BYTES = 16
+"""Read to recognise a video; all signatures lie within."""
 
 _MAX_FPS = 100_000
+"""A frame rate above this is a damaged header, not a rate."""
+
 _SAMPLE_BYTES = 65536
+"""Bytes of the file that identify the recording, for each sampled frame."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +48,8 @@ class Video:
         if not path.is_file():
             return False
         with path.open("rb") as file:
-            head = file.read(16)
-        return any(head[place : place + len(text)] == text for place, text in _BEGINNINGS)
+            head = file.read(_HEAD_BYTES)
+        return any(head[place : place + len(text)] == text for place, text in _SIGNATURES)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> VideoRecording:
         """Open the file.
@@ -50,13 +57,13 @@ class Video:
         Raises
         ------
         RecordingError
-            If it cannot be decoded, or does not have as many frames as its list has lines.
+            If it cannot be decoded, or its list does not have one line per frame.
         ExposureError
-            If there is no list of exposures, more than one, or one with exposures missing or invalid.
+            If there is no list of exposures, more than one, or one with missing or invalid exposures.
         """
-        # Only the content is trusted to tell a video: a playlist could lead the decoder to other files.
+        # Only the content identifies a video: a playlist could lead the decoder to other files.
         if not self.recognises(path):
-            raise RecordingError(f"{path}: is no MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
+            raise RecordingError(f"{path}: is not an MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
         table = table_or_unlisted(
             lambda: read_exposure_table(_list_of(path), options),
             str(path),
@@ -66,59 +73,37 @@ class Video:
         with VideoStream(path, options.channel) as stream:
             stated, fps = stream.stated_frames, stream.fps
             size = _size(stream, path)
-        # What a container states is often an estimate; counting costs a pass over the video.
+        # The number a container states is often an estimate; counting takes a pass over the video.
         frames = stated if stated == len(table) else count_frames(path)
         if frames != len(table):
             raise RecordingError(
-                f"{table.source}: lists {len(table)} frames but {path} has {frames}; there must be one line for each"
+                f"{table.source}: lists {len(table)} frames but {path} has {frames}; there must be one line per frame"
             )
         stamps_s, notes = _stamps(table, fps, path, options.channel)
-        return VideoRecording(path, size, table.exposures_ms, stamps_s, notes, options.channel)
+        return VideoRecording(
+            path=path,
+            kind=self.name,
+            size=size,
+            max_grey=255,
+            exposures_ms=table.exposures_ms,
+            stamps_s=stamps_s,
+            notes=notes,
+            channel=options.channel,
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class VideoRecording:
-    """Frames of a video, each decoded when its image is asked for; colour becomes luma.
-
-    Attributes
-    ----------
-    path
-        The video file.
-    size
-        Width and height of its frames in pixels.
-    exposures_ms
-        Exposure of every frame in milliseconds, shape (frames,).
-    stamps_s
-        Time stamp of every frame in seconds, shape (frames,).
-    notes
-        What a user should know about how it was read.
-    channel
-        Channel taken of its colours; luma where None.
-    """
-
-    path: Path
-    size: ImageSize
-    exposures_ms: FloatArray = field(repr=False)
-    stamps_s: FloatArray = field(repr=False)
-    notes: tuple[str, ...] = ()
-    channel: Channel | None = None
-    kind: str = "video"
-    max_grey: int = 255
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self.exposures_ms)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class VideoRecording(StoredRecording):
+    """Frames of a video, converted to one channel of 8 bits."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Give the frames one by one, none decoded; they share one decoder, which ends with them."""
+        """Yield the frames in order, not yet decoded; they share one decoder."""
         stream = VideoStream(self.path, self.channel)
         for index in range(len(self)):
-            stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
-            name = f"{escaped(self.path.name)}[{index}]"
-            yield Frame(index, stamp_s, exposure_ms, name, partial(self._load, stream, index), self.max_grey)
+            yield self._frame(index, f"{escaped(self.path.name)}[{index}]", partial(self._load, stream, index))
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return a piece of the file, as far into it as the frame is into the video, to recognise it by.
+        """Return a piece of the file, as far into it as the frame is into the video.
 
         Raises
         ------
@@ -144,7 +129,7 @@ class VideoRecording:
 
 
 def _list_of(path: Path) -> Path:
-    """Return the list of exposures: named like the video, or the only one by its usual name."""
+    """Return the list of exposures: named like the video, or the only one with a usual name."""
     names = (f"{path.stem}.csv", f"{path.stem}.txt", f"{path.name}.csv")
     found = [path.with_name(name) for name in names if path.with_name(name).is_file()]
     if not found:
@@ -168,14 +153,14 @@ def _size(stream: VideoStream, path: Path) -> ImageSize:
 
 
 def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return the time stamps of the list; where it has none, those of the frame rate."""
+    """Return the time stamps in the list, or those of the frame rate if it has none, and the notes."""
     taken = "luma" if channel in (None, Channel.LUMINANCE) else channel.value
-    notes = (*table.notes, f"{path}: frames are converted to {taken} of 8 bit")
+    notes = (*table.notes, f"{path}: frames are converted to 8-bit {taken}")
     if table.stamped or not 0 < fps < _MAX_FPS:
         return table.stamps_s, notes
     stamps_s = np.arange(len(table)) / fps
     stamps_s.setflags(write=False)
-    return stamps_s, (*notes, f"{path}: time stamps are those of {fps:g} frames a second")
+    return stamps_s, (*notes, f"{path}: time stamps follow the frame rate of {fps:g} per second")
 
 
 KIND = Video()

@@ -1,4 +1,4 @@
-"""The decoder of a video: one frame after the other, in bounded memory."""
+"""Sequential decoding of a video in bounded memory."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ospc.recording.decoding import MAX_DECODED_BYTES
 
 
 class VideoStream:
-    """Grey frames of a video by their number; asking for an earlier one starts the video anew.
+    """Grey frames of a video by their number; an earlier frame restarts the video.
 
-    Threads may read at the same time, one after the other.
+    Threads may share it; their reads are serialised.
 
     Parameters
     ----------
     path
         The video file.
     channel
-        Channel taken of its colours; luma where None.
+        Channel taken from colour; luma if None.
 
     Raises
     ------
@@ -46,18 +46,18 @@ class VideoStream:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._capture.release()
 
     @property
     def stated_frames(self) -> int:
-        """Number of frames as the container states it, which may be an estimate; 0 where it does not."""
+        """Number of frames that the container states, possibly an estimate; 0 if it states none."""
         stated = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
         return int(stated) if 0 < stated < 2**31 else 0
 
     @property
     def fps(self) -> float:
-        """Frames a second as the container states it."""
+        """Frame rate that the container states, in frames per second."""
         return float(self._capture.get(cv2.CAP_PROP_FPS))
 
     def read(self, index: int) -> Image:
@@ -66,7 +66,7 @@ class VideoStream:
         Raises
         ------
         FrameError
-            If the video ends before or is damaged.
+            If the video ends earlier or is damaged.
         """
         with self._lock:
             if index < self._next:
@@ -84,14 +84,14 @@ class VideoStream:
         return grey
 
     def skip(self) -> bool:
-        """Go on by one frame; False at the end."""
+        """Advance by one frame; return False at the end."""
         with self._lock:
             self._next += 1
             return bool(self._capture.grab())
 
 
 def count_frames(path: Path) -> int:
-    """Count the frames of a video by going through it.
+    """Count the frames of a video by playing it.
 
     Raises
     ------
@@ -107,12 +107,12 @@ def count_frames(path: Path) -> int:
 
 def _capture(path: Path) -> cv2.VideoCapture:
     try:
-        # A full path is never taken for an address, and one decoder for all systems gives the same pixels on all.
+        # A full path is never taken for a URL, and the same decoder gives the same pixels on every system.
         capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
     except cv2.error:
         capture = cv2.VideoCapture()
     if not capture.isOpened():
-        raise RecordingError(f"{path}: the video is damaged or of an unknown codec; convert it to MJPEG or H.264")
+        raise RecordingError(f"{path}: the video is damaged or its codec is unknown; convert it to MJPEG or H.264")
     width, height = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
     if width * height * 3 > MAX_DECODED_BYTES:
         capture.release()
@@ -120,6 +120,6 @@ def _capture(path: Path) -> cv2.VideoCapture:
             f"{path}: frames of {width:.0f}x{height:.0f} pixels need more than the {MAX_DECODED_BYTES} bytes "
             f"allowed; scale the video down"
         )
-    # Response and vignette belong to the sensor's own axes.
+    # Response and vignette belong to the axes of the sensor.
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return capture

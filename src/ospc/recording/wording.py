@@ -1,11 +1,14 @@
-"""How messages show text that came out of a file."""
+"""How messages quote text from a file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 _SHOWN_CHARACTERS = 40
+"""Characters of a quotation before it is cut."""
+
 _SHOWN_ITEMS = 3
+"""Items of a list that a message names."""
 
 
 def quoted(text: str) -> str:
@@ -16,7 +19,7 @@ def quoted(text: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return the text on one line: whatever a terminal would act on is escaped."""
+    """Return the text on one line, with everything escaped that a terminal would interpret."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 

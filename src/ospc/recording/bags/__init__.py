@@ -1,1 +1,1 @@
-"""What is in a ROS bag: containers, messages, images in them, and exposures that came with the images."""
+"""The contents of ROS bags: files, messages, the images in them, and the exposures recorded with the images."""

@@ -1,4 +1,4 @@
-"""A bag: one file or several that follow each other, of whichever format."""
+"""A bag: one file, or a folder with several files that follow each other, of any format."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ from pathlib import Path
 
 from ospc.errors import RecordingError
 from ospc.recording.bags.container import BagFile, Message, Topic
-from ospc.recording.bags.mcap_file import MAGIC, McapFile
+from ospc.recording.bags.mcap_file import MCAP_START, McapFile
 from ospc.recording.bags.rosbags_files import ROS1_START, SQLITE_START, Ros1File, Sqlite3File
 from ospc.recording.image_names import by_name
 from ospc.recording.wording import quoted
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
-_COMPRESSED = (".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
+_COMPRESSED_SUFFIXES = (".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
 _MAX_FILES = 10_000
+"""Folders with more files are refused; a day in files of a minute has 1440."""
+
+_HEAD_BYTES = 16
+"""Read to recognise the format of a file."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class Bag:
     path
         The file, or the folder with the files.
     files
-        The files in their order.
+        The files in the order of their names.
     """
 
     path: Path
@@ -40,7 +44,7 @@ class Bag:
         Raises
         ------
         RecordingError
-            If it is no bag, or damaged.
+            If it is not a bag, or damaged.
         MissingExtraError
             If the optional dependency for its format is not installed.
         """
@@ -48,11 +52,9 @@ class Bag:
             return cls(path, (_file(path),))
         paths = _files_of(path)
         if not paths:
-            packed = [p for p in sorted(path.iterdir()) if p.name.endswith(_COMPRESSED)]
+            packed = [p for p in sorted(path.iterdir()) if p.name.endswith(_COMPRESSED_SUFFIXES)]
             if packed:
-                raise RecordingError(
-                    f"{packed[0]}: is compressed as a whole; unpack it with 'zstd -d {packed[0].name}'"
-                )
+                raise RecordingError(f"{packed[0]}: is a compressed file; unpack it with 'zstd -d {packed[0].name}'")
             raise RecordingError(f"{path}: holds no bag; it must hold .bag, .mcap or .db3 files")
         if len({p.suffix for p in paths}) > 1:
             raise RecordingError(f"{path}: holds bags of several formats; open one of its files")
@@ -70,18 +72,16 @@ class Bag:
                 elif topic.type == have.type:
                     counted = have.messages is not None and topic.messages is not None
                     total = (have.messages or 0) + (topic.messages or 0) if counted else None
-                    found[topic.name] = replace(
-                        have, messages=total, description=have.description or topic.description
-                    )
+                    found[topic.name] = replace(have, messages=total, definition=have.definition or topic.definition)
                 else:
                     raise RecordingError(
-                        f"{file.path}: the topic {quoted(topic.name)} is of type {quoted(topic.type)}, but of "
-                        f"{quoted(have.type)} elsewhere"
+                        f"{file.path}: the topic {quoted(topic.name)} has type {quoted(topic.type)} here and "
+                        f"{quoted(have.type)} in another file; open one of the files"
                     )
         return tuple(sorted(found.values(), key=lambda topic: by_name(topic.name)))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Give the messages of some topics one by one, in an order that is always the same.
+        """Yield the messages of some topics one by one, in the same order every time.
 
         Raises
         ------
@@ -96,7 +96,7 @@ def is_bag(path: Path) -> bool:
     """Tell whether a path is a bag: a file that begins like one, or a folder with such files."""
     if path.is_dir():
         names = (p.name for p in path.iterdir())
-        return bool(_files_of(path)) or any(name.endswith(_COMPRESSED) for name in names)
+        return bool(_files_of(path)) or any(name.endswith(_COMPRESSED_SUFFIXES) for name in names)
     return _opener(path) is not None
 
 
@@ -105,7 +105,7 @@ def _files_of(folder: Path) -> list[Path]:
         (p for p in folder.iterdir() if p.suffix in _SUFFIXES and p.is_file()), key=lambda p: by_name(p.name)
     )
     if len(paths) > _MAX_FILES:
-        raise RecordingError(f"{folder}: holds more than the {_MAX_FILES} files allowed")
+        raise RecordingError(f"{folder}: holds more than the {_MAX_FILES} files allowed; open one of them")
     return paths
 
 
@@ -113,8 +113,8 @@ def _opener(path: Path) -> type[Ros1File | Sqlite3File | McapFile] | None:
     if not path.is_file():
         return None
     with path.open("rb") as file:
-        head = file.read(16)
-    if head.startswith(MAGIC):
+        head = file.read(_HEAD_BYTES)
+    if head.startswith(MCAP_START):
         return McapFile
     if head.startswith(ROS1_START):
         return Ros1File
@@ -124,6 +124,6 @@ def _opener(path: Path) -> type[Ros1File | Sqlite3File | McapFile] | None:
 def _file(path: Path) -> BagFile:
     opener = _opener(path)
     if opener is None:
-        what = "is empty" if path.is_file() and path.stat().st_size == 0 else "is no ROS bag"
+        what = "is empty" if path.is_file() and path.stat().st_size == 0 else "is not a ROS bag"
         raise RecordingError(f"{path}: {what}; expected a .bag of ROS 1, or .mcap or .db3 of ROS 2")
     return opener(path)

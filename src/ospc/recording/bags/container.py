@@ -1,19 +1,28 @@
-"""What every file of a bag offers, whichever format it is in."""
+"""What all files of bags have in common, whatever their format."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple
 
 from ospc.errors import OspcError, RecordingError, said_by
-from ospc.recording.bags.wire import Encoding
 from ospc.recording.wording import escaped
 
 MAX_CHUNK_BYTES = 256 * 2**20
-"""Chunks and messages that are, or expand to, more are refused."""
+"""Larger chunks and messages are refused, before and after decompression."""
+
+MAX_TOPICS = 20_000
+"""Bags with more topics are refused; large robots have a few hundred."""
+
+_QUOTED_CHARACTERS = 120
+"""Characters of a library's own message that an error quotes."""
+
+Encoding = Literal["ros1", "cdr"]
+"""Serialisation of messages: that of ROS 1, or the Common Data Representation of ROS 2."""
 
 
 @dataclass(frozen=True)
@@ -25,22 +34,22 @@ class Topic:
     name
         Such as ``/camera/image_raw``.
     type
-        Type of its messages as ROS 2 writes it, such as ``sensor_msgs/msg/Image``, whichever ROS made the bag.
+        Type of its messages in ROS 2 notation, such as ``sensor_msgs/msg/Image``, for bags of ROS 1 too.
     messages
-        Number of messages; None where the bag does not say.
+        Number of messages; None if the bag does not state it.
     encoding
-        How they are serialised.
-    description
-        What their type is made of; empty where the bag does not say.
+        Serialisation of the messages.
+    definition
+        Definition of the type; empty if the bag does not include it.
     idl
-        Whether the description is in IDL.
+        Whether the definition is in IDL.
     """
 
     name: str
     type: str
     messages: int | None
     encoding: Encoding
-    description: str = ""
+    definition: str = ""
     idl: bool = False
 
 
@@ -62,64 +71,79 @@ class Message(NamedTuple):
     data: bytes
 
 
-class BagFile(Protocol):
-    """One file of a bag."""
+class BagFile(ABC):
+    """One file of a bag.
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        ...
+    Parameters
+    ----------
+    path
+        The file.
 
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """Its topics."""
-        ...
+    Attributes
+    ----------
+    topics
+        Its topics.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged or ends early.
+    MissingExtraError
+        If the optional dependency for bags is not installed.
+    """
+
+    _ADVICE: ClassVar[str]
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with self._reader(()) as reader:
+            self.topics = tuple(self._topics(reader))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Give the messages of some topics one by one, in an order that is always the same.
+        """Yield the messages of some topics one by one, in the same order every time.
 
         Parameters
         ----------
         names
             Names of the topics.
         start_ns
-            Leave out what was recorded before.
+            Skip messages recorded before this time.
 
         Raises
         ------
         RecordingError
             If the file is damaged.
         """
-        ...
+        with self._reader(names) as reader:
+            yield from self._messages(reader, names, start_ns)
 
+    @abstractmethod
+    def _open(self, names: Collection[str]) -> AbstractContextManager[Any]:
+        """Open a reader of the file that needs messages of these topics only."""
 
-@contextmanager
-def refusing_damage(path: Path, advice: str) -> Iterator[None]:
-    """Turn whatever goes wrong inside a reader of files of unknown origin into one error.
+    @abstractmethod
+    def _topics(self, reader: Any) -> Iterator[Topic]: ...
 
-    Raises
-    ------
-    RecordingError
-        If anything went wrong.
-    """
-    try:
-        yield
-    except RecordingError as error:
-        # Only this place knows the file.
-        if str(error).startswith(str(path)):
+    @abstractmethod
+    def _messages(self, reader: Any, names: Collection[str], start_ns: int | None) -> Iterator[Message]: ...
+
+    @contextmanager
+    def _reader(self, names: Collection[str]) -> Iterator[Any]:
+        """Open a reader; turn every error of a library for a damaged file into one error that names the file."""
+        try:
+            with self._open(names) as reader:
+                yield reader
+        except RecordingError as error:
+            # Inner functions do not know the file.
+            if str(error).startswith(str(self.path)):
+                raise
+            raise RecordingError(f"{self.path}: {error}; {self._ADVICE}") from None
+        except OspcError:
             raise
-        raise RecordingError(f"{path}: {error}; {advice}") from None
-    except OspcError:
-        raise
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
-    except Exception as error:
-        said = escaped(said_by(error, 120))
-        why = f" ({said})" if said else ""
-        raise RecordingError(f"{path}: the bag is damaged or ends early{why}; {advice}") from None
-
-
-def as_ros2_type(name: str) -> str:
-    """Return the name of a type as ROS 2 writes it: ``std_msgs/Float64`` becomes ``std_msgs/msg/Float64``."""
-    package, _, rest = name.partition("/")
-    return name if not rest or "/" in rest else f"{package}/msg/{rest}"
+        except OSError as error:
+            reason = error.strerror
+            raise RecordingError(f"{self.path}: cannot be read ({reason}); check the file and its rights") from None
+        except Exception as error:
+            said = escaped(said_by(error, _QUOTED_CHARACTERS))
+            why = f" ({said})" if said else ""
+            raise RecordingError(f"{self.path}: the bag is damaged or ends early{why}; {self._ADVICE}") from None

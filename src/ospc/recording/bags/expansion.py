@@ -1,4 +1,4 @@
-"""Decompression that stops where more comes out than was stated, whatever the compressed data hold."""
+"""Decompression that stops as soon as more comes out than was stated."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ospc.recording.bags.container import MAX_CHUNK_BYTES
 from ospc.recording.wording import quoted
 
 ZSTD_START = b"\x28\xb5\x2f\xfd"
+"""Magic number of a Zstandard frame (RFC 8878)."""
 
 
 def expand(data: bytes, compression: str, size: int | None = None) -> bytes:
@@ -18,50 +19,46 @@ def expand(data: bytes, compression: str, size: int | None = None) -> bytes:
     Parameters
     ----------
     data
-        What to decompress.
+        The compressed bytes.
     compression
         ``zstd``, ``lz4``, ``bz2``, or ``none``.
     size
-        Number of bytes that must come out, where it is stated.
+        Exact number of bytes that must come out, if it is stated.
 
     Raises
     ------
     RecordingError
-        If more or less comes out, or more than :data:`~ospc.recording.bags.container.MAX_CHUNK_BYTES`, or the
+        If another number comes out, or more than :data:`~ospc.recording.bags.container.MAX_CHUNK_BYTES`, or the
         compression is unknown.
+    MissingExtraError
+        If the optional dependency for bags is not installed.
     """
     limit = MAX_CHUNK_BYTES if size is None else size
     if limit > MAX_CHUNK_BYTES:
         raise RecordingError(f"a chunk expands to more than the {MAX_CHUNK_BYTES} bytes allowed")
     if compression in ("", "none"):
         expanded = data
-    elif compression == "zstd":
-        expanded = _zstd(data, limit + 1)
-    elif compression == "lz4":
-        expanded = _lz4(data, limit + 1)
-    elif compression == "bz2":
-        expanded = bz2.BZ2Decompressor().decompress(data, max_length=limit + 1)
+    elif compression in ("zstd", "lz4", "bz2"):
+        expanded = _decompressor(compression).decompress(data, max_length=limit + 1)
     else:
         raise RecordingError(f"its compression {quoted(compression)} is unknown")
     if len(expanded) > limit or (size is not None and len(expanded) != size):
-        raise RecordingError("a chunk does not expand to the size that is stated for it")
-    return expanded
+        raise RecordingError("a chunk does not expand to its stated size")
+    return bytes(expanded)
 
 
-def _lz4(data: bytes, limit: int) -> bytes:
+def _decompressor(compression: str) -> bz2.BZ2Decompressor:
+    """Return an incremental decompressor; all have the interface of that in bz2."""
+    if compression == "bz2":
+        return bz2.BZ2Decompressor()
     try:
-        from lz4.frame import LZ4FrameDecompressor
-    except ImportError:
-        raise MissingExtraError("reading compressed bags", "ros") from None
-    return bytes(LZ4FrameDecompressor().decompress(data, max_length=limit))
-
-
-def _zstd(data: bytes, limit: int) -> bytes:
-    try:
-        if sys.version_info >= (3, 14):
-            from compression import zstd
+        if compression == "lz4":
+            from lz4.frame import LZ4FrameDecompressor as Decompressor
+        elif sys.version_info >= (3, 14):
+            from compression.zstd import ZstdDecompressor as Decompressor
         else:
-            from backports import zstd
+            from backports.zstd import ZstdDecompressor as Decompressor
     except ImportError:
         raise MissingExtraError("reading compressed bags", "ros") from None
-    return bytes(zstd.ZstdDecompressor().decompress(data, max_length=limit))
+    decompressor: bz2.BZ2Decompressor = Decompressor()
+    return decompressor

@@ -7,12 +7,16 @@ format text that ``compressed_image_transport`` writes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import Image
 from ospc.errors import FrameError
-from ospc.recording.bags.wire import Encoding, Wire
+from ospc.recording.bags.container import Encoding
+from ospc.recording.bags.messages import MessageType
 from ospc.recording.bayer import Mosaic
 from ospc.recording.channel import Channel
 from ospc.recording.decoding import decode_stored
@@ -30,11 +34,11 @@ class _Layout:
     Attributes
     ----------
     channels
-        Values a pixel.
+        Values per pixel.
     bits
-        Bits a value.
+        Bits per value.
     order
-        Which values are blue, green and red, for colour; which one is grey, for luma among chroma.
+        Positions of blue, green and red for colour; position of the luma if there is chroma too.
     """
 
     channels: int
@@ -63,18 +67,19 @@ _ENCODINGS = {
     "yuyv": _Layout(2, 8, (0,)),
     "nv21": _Layout(1, 8),
     "nv24": _Layout(1, 8),
-} | {f"bayer_{pattern}{bits}": _Layout(1, bits) for pattern in ("rggb", "bggr", "gbrg", "grbg") for bits in (8, 16)}
+} | {f"bayer_{pattern}{bits}": _Layout(1, bits) for pattern in Mosaic.PATTERNS for bits in (8, 16)}
 
 
-def read_stamp_ns(data: bytes, encoding: Encoding) -> int:
-    """Return the time stamp of a message that begins with a header, in nanoseconds; 0 where the camera gave none.
+def read_stamp_ns(data: bytes, kind: str, encoding: Encoding) -> int:
+    """Return the time stamp of an image message in nanoseconds; 0 if the camera gave none.
 
     Raises
     ------
     DamagedMessageError
-        If the message ends early.
+        If it is not a message of this type.
     """
-    return _stamp_ns(Wire(data, encoding), encoding)
+    stamp = _type(kind, encoding).decode(data).header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def read_image(data: bytes, kind: str, encoding: Encoding, name: str, channel: Channel | None = None) -> StoredImage:
@@ -87,75 +92,68 @@ def read_image(data: bytes, kind: str, encoding: Encoding, name: str, channel: C
     kind
         One of :data:`IMAGE_TYPES`.
     encoding
-        How it is serialised.
+        Serialisation of the message.
     name
-        What to call it in a message to the user.
+        Name of the image in messages to the user.
     channel
-        Channel to take of colour; luma where None.
+        Channel taken from colour images; luma if None.
 
     Raises
     ------
     FrameError
-        If it holds no image, or one that is damaged or of an encoding that is no photograph.
+        If it holds no image, or one that is damaged or not a photograph.
     DamagedMessageError
-        If the message ends early.
+        If it is not a message of this type.
     """
-    wire = Wire(data, encoding)
-    _stamp_ns(wire, encoding)
-    wire.text()
-    return _raw(wire, name, channel) if kind == RAW else _compressed(wire, name, channel)
+    message = _type(kind, encoding).decode(data)
+    return _raw(message, name, channel) if kind == RAW else _compressed(message, name, channel)
 
 
-def _stamp_ns(wire: Wire, encoding: Encoding) -> int:
-    if encoding == "ros1":
-        wire.number("uint32")
-    seconds = int(wire.number("uint32" if encoding == "ros1" else "int32"))
-    return seconds * 10**9 + int(wire.number("uint32"))
+@cache
+def _type(kind: str, encoding: Encoding) -> MessageType:
+    return MessageType(kind, encoding)
 
 
-def _raw(wire: Wire, name: str, channel: Channel | None) -> StoredImage:
-    height, width = wire.count(), wire.count()
-    encoding = wire.text()
-    swapped = bool(wire.number("uint8"))
-    step = wire.count()
-    data = wire.data(wire.count())
+def _raw(message: Any, name: str, channel: Channel | None) -> StoredImage:
+    height, width, step, encoding = message.height, message.width, message.step, message.encoding
     layout = _ENCODINGS.get(encoding)
     if layout is None:
         raise FrameError(
             f"{name}: images with the encoding {quoted(encoding)} cannot be read; record mono, Bayer or RGB"
         )
     row_bytes = width * layout.channels * layout.bits // 8
-    if not width or not height or step < row_bytes or len(data) < step * (height - 1) + row_bytes:
+    if not width or not height or step < row_bytes or len(message.data) < step * (height - 1) + row_bytes:
         raise FrameError(
-            f"{name}: its {len(data)} bytes do not hold {width}x{height} pixels of {encoding}; leave it out"
+            f"{name}: its {len(message.data)} bytes do not hold {width}x{height} pixels of {quoted(encoding)}; "
+            f"leave it out"
         )
-    pixels = _pixels(data, (height, row_bytes), step, layout, swapped=swapped)
+    pixels = _pixels(message.data, (height, row_bytes), step, layout, swapped=bool(message.is_bigendian))
     if len(layout.order) == 3:
         ordered = np.ascontiguousarray(pixels.reshape(height, width, layout.channels)[:, :, list(layout.order)])
         return StoredImage((channel or Channel.LUMINANCE).of(ordered), colour=True)
     if layout.order or encoding.startswith("nv"):
         if channel not in (None, Channel.LUMINANCE):
-            raise FrameError(f"{name}: of {encoding} only the luminance can be taken, not {channel.value}")
+            raise FrameError(f"{name}: {encoding} has no {channel.value} channel; take the luminance")
         luma = pixels.reshape(height, width, layout.channels)[:, :, layout.order[0] if layout.order else 0]
         return StoredImage(np.ascontiguousarray(luma), colour=True)
     return StoredImage(pixels, mosaic=Mosaic(encoding[6:10]) if encoding.startswith("bayer_") else None)
 
 
-def _pixels(data: memoryview, shape: tuple[int, int], step: int, layout: _Layout, *, swapped: bool) -> Image:
-    """Return the values of all rows without what fills them up to their step."""
-    rows = np.lib.stride_tricks.as_strided(np.frombuffer(data, np.uint8), shape, (step, 1), writeable=False)
-    pixels: Image = np.ascontiguousarray(rows)
+def _pixels(
+    data: npt.NDArray[np.uint8], shape: tuple[int, int], step: int, layout: _Layout, *, swapped: bool
+) -> Image:
+    """Return the values of all rows without the padding at their ends."""
+    pixels: Image = np.ascontiguousarray(np.lib.stride_tricks.as_strided(data, shape, (step, 1), writeable=False))
     if layout.bits == 16:
         return pixels.view(">u2" if swapped else "<u2").astype(np.uint16)
     return pixels
 
 
-def _compressed(wire: Wire, name: str, channel: Channel | None) -> StoredImage:
-    said = wire.text()
-    data = bytes(wire.data(wire.count()))
+def _compressed(message: Any, name: str, channel: Channel | None) -> StoredImage:
+    said = message.format
     if "compressedDepth" in said:
         raise FrameError(f"{name}: holds depth, not grey values; choose another topic with --image-topic")
-    stored = decode_stored(data, name, channel)
+    stored = decode_stored(message.data.tobytes(), name, channel)
     pattern = said[6:10] if said.startswith("bayer_") else ""
     if stored.colour or pattern not in Mosaic.PATTERNS:
         return stored

@@ -1,4 +1,4 @@
-"""Which exposure belongs to which image of a bag: the one with its time stamp, or the nearest."""
+"""Which exposure belongs to which image of a bag: the one with the nearest time stamp."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ from ospc.arrays import IntArray
 from ospc.errors import ExposureError
 
 _LEAST_SHARE = 0.5
-"""Of the images an exposure must be found for; with fewer something is wrong with the time stamps."""
+"""Share of the images that must have an exposure; with fewer, the time stamps are wrong."""
+
+_ONLY_IMAGE_TOLERANCE_NS = 5e8
+"""How far an exposure may be from a single image, for which there is no frame interval."""
 
 
 @dataclass(frozen=True)
 class Matching:
-    """Exposures of images.
+    """Exposures of the images.
 
     Attributes
     ----------
     exposure
-        Index of the exposure of every image, -1 where there is none, shape (images,).
+        Index of the exposure of every image, -1 if there is none, shape (images,).
     notes
         What was done, for the user.
     """
@@ -37,9 +40,9 @@ class Times:
     Attributes
     ----------
     stamp_ns
-        Time stamps in the messages, 0 where there is none, shape (messages,).
+        Time stamps in the messages in nanoseconds, 0 for none, shape (messages,).
     log_ns
-        When they were recorded, shape (messages,).
+        When they were recorded, in nanoseconds, shape (messages,).
     """
 
     stamp_ns: npt.NDArray[np.int64]
@@ -54,20 +57,20 @@ class Times:
 def match(images: Times, exposures: Times, source: str) -> Matching:
     """Find the exposure of every image.
 
-    Time stamps of the camera come first; where they are missing, or belong to different clocks, the times at which
-    the messages were recorded have to do.
+    Time stamps of the camera take precedence; if they are missing or come from different clocks, the times at which
+    the messages were recorded are used.
 
     Parameters
     ----------
     images, exposures
         When they were sent and recorded.
     source
-        What to call the exposures in a message.
+        Name of the exposures in messages.
 
     Raises
     ------
     ExposureError
-        If there is no exposure for most images.
+        If most images have no exposure.
     """
     ways = []
     if images.stamped and exposures.stamped:
@@ -85,19 +88,19 @@ def match(images: Times, exposures: Times, source: str) -> Matching:
                 )
             return Matching(found, tuple(notes))
     raise ExposureError(
-        f"{source}: has an exposure for {known} of {len(found)} images only; an exposure must be recorded with every "
-        f"image, with its time stamp"
+        f"{source}: has an exposure for {known} of {len(found)} images only; record an exposure with the "
+        f"time stamp of every image"
     )
 
 
 def _nearest(wanted: npt.NDArray[np.int64], offered: npt.NDArray[np.int64]) -> tuple[IntArray, float]:
-    """Return the index of the nearest time, -1 where it is farther than half the time between images."""
+    """Return the index of the nearest time, -1 if it is further than half a frame interval, and this tolerance."""
     order = np.argsort(offered, kind="stable")
     times = offered[order]
     after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
     before = np.maximum(after - 1, 0)
     nearer = np.where(np.abs(times[after] - wanted) < np.abs(times[before] - wanted), after, before)
     steps = np.diff(np.sort(wanted))
-    tolerance_ns = float(np.median(steps)) / 2 if len(steps) else 5e8
+    tolerance_ns = float(np.median(steps)) / 2 if len(steps) else _ONLY_IMAGE_TOLERANCE_NS
     found = np.where(np.abs(times[nearer] - wanted) <= tolerance_ns, order[nearer], -1)
     return found.astype(np.int64), tolerance_ns

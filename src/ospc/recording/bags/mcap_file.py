@@ -1,7 +1,7 @@
-"""MCAP files, whichever ROS they come from.
+"""MCAP files of ROS 1 and ROS 2, parsed by the package mcap.
 
-Source: the MCAP format specification, version 0. The file is read from front to back, one chunk at a time, so that
-memory does not depend on its length, and its index is not needed.
+The package reads whole records of any length and decompresses without a limit, so this module frames and decompresses
+the records itself. Files are read from front to back, one chunk at a time: memory does not grow with their length.
 """
 
 from __future__ import annotations
@@ -9,211 +9,165 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from io import BytesIO
-from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
-from ospc.errors import RecordingError
-from ospc.recording.bags.container import MAX_CHUNK_BYTES, Message, Topic, as_ros2_type, refusing_damage
+from ospc.errors import MissingExtraError, RecordingError
+from ospc.recording.bags.container import (
+    MAX_CHUNK_BYTES,
+    MAX_TOPICS,
+    BagFile,
+    Encoding,
+    Message,
+    Topic,
+)
 from ospc.recording.bags.expansion import expand
-from ospc.recording.bags.wire import Encoding
 
-MAGIC = b"\x89MCAP0\r\n"
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 11, 15
-_FOOTER_BYTES = 1 + 8 + 8 + 8 + 4
-_MAX_RECORD_BYTES = 16 * 2**20
-_MAX_TOPICS = 20_000
+MCAP_START = b"\x89MCAP0\r\n"
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 8, 11, 15
+"""Opcodes of the records that are used (MCAP specification, version 0)."""
+
+_DIRECTORY = (_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS)
+_END_BYTES = 1 + 8 + 8 + 8 + 4 + len(MCAP_START)
+"""Size of the last record of a file, its footer, with the magic bytes after it."""
+
 _ENCODINGS: dict[str, Encoding] = {"ros1": "ros1", "cdr": "cdr"}
-_ADVICE = "record it again, or save what is whole with 'mcap recover'"
-
-
-class _Record(NamedTuple):
-    kind: int
-    size: int
-
-
-class _Schema(NamedTuple):
-    name: str
-    language: str
-    description: str
+_IDL = ("ros2idl", "omgidl")
 
 
 @dataclass
 class _Directory:
-    """Schemas and channels met so far; a file states them before their messages, and again at its end."""
+    """Schemas, channels and chunks; a file states them before their messages and again in its summary."""
 
-    schemas: dict[int, _Schema] = field(default_factory=dict)
-    topics: dict[int, Topic] = field(default_factory=dict)
+    schemas: dict[int, Any] = field(default_factory=dict)
+    channels: dict[int, Any] = field(default_factory=dict)
+    chunks: list[tuple[int, int]] = field(default_factory=list)
+    """Where each chunk begins, and the time of its last message in nanoseconds."""
     counts: dict[int, int] | None = None
 
-    def learn(self, kind: int, content: bytes) -> None:
-        fields = _Fields(content)
-        if kind == _SCHEMA:
-            number = fields.number("H")
-            name, language = fields.text(), fields.text()
-            self.schemas[number] = _Schema(name, language, fields.text())
-        elif kind == _CHANNEL:
-            number, schema = fields.number("H"), self.schemas.get(fields.number("H"))
-            name = fields.text()
-            encoding = _ENCODINGS.get(fields.text())
+    def add(self, opcode: int, content: bytes) -> None:
+        if opcode == _SCHEMA:
+            schema = _parsed("Schema", content)
+            self.schemas[schema.id] = schema
+        elif opcode == _CHANNEL:
+            channel = _parsed("Channel", content)
+            self.channels[channel.id] = channel
+        elif opcode == _CHUNK_INDEX:
+            chunk = _parsed("ChunkIndex", content)
+            self.chunks.append((chunk.chunk_start_offset, chunk.message_end_time))
+        elif opcode == _STATISTICS:
+            self.counts = _parsed("Statistics", content).channel_message_counts
+        if len(self.schemas) + len(self.channels) > MAX_TOPICS:
+            raise RecordingError(f"has more than the {MAX_TOPICS} topics allowed")
+
+    def topics(self) -> Iterator[Topic]:
+        """Yield the topics whose messages ROS can read."""
+        from rosbags.typesys.msg import normalize_msgtype
+
+        for number, channel in self.channels.items():
+            schema = self.schemas.get(channel.schema_id)
+            encoding = _ENCODINGS.get(channel.message_encoding)
             if schema is None or encoding is None:
-                return
-            idl = schema.language in ("ros2idl", "omgidl")
-            self.topics[number] = Topic(name, as_ros2_type(schema.name), None, encoding, schema.description, idl)
-        elif kind == _STATISTICS:
-            fields.skip(42)
-            length = fields.number("I")
-            self.counts = dict(struct.iter_unpack("<HQ", fields.take(length)))
-        if len(self.schemas) + len(self.topics) > _MAX_TOPICS:
-            raise RecordingError(f"has more than the {_MAX_TOPICS} topics allowed")
+                continue
+            messages = None if self.counts is None else self.counts.get(number, 0)
+            definition = schema.data.decode("utf-8", "replace")
+            kind = normalize_msgtype(schema.name)
+            yield Topic(channel.topic, kind, messages, encoding, definition, schema.encoding in _IDL)
+
+    def channels_of(self, names: Collection[str]) -> dict[int, str]:
+        return {number: channel.topic for number, channel in self.channels.items() if channel.topic in names}
 
 
-class McapFile:
-    """A file of a bag in the format MCAP.
+class McapFile(BagFile):
+    """A file of a bag in the MCAP format."""
 
-    Parameters
-    ----------
-    path
-        The file.
+    _ADVICE = "record it again, or save the intact part with 'mcap recover'"
 
-    Raises
-    ------
-    RecordingError
-        If it is damaged or ends early.
-    """
+    def _open(self, names: Collection[str]) -> BinaryIO:
+        return self.path.open("rb")
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with self._open() as file:
-            directory = self._read_directory(file)
-        # Channels may be stated in a chunk that is passed over.
-        self._directory = directory
-        counts = directory.counts
-        topics = directory.topics.items()
-        self.topics = tuple(
-            topic if counts is None else replace(topic, messages=counts.get(n, 0)) for n, topic in topics
-        )
+    def _topics(self, reader: BinaryIO) -> Iterator[Topic]:
+        self._directory = _read_directory(reader)
+        yield from self._directory.topics()
 
-    def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Give the messages of some topics in the order they are in the file.
-
-        Raises
-        ------
-        RecordingError
-            If it is damaged.
-        """
-        with self._open() as file:
-            yield from self._scan(file, self._directory, frozenset(names), start_ns)
-
-    @contextmanager
-    def _open(self) -> Iterator[BinaryIO]:
-        with refusing_damage(self.path, _ADVICE), self.path.open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise RecordingError(f"{self.path}: is no MCAP file")
-            yield file
-
-    def _read_directory(self, file: BinaryIO) -> _Directory:
-        """Return what the end of the file says about it, or, where it says nothing, what reading all of it does."""
-        size = os.fstat(file.fileno()).st_size
-        file.seek(max(0, size - _FOOTER_BYTES - len(MAGIC)))
-        end = file.read()
-        if not end.endswith(MAGIC) or end[0] != _FOOTER:
-            raise RecordingError("the bag ends early: its end is missing")
-        (start,) = struct.unpack_from("<Q", end, 9)
-        directory = _Directory()
-        if 0 < start < size:
-            file.seek(start)
-            while (record := _next(file)).kind not in (_FOOTER, _DATA_END):
-                if record.kind in (_SCHEMA, _CHANNEL, _STATISTICS):
-                    directory.learn(record.kind, _content(file, record))
-                else:
-                    file.seek(record.size, os.SEEK_CUR)
-        if not directory.topics:
-            file.seek(len(MAGIC))
-            for _ in self._scan(file, directory, frozenset(), None):
-                pass
-        return directory
-
-    def _scan(
-        self, file: BinaryIO, directory: _Directory, names: Collection[str], start_ns: int | None
-    ) -> Iterator[Message]:
-        while (record := _next(file)).kind not in (_FOOTER, _DATA_END):
-            if record.kind == _CHUNK:
-                chunk = _chunk(file, record, start_ns)
-                if chunk is not None:
-                    yield from self._of_chunk(chunk, directory, names, start_ns)
-            else:
-                message = _take(file, record, directory, names, start_ns)
-                if message is not None:
-                    yield message
-
-    def _of_chunk(
-        self, chunk: bytes, directory: _Directory, names: Collection[str], start_ns: int | None
-    ) -> Iterator[Message]:
-        inner = BytesIO(chunk)
-        while inner.tell() < len(chunk):
-            record = _next(inner)
-            if record.kind == _CHUNK:
-                raise RecordingError("a chunk holds another")
-            message = _take(inner, record, directory, names, start_ns)
-            if message is not None:
-                yield message
+    def _messages(self, reader: BinaryIO, names: Collection[str], start_ns: int | None) -> Iterator[Message]:
+        start = start_ns or 0
+        ahead = [place for place, end_ns in self._directory.chunks if end_ns >= start]
+        reader.seek(min(ahead) if start_ns is not None and ahead else len(MCAP_START))
+        yield from _messages(reader, self._directory, names, start)
 
 
-def _take(
-    file: BinaryIO, record: _Record, directory: _Directory, names: Collection[str], start_ns: int | None
-) -> Message | None:
-    """Read a record; return it if it is a message that is wanted."""
-    if record.kind in (_SCHEMA, _CHANNEL):
-        directory.learn(record.kind, _content(file, record))
-        return None
-    if record.kind != _MESSAGE:
-        _content(file, record, keep=False)
-        return None
-    channel, _, log_ns, _ = struct.unpack("<HIQQ", _exactly(file, 22))
-    topic = directory.topics.get(channel)
-    rest = _Record(_MESSAGE, record.size - 22)
-    wanted = topic is not None and topic.name in names and (start_ns is None or log_ns >= start_ns)
-    data = _content(file, rest, keep=wanted, limit=MAX_CHUNK_BYTES)
-    return Message(topic.name, log_ns, data) if topic is not None and wanted else None
+def _parsed(record: str, content: bytes) -> Any:
+    """Parse the content of a record with the class of that name in mcap."""
+    try:
+        from mcap import records
+        from mcap.data_stream import ReadDataStream
+    except ImportError:
+        raise MissingExtraError("reading bags in the MCAP format", "ros") from None
+    return getattr(records, record).read(ReadDataStream(BytesIO(content)))
 
 
-def _chunk(file: BinaryIO, record: _Record, start_ns: int | None) -> bytes | None:
-    """Return the expanded content of a chunk; None where all of it was recorded too early."""
-    place = file.tell()
-    _, end_ns, size, _, length = struct.unpack("<QQQII", _exactly(file, 32))
-    if start_ns is not None and end_ns < start_ns:
-        file.seek(place + record.size)
-        return None
-    compression = _exactly(file, min(length, 64)).decode("ascii", "replace")
-    (stored,) = struct.unpack("<Q", _exactly(file, 8))
-    if stored > record.size or file.tell() + stored > place + record.size:
-        raise RecordingError("a chunk is longer than its record")
-    content = _content(file, _Record(_CHUNK, stored), limit=MAX_CHUNK_BYTES)
-    file.seek(place + record.size)
-    return expand(content, compression, size)
+def _read_directory(file: BinaryIO) -> _Directory:
+    """Read the summary at the end of a file, or, if it has none, the whole file."""
+    size = os.fstat(file.fileno()).st_size
+    file.seek(max(0, size - _END_BYTES))
+    end = file.read()
+    if not end.endswith(MCAP_START) or end[0] != _FOOTER:
+        raise RecordingError("the bag ends early: its end is missing")
+    start = _parsed("Footer", end[9:]).summary_start
+    directory = _Directory()
+    if 0 < start < size:
+        file.seek(start)
+        for opcode, content in _records(file, _DIRECTORY):
+            directory.add(opcode, content)
+    if not directory.channels:
+        file.seek(len(MCAP_START))
+        for _ in _messages(file, directory, (), 0):
+            pass
+    return directory
 
 
-def _next(file: BinaryIO) -> _Record:
-    kind, size = struct.unpack("<BQ", _exactly(file, 9))
-    return _Record(kind, size)
+def _messages(file: BinaryIO, directory: _Directory, names: Collection[str], start_ns: int) -> Iterator[Message]:
+    wanted = directory.channels_of(names)
+    for opcode, content in _records(file, (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK)):
+        if opcode == _CHUNK:
+            chunk = _parsed("Chunk", content)
+            if chunk.message_end_time < start_ns:
+                continue
+            inner = BytesIO(expand(chunk.data, chunk.compression, chunk.uncompressed_size))
+            found = _records(inner, (_SCHEMA, _CHANNEL, _MESSAGE))
+        else:
+            found = iter([(opcode, content)])
+        for inner_opcode, inner_content in found:
+            if inner_opcode != _MESSAGE:
+                directory.add(inner_opcode, inner_content)
+                wanted = directory.channels_of(names)
+                continue
+            channel, _, log_ns, _ = struct.unpack_from("<HIQQ", inner_content)
+            if channel in wanted and log_ns >= start_ns:
+                yield Message(wanted[channel], log_ns, inner_content[22:])
 
 
-def _content(file: BinaryIO, record: _Record, *, keep: bool = True, limit: int = _MAX_RECORD_BYTES) -> bytes:
-    """Return the content of a record, or go past it; the end of the file must not come before."""
-    if record.size < 0:
-        raise RecordingError("a message is too short")
-    if not keep:
-        if record.size:
-            # The last byte must be there: going beyond the end of a file is no error.
-            file.seek(record.size - 1, os.SEEK_CUR)
-            _exactly(file, 1)
-        return b""
-    if record.size > limit:
-        raise RecordingError(f"states {record.size} bytes for one record, more than the {limit} allowed")
-    return _exactly(file, record.size)
+def _records(file: BinaryIO, opcodes: Collection[int]) -> Iterator[tuple[int, bytes]]:
+    """Yield the opcodes and contents of some records until the data or the summary ends; skip the others."""
+    begun = file.tell()
+    size = file.seek(0, os.SEEK_END)
+    file.seek(begun)
+    chunk = isinstance(file, BytesIO)
+    # A chunk simply ends; a file must end with a record that says so.
+    while not chunk or file.tell() < size:
+        opcode, length = struct.unpack("<BQ", _exactly(file, 9))
+        if opcode in (_FOOTER, _DATA_END):
+            return
+        if file.tell() + length > size:
+            raise RecordingError("the bag ends early")
+        if opcode not in opcodes:
+            file.seek(length, os.SEEK_CUR)
+        elif length > MAX_CHUNK_BYTES:
+            raise RecordingError(f"has a record of {length} bytes, more than the {MAX_CHUNK_BYTES} allowed")
+        else:
+            yield opcode, _exactly(file, length)
 
 
 def _exactly(file: BinaryIO, size: int) -> bytes:
@@ -221,28 +175,3 @@ def _exactly(file: BinaryIO, size: int) -> bytes:
     if len(data) != size:
         raise RecordingError("the bag ends early")
     return data
-
-
-class _Fields:
-    """The fields of a record one after the other."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data = data
-        self._place = 0
-
-    def number(self, kind: str) -> int:
-        (value,) = struct.unpack("<" + kind, self.take(struct.calcsize("<" + kind)))
-        return int(value)
-
-    def text(self) -> str:
-        return self.take(self.number("I")).decode("utf-8", "replace")
-
-    def skip(self, size: int) -> None:
-        self.take(size)
-
-    def take(self, size: int) -> bytes:
-        part = self._data[self._place : self._place + size]
-        if len(part) != size:
-            raise RecordingError("a record ends early")
-        self._place += size
-        return part

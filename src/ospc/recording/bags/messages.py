@@ -1,121 +1,170 @@
-"""Messages of any type, decoded by following the description of their type; nothing of the bag is ever executed."""
+"""Messages of any type, deserialised by the package rosbags from the definition of their type.
+
+The package compiles a reader from the definition, which is part of the bag and not trusted. So only plain names get
+that far, constants are dropped, and a definition can neither grow a reader nor a message beyond bounds.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ospc.recording.bags.wire import FORMATS, DamagedMessageError, Encoding, Wire
+from ospc.errors import MissingExtraError, RecordingError
+from ospc.recording.bags.container import Encoding
 from ospc.recording.wording import escaped, quoted
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from rosbags.typesys.store import Typestore
 
-MAX_DESCRIPTION_CHARACTERS = 200_000
-"""Longer descriptions of a type are refused; that of the longest usual message has 20 000."""
+MAX_DEFINITION_CHARACTERS = 200_000
+"""Longer definitions are refused; that of the longest usual message has 20 000 characters."""
 
-MAX_ITEMS = 100_000
-"""Messages with more values are refused; arrays of numbers count once."""
+MAX_FIELDS = 2000
+"""Definitions with more fields are refused: code is generated for each."""
 
-_MAX_DEPTH = 16
-_BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4
-_TEXTS = ("string", "wstring")
-_STAMP = [("sec", (_BASE, ("int32", 0))), ("nanosec", (_BASE, ("uint32", 0)))]
-_ALWAYS: dict[str, list[tuple[str, Any]]] = {
-    "builtin_interfaces/msg/Time": _STAMP,
-    "builtin_interfaces/msg/Duration": _STAMP,
-}
+MAX_MESSAGE_BYTES = 2**20
+"""Larger messages of types that the bag defines are refused: those with exposures have a few kilobytes."""
+
+_SHOWN_FIELDS, _SHOWN_CHARACTERS = 12, 200
+"""Fields of a message that an error lists, and the characters they may take."""
+
+_TYPE_NAME = re.compile(r"[A-Za-z]\w{0,99}(?:/[A-Za-z]\w{0,99}){1,3}", re.ASCII)
+_FIELD_NAME = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
 _STEP = re.compile(r"([A-Za-z]\w*)|\[(\d{1,6})\]", re.ASCII)
+_IDL_FILE = re.compile(r"={80}\r?\nIDL: [^\n]*\n")
+"""Bags join IDL files; each begins with a line of 80 equals signs and one with its name."""
+
+_BASE, _NAME, _ARRAY = 1, 2, 3
+"""Kinds of fields in rosbags: a number or text, a message, and an array of fixed length; 4 is a sequence."""
+
+_DRIVER_TYPES = {
+    "flir_camera_msgs/msg/ImageMetaData": "std_msgs/Header header\nuint64 camera_time\nint16 brightness\n"
+    "uint32 exposure_time\nuint32 max_exposure_time\nfloat32 gain\n",
+    "realsense2_camera_msgs/msg/Metadata": "std_msgs/Header header\nstring json_data\n",
+}
+"""Definitions of messages with exposures that are not part of ROS, for bags without definitions."""
+
+_Types = Mapping[str, tuple[Sequence[Any], Sequence[tuple[str, Any]]]]
+
+
+class DamagedMessageError(RecordingError):
+    """A message does not hold what its type says."""
 
 
 class MessageType:
-    """A type of message with those it is made of.
+    """A type of message that can be deserialised.
 
     Parameters
     ----------
     name
         Such as ``std_msgs/msg/Float64``.
-    description
-        Its definition, followed by those of the types in it, as bags hold them.
-    idl
-        Whether the definition is in IDL rather than in ROS's own language.
     encoding
-        How messages are serialised.
+        Serialisation of the messages.
+    definition
+        Its definition, followed by those of the types it contains, as bags store them. If empty, the type must be
+        part of ROS or of a driver that is supported.
+    idl
+        Whether the definition is in IDL.
 
     Raises
     ------
     DamagedMessageError
-        If the definition cannot be understood.
+        If the definition is missing or invalid.
+    MissingExtraError
+        If the optional dependency for bags is not installed.
     """
 
-    def __init__(self, name: str, description: str, encoding: Encoding, *, idl: bool = False) -> None:
+    def __init__(self, name: str, encoding: Encoding, definition: str = "", *, idl: bool = False) -> None:
         self._name = name
-        self._encoding = encoding
-        if len(description) > MAX_DESCRIPTION_CHARACTERS:
-            raise DamagedMessageError(f"the type {quoted(name)} has a description of {len(description)} characters")
-        self._fields: Mapping[str, Sequence[tuple[str, Any]]] = _ALWAYS | _parsed(name, description, idl=idl)
-        if name not in self._fields:
-            raise DamagedMessageError(f"the type {quoted(name)} is not described")
+        self._ros1 = encoding == "ros1"
+        self._trusted = not definition
+        self._store = _standard_types(ros1=self._ros1) if self._trusted else _defined_types(name, definition, idl=idl)
+        if name not in self._store.fielddefs:
+            raise DamagedMessageError(
+                f"the bag does not define the type {quoted(name)}; record it as .mcap or use 'ros2 bag convert'"
+            )
 
-    def decode(self, data: bytes) -> dict[str, Any]:
-        """Return the fields of a message: numbers, texts, arrays of numbers, and lists and dictionaries of these.
+    def decode(self, data: bytes) -> Any:
+        """Return a message as an object whose attributes are its fields; arrays of numbers are NumPy arrays.
 
         Raises
         ------
         DamagedMessageError
             If the message does not fit its type.
         """
-        return _Decoder(Wire(data, self._encoding), self._fields).message(self._name, 0)
+        if not self._trusted and len(data) > MAX_MESSAGE_BYTES:
+            raise DamagedMessageError(f"the message has {len(data)} bytes, more than the {MAX_MESSAGE_BYTES} allowed")
+        deserialize = self._store.deserialize_ros1 if self._ros1 else self._store.deserialize_cdr
+        try:
+            return deserialize(memoryview(data), self._name)
+        except Exception:
+            # Damaged messages fail in ways the package does not document.
+            raise DamagedMessageError(f"the message does not fit its type {quoted(self._name)}") from None
 
 
-class _Decoder:
-    """Follows the description of a type through one message."""
-
-    def __init__(self, wire: Wire, fields: Mapping[str, Sequence[tuple[str, Any]]]) -> None:
-        self._wire = wire
-        self._fields = fields
-        self._items = 0
-
-    def message(self, name: str, depth: int) -> dict[str, Any]:
-        if depth > _MAX_DEPTH or name not in self._fields:
-            raise DamagedMessageError(f"the type {quoted(name)} is not described")
-        self._count(1)
-        return {field: self._value(description, depth) for field, description in self._fields[name]}
-
-    def _value(self, description: Any, depth: int) -> Any:
-        kind, detail = int(description[0]), description[1]
-        if kind == _BASE:
-            return self._single(detail[0])
-        if kind == _NAME:
-            return self.message(detail, depth + 1)
-        length = detail[1] if kind == _ARRAY else self._wire.count()
-        (inner_kind, inner), count = detail[0], int(length)
-        if int(inner_kind) == _BASE and inner[0] in FORMATS:
-            data = self._wire.array(inner[0], count)
-            self._count(1)
-            return np.frombuffer(data, dtype=self._wire.order + FORMATS[inner[0]])
-        self._count(count)
-        return [self._value(detail[0], depth) for _ in range(count)]
-
-    def _single(self, name: str) -> Any:
-        self._count(1)
-        if name in _TEXTS:
-            if name == "wstring":
-                raise DamagedMessageError("messages with wide text cannot be read")
-            return self._wire.text()
-        if name not in FORMATS:
-            raise DamagedMessageError(f"messages with values of type {quoted(name)} cannot be read")
-        return self._wire.number(name)
-
-    def _count(self, items: int) -> None:
-        self._items += items
-        if self._items > MAX_ITEMS:
-            raise DamagedMessageError(f"the message has more than {MAX_ITEMS} values")
+@cache
+def _standard_types(*, ros1: bool) -> Typestore:
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError:
+        raise MissingExtraError("reading bags", "ros") from None
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    for name, definition in _DRIVER_TYPES.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
 
 
-def value_at(message: Mapping[str, Any], field: str) -> Any:
+def _defined_types(name: str, definition: str, *, idl: bool) -> Typestore:
+    """Return the types that a bag defines."""
+    try:
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+    except ImportError:
+        raise MissingExtraError("reading bags", "ros") from None
+    if len(definition) > MAX_DEFINITION_CHARACTERS:
+        raise DamagedMessageError(f"the definition of the type {quoted(name)} has {len(definition)} characters")
+    store = get_typestore(Stores.EMPTY)
+    try:
+        if idl:
+            parts = [part for part in _IDL_FILE.split(definition) if part.strip()]
+            parsed = {key: value for part in parts for key, value in get_types_from_idl(part).items()}
+        else:
+            parsed = get_types_from_msg(definition, name)
+        _check(parsed)
+        fields: Any = {key: ([], found) for key, (_, found) in parsed.items() if key not in store.fielddefs}
+        store.register(fields)
+        store.get_msgdef(name)
+    except Exception:
+        # The parser and the generator fail in ways the package does not document.
+        raise DamagedMessageError(f"the definition of the type {quoted(name)} is invalid") from None
+    return store
+
+
+def _check(types: _Types) -> None:
+    """Refuse names that are not plain and fields that would make readers or messages grow without bound.
+
+    Every field takes at least a byte of a message then, so a message has no more values than bytes.
+    """
+    fields = 0
+    for name, (_, found) in types.items():
+        if not (_TYPE_NAME.fullmatch(name) and found):
+            raise ValueError(name)
+        for field, (kind, detail) in found:
+            (inner, inner_detail), length = detail if kind > _NAME else ((kind, detail), 1)
+            named = inner != _NAME or _TYPE_NAME.fullmatch(inner_detail)
+            if not (_FIELD_NAME.fullmatch(field) and named and (kind != _ARRAY or length > 0)):
+                raise ValueError(field)
+            # The generator writes out every element of a fixed array that is not numeric.
+            numeric = inner == _BASE and inner_detail[0] != "string"
+            fields += length if kind == _ARRAY and not numeric else 1
+    if fields > MAX_FIELDS:
+        raise ValueError(fields)
+
+
+def value_at(message: Any, field: str) -> Any:
     """Return a field of a message, such as ``exposure_time``, ``camera_info.header`` or ``shutter[0]``.
 
     Raises
@@ -123,42 +172,24 @@ def value_at(message: Mapping[str, Any], field: str) -> Any:
     DamagedMessageError
         If there is no such field.
     """
-    value: Any = message
+    value = message
     for step in _STEP.finditer(field):
         name, index = step.groups()
-        try:
-            value = value[name] if name else value[int(index)]
-        except (KeyError, IndexError, TypeError):
-            raise DamagedMessageError(f"the message has no field {field}; it has {_known(message)}") from None
+        known = _fields(value)
+        if name in known:
+            value = getattr(value, name)
+        elif index and isinstance(value, list | np.ndarray) and int(index) < len(value):
+            value = value[int(index)]
+        else:
+            has = escaped(", ".join(_fields(message)[:_SHOWN_FIELDS])[:_SHOWN_CHARACTERS])
+            raise DamagedMessageError(f"the message has no field {field}; it has {has}")
     return value
+
+
+def _fields(value: Any) -> list[str]:
+    return list(getattr(value, "__dataclass_fields__", ()))
 
 
 def is_field(text: str) -> bool:
     """Tell whether a text can name a field of a message."""
     return re.fullmatch(r"[A-Za-z]\w*(?:\[\d{1,6}\]|\.[A-Za-z]\w*)*", text, re.ASCII) is not None
-
-
-def _known(message: Mapping[str, Any]) -> str:
-    return escaped(", ".join(list(message)[:12])[:200])
-
-
-def _parsed(name: str, description: str, *, idl: bool) -> dict[str, Sequence[tuple[str, Any]]]:
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg
-
-    try:
-        if not idl:
-            found = get_types_from_msg(description, name)
-        else:
-            found = {}
-            for part in _idl_files(description):
-                found.update(get_types_from_idl(part))
-    except Exception:
-        # The parser fails in ways it does not name.
-        raise DamagedMessageError(f"the description of the type {quoted(name)} cannot be understood") from None
-    return {key: fields for key, (_, fields) in found.items()}
-
-
-def _idl_files(description: str) -> list[str]:
-    """Split what a bag holds into files: each begins with a line of 80 ``=`` and one with ``IDL: `` and its name."""
-    parts = re.split(r"={80}\r?\nIDL: [^\n]*\n", description)
-    return [part for part in parts if part.strip()]

@@ -8,69 +8,83 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ospc.errors import MissingExtraError, RecordingError
-from ospc.recording.bags.container import MAX_CHUNK_BYTES, Message, Topic, refusing_damage
+from ospc.recording.bags.container import (
+    MAX_CHUNK_BYTES,
+    MAX_TOPICS,
+    BagFile,
+    Encoding,
+    Message,
+    Topic,
+)
 from ospc.recording.bags.expansion import ZSTD_START, expand
-from ospc.recording.bags.wire import Encoding
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 ROS1_START, SQLITE_START = b"#ROSBAG V", b"SQLite format 3\0"
-_MAX_TOPICS = 20_000
+_SQLITE_HEADER_BYTES = 100
+_SQLITE_LARGEST_PAGE = 65536
+"""Page size that a header states as 1, since it does not fit 16 bits."""
 
 
-class Ros1File:
-    """A bag of ROS 1.
+class RosbagsFile(BagFile):
+    """A file that a reader of rosbags reads; the formats differ in how it is opened."""
 
-    Parameters
-    ----------
-    path
-        The file.
+    _ENCODING: ClassVar[Encoding]
 
-    Raises
-    ------
-    RecordingError
-        If it is damaged or was not closed.
-    """
+    def _topics(self, reader: Any) -> Iterator[Topic]:
+        from rosbags.interfaces import MessageDefinitionFormat
 
-    _ADVICE = "record it again, or save what is whole with 'rosbag reindex'"
+        if len(reader.connections) > MAX_TOPICS:
+            raise RecordingError(f"has more than the {MAX_TOPICS} topics allowed")
+        by_name: dict[str, list[Connection]] = {}
+        for connection in reader.connections:
+            if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
+                raise RecordingError("has a topic without a name or type")
+            by_name.setdefault(connection.topic, []).append(connection)
+        for name, connections in by_name.items():
+            messages = sum(self._count(reader, connection) for connection in connections)
+            definition = connections[0].msgdef
+            idl = definition.format == MessageDefinitionFormat.IDL
+            yield Topic(name, connections[0].msgtype, messages, self._ENCODING, definition.data, idl)
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with self._open(()) as reader:
-            self.topics = tuple(
-                _topic(connections[0], sum(c.get(x.id, 0) for c in _counts(reader) for x in connections), "ros1")
-                for connections in _by_name(reader.connections)
-            )
+    def _count(self, reader: Any, connection: Connection) -> int:
+        return connection.msgcount
 
-    def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Give the messages of some topics in the order they were recorded.
+    def _messages(self, reader: Any, names: Collection[str], start_ns: int | None) -> Iterator[Message]:
+        wanted = [connection for connection in reader.connections if connection.topic in names]
+        # Without connections, the readers would yield the messages of all topics.
+        found = reader.messages(wanted, start_ns) if wanted else ()
+        for connection, log_ns, data in found:
+            if len(data) > MAX_CHUNK_BYTES:
+                raise RecordingError(f"has a message larger than the {MAX_CHUNK_BYTES} bytes allowed")
+            yield Message(connection.topic, int(log_ns), self._expanded(bytes(data)))
 
-        Raises
-        ------
-        RecordingError
-            If it is damaged.
-        """
-        with self._open(names) as reader:
-            wanted = [c for c in reader.connections if c.topic in names]
-            if wanted:
-                for connection, log_ns, data in reader.messages(wanted, start=start_ns):
-                    yield Message(connection.topic, log_ns, _checked(bytes(data)))
+    def _expanded(self, data: bytes) -> bytes:
+        return data
+
+
+class Ros1File(RosbagsFile):
+    """A bag of ROS 1."""
+
+    _ADVICE = "record it again, or save the intact part with 'rosbag reindex'"
+    _ENCODING = "ros1"
 
     @contextmanager
     def _open(self, names: Collection[str]) -> Iterator[Any]:
-        with refusing_damage(self.path, self._ADVICE):
-            reader = _sparing_reader()(self.path, frozenset(names))
-            with reader:
-                # What comes with the package expands whatever it is given.
-                reader.chunks = {
-                    place: chunk._replace(decompressor=partial(expand, compression=_compression(chunk)))
-                    for place, chunk in reader.chunks.items()
-                }
-                yield reader
+        with _sparing_reader()(self.path, frozenset(names)) as reader:
+            # The decompressors of the package have no limit.
+            reader.chunks = {
+                place: chunk._replace(decompressor=partial(expand, compression=_compression(chunk)))
+                for place, chunk in reader.chunks.items()
+            }
+            yield reader
+
+    def _count(self, reader: Any, connection: Connection) -> int:
+        return sum(info.connection_counts.get(connection.id, 0) for info in reader.chunk_infos)
 
 
 def _sparing_reader() -> Any:
@@ -107,106 +121,42 @@ def _compression(chunk: Any) -> str:
     return next(name for name, function in decompressors.items() if function is chunk.decompressor)
 
 
-def _counts(reader: Any) -> list[dict[int, int]]:
-    return [info.connection_counts for info in reader.chunk_infos]
+class Sqlite3File(RosbagsFile):
+    """A file of a bag of ROS 2 in SQLite."""
 
-
-class Sqlite3File:
-    """A file of a bag of ROS 2 in SQLite.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    RecordingError
-        If it is damaged.
-    """
-
-    _ADVICE = "record it again, or save what is whole with 'sqlite3 FILE .recover'"
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with self._open() as reader:
-            self.topics = tuple(
-                _topic(connections[0], sum(c.msgcount for c in connections), "cdr")
-                for connections in _by_name(reader.connections)
-            )
-
-    def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Give the messages of some topics in the order they were recorded.
-
-        Raises
-        ------
-        RecordingError
-            If it is damaged.
-        """
-        with self._open() as reader:
-            wanted = [c for c in reader.connections if c.topic in names]
-            if wanted:
-                for connection, log_ns, data in reader.messages(wanted, start_ns):
-                    yield Message(connection.topic, int(log_ns), _expanded(_checked(bytes(data))))
+    _ADVICE = "record it again, or save the intact part with 'sqlite3 FILE .recover'"
+    _ENCODING = "cdr"
 
     @contextmanager
-    def _open(self) -> Iterator[Any]:
-        with refusing_damage(self.path, self._ADVICE):
-            try:
-                from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-            except ImportError:
-                raise MissingExtraError("reading bags", "ros") from None
-            _check_length(self.path)
-            # The package puts the path into an address as it is.
-            if any(c in str(self.path) for c in "?#%"):
-                raise RecordingError(f"{self.path}: its path must not hold '?', '#' or '%'; rename it")
-            reader = Sqlite3Reader(self.path)
-            reader.open()
-            try:
-                yield reader
-            finally:
-                reader.close()
+    def _open(self, names: Collection[str]) -> Iterator[Any]:
+        try:
+            from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+        except ImportError:
+            raise MissingExtraError("reading bags", "ros") from None
+        _check_length(self.path)
+        # The package puts the path into a URI without quoting it.
+        if any(c in str(self.path) for c in "?#%"):
+            raise RecordingError(f"{self.path}: its path must not contain '?', '#' or '%'; rename it")
+        reader = Sqlite3Reader(self.path)
+        reader.open()
+        try:
+            yield reader
+        finally:
+            reader.close()
+
+    def _expanded(self, data: bytes) -> bytes:
+        # Bags may compress each message by itself; plain ones never begin like that.
+        return expand(data, "zstd") if data.startswith(ZSTD_START) else data
 
 
 def _check_length(path: Path) -> None:
-    """Refuse a database shorter than its header says, which SQLite itself only finds out where it reads."""
+    """Refuse a database shorter than its header says; SQLite itself notices only where it reads."""
     with path.open("rb") as file:
-        header = file.read(100)
+        header = file.read(_SQLITE_HEADER_BYTES)
         size = os.fstat(file.fileno()).st_size
-    (page_bytes, changes, pages), (valid_for,) = (
-        struct.unpack_from(">H6xII", header, 16),
-        struct.unpack_from(">I", header, 92),
-    )
-    # Where the two counters differ, the number of pages is not kept up to date (SQLite file format, section 1.3.7).
-    if changes == valid_for and size < pages * (65536 if page_bytes == 1 else page_bytes):
-        raise RecordingError(f"{path}: the bag ends early; {Sqlite3File._ADVICE}")
-
-
-def _expanded(data: bytes) -> bytes:
-    """Return a message; bags may compress each by itself, and plain ones never begin like that."""
-    return expand(data, "zstd") if data.startswith(ZSTD_START) else data
-
-
-def _checked(data: bytes) -> bytes:
-    if len(data) > MAX_CHUNK_BYTES:
-        raise RecordingError(f"a message has more than the {MAX_CHUNK_BYTES} bytes allowed")
-    return data
-
-
-def _by_name(connections: list[Connection]) -> list[list[Connection]]:
-    if len(connections) > _MAX_TOPICS:
-        raise RecordingError(f"has more than the {_MAX_TOPICS} topics allowed")
-    found: dict[str, list[Connection]] = {}
-    for connection in connections:
-        found.setdefault(connection.topic, []).append(connection)
-    return list(found.values())
-
-
-def _topic(connection: Connection, messages: int, encoding: Encoding) -> Topic:
-    from rosbags.interfaces import MessageDefinitionFormat
-
-    if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
-        raise RecordingError("has a topic without a name or type")
-    definition = connection.msgdef
-    idl = definition.format == MessageDefinitionFormat.IDL
-    return Topic(connection.topic, connection.msgtype, messages, encoding, definition.data, idl)
+    page_bytes, changes, pages = struct.unpack_from(">H6xII", header, 16)
+    (valid_for,) = struct.unpack_from(">I", header, 92)
+    page_bytes = _SQLITE_LARGEST_PAGE if page_bytes == 1 else page_bytes
+    # If the two counters differ, the number of pages is not kept up to date (SQLite file format, section 1.3.7).
+    if changes == valid_for and size < pages * page_bytes:
+        raise RecordingError("the bag ends early")

@@ -1,4 +1,4 @@
-"""Which topics of a bag are read, where the user does not say."""
+"""Which topics of a bag are read if the user does not say."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from ospc.recording.bags.image_messages import IMAGE_TYPES, RAW
 from ospc.recording.options import ReadingOptions
 from ospc.recording.wording import escaped, listed, quoted
 
-_NO_GREY = ("depth", "disparity", "segmentation", "mask", "label")
+_NOT_PHOTOGRAPHS = ("depth", "disparity", "segmentation", "mask", "label")
+"""Topics of images whose names contain one of these hold something other than grey values."""
 
 
 def image_topic(bag: Bag, options: ReadingOptions) -> tuple[Topic, list[str]]:
-    """Return the topic with the images, and what to tell about the choice.
+    """Return the topic with the images, and notes about the choice.
 
     Raises
     ------
     RecordingError
-        If there is none, or not the one the user names.
+        If there is none, or the one the user names does not exist or has no images.
     """
     if options.image_topic is not None:
         topic = _named(bag, options.image_topic)
         if topic.type not in IMAGE_TYPES:
             raise RecordingError(
-                f"{bag.path}: {escaped(topic.name)} holds {escaped(topic.type)}, no images; see --list-topics"
+                f"{bag.path}: {escaped(topic.name)} has no images but {escaped(topic.type)}; see --list-topics"
             )
         return topic, []
     found = image_topics(bag)
@@ -38,16 +39,16 @@ def image_topic(bag: Bag, options: ReadingOptions) -> tuple[Topic, list[str]]:
 
 
 def image_topics(bag: Bag) -> list[Topic]:
-    """Return the topics with images of a camera: one for each, depth left out, raw ones before compressed ones."""
+    """Return the topics with images of cameras, one per camera, without depth; raw images before compressed ones."""
     images = [t for t in bag.topics if t.type in IMAGE_TYPES and t.messages != 0]
-    grey = [t for t in images if not any(word in t.name.lower() for word in _NO_GREY)] or images
+    grey = [t for t in images if not any(word in t.name.lower() for word in _NOT_PHOTOGRAPHS)] or images
     raw = [t for t in grey if t.type == RAW]
     bases = {t.name for t in raw}
     return raw + [t for t in grey if t.type != RAW and not any(t.name.startswith(f"{base}/") for base in bases)]
 
 
 def uses(bag: Bag) -> list[tuple[Topic, str]]:
-    """Return every topic with what it may be used for: ``images``, ``exposures``, or nothing that is known."""
+    """Return every topic with what it can be used for: ``images``, ``exposures``, or an empty text."""
     carriers = {topic.name for topic in candidates(bag.topics)}
     return [
         (topic, "images" if topic.type in IMAGE_TYPES else "exposures" if topic.name in carriers else "")
@@ -61,7 +62,7 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     Raises
     ------
     ExposureError
-        If there is none, or several and none of them is nearer to the images by its name.
+        If there is none, or several with names equally similar to that of the images.
     """
     if options.exposure_topic is not None:
         return _named(bag, options.exposure_topic)
@@ -82,7 +83,7 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
 
 
 def _shared(name: str, other: str) -> int:
-    """Return how many parts of a topic's name, from the left, it has in common with another."""
+    """Return how many leading parts two names of topics have in common."""
     count = 0
     for part, other_part in zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False):
         if part != other_part:

@@ -1,6 +1,6 @@
-"""Cameras while they film: frames with their exposures, one after the other, as drivers give them.
+"""Live cameras: frames with their exposures as drivers deliver them.
 
-:func:`open_camera` opens one by a short text such as ``opencv:0`` or ``realsense``.
+:func:`open_camera` opens a camera by a short text such as ``opencv:0`` or ``realsense``.
 """
 
 from ospc.recording.live.cameras import open_camera

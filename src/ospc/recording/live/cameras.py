@@ -1,4 +1,4 @@
-"""Cameras by a short text."""
+"""Opening live cameras by a short text."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from ospc.recording.live.source import Camera
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.wording import quoted
 
+_MAX_DIGITS = 4
+"""Digits of a device number; more are a mistake."""
+
 _EXPECTED = "expected opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE (.db3 or .bag), or depthai:SENSOR"
 
 
 def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
-    """Open a camera.
+    """Open a live camera.
 
     Parameters
     ----------
@@ -21,14 +24,14 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
         ``opencv:0`` for the first webcam; ``realsense``, ``realsense:SERIAL``, or a recording of its viewer,
         ``realsense:FILE.db3`` or ``realsense:FILE.bag``; ``depthai:left``, ``depthai:right`` or ``depthai:colour``.
     options
-        Units of exposure and gain for ``opencv``, and the channel taken of colour.
+        Units of exposure and gain for ``opencv``, and the channel taken from colour.
 
     Raises
     ------
     SettingError
         If the text names no kind of camera, or a unit has to be stated.
     MissingExtraError
-        If the optional dependency for it is not installed.
+        If the optional dependency for the camera is not installed.
     RecordingError
         If there is no such camera.
 
@@ -42,7 +45,7 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
     """
     kind, _, which = text.partition(":")
     colour = options.channel is not None
-    if kind == "opencv" and (which or "0").isascii() and (which or "0").isdigit() and len(which) < 5:
+    if kind == "opencv" and (which or "0").isascii() and (which or "0").isdigit() and len(which) <= _MAX_DIGITS:
         from ospc.recording.live.opencv_capture import OpenCvCamera
 
         return OpenCvCamera(
@@ -61,4 +64,4 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
         from ospc.recording.live.depthai import DepthAiCamera
 
         return DepthAiCamera.open(which or ("colour" if colour else "left"), channel=options.channel)
-    raise SettingError(f"{quoted(text)} is no camera; {_EXPECTED}")
+    raise SettingError(f"{quoted(text)} is not a camera; {_EXPECTED}")

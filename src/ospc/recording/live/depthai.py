@@ -6,35 +6,36 @@ Sources: DepthAI's documentation: ``ImgFrame.getExposureTime`` is a duration, ``
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from ospc.errors import MissingExtraError, RecordingError, said_by
+from ospc.errors import MissingExtraError, RecordingError
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.frame import Frame
-from ospc.recording.live.source import MOST_SAID, Camera, ExposureReader, grey
+from ospc.recording.live.source import Camera, DriverFrame, ExposureReader, quoted_driver
+from ospc.recording.wording import quoted
 
 SOCKETS = {"colour": "CAM_A", "left": "CAM_B", "right": "CAM_C"}
+"""Sockets of the sensors, as DepthAI names them."""
 
 
 class DepthAiCamera(Camera):
-    """Frames of one sensor of an OAK camera.
+    """One sensor of an OAK camera.
 
     Parameters
     ----------
     wait
-        Gives the next ``ImgFrame``: ``queue.get``.
+        Returns the next ``ImgFrame``: ``queue.get``.
     name
-        What to call the camera in messages.
+        Name of the camera in messages.
     channel
-        Channel taken of colour; luma where None.
+        Channel taken from colour; luma if None.
     running
-        Tells whether more frames will come.
+        Tells whether more frames will arrive.
     stop
-        Lets go of the device.
+        Releases the device.
     """
 
     def __init__(
@@ -46,11 +47,11 @@ class DepthAiCamera(Camera):
         running: Callable[[], bool] = lambda: True,
         stop: Callable[[], object] = lambda: None,
     ) -> None:
+        note = f"{name}: exposures are exposure time times ISO / 100, as the device reports them with each frame"
+        exposures = ExposureReader(name, ExposureUnit.S, GainUnit.ISO)
+        super().__init__(name, (note,), exposures, channel=channel, stop=stop)
         self._wait = wait
-        self._name = name
-        self._channel = channel
         self._running = running
-        self._stop = stop
 
     @classmethod
     def open(
@@ -65,7 +66,7 @@ class DepthAiCamera(Camera):
         size
             Width and height of the frames in pixels.
         channel
-            Channel taken of the colour sensor; luma where None.
+            Channel taken from the colour sensor; luma if None.
 
         Raises
         ------
@@ -75,14 +76,13 @@ class DepthAiCamera(Camera):
             If there is no such camera.
         """
         if sensor not in SOCKETS:
-            raise RecordingError(f"no sensor is called '{sensor[:20]}'; known: {', '.join(SOCKETS)}")
+            raise RecordingError(f"no sensor is called {quoted(sensor)}; known: {', '.join(SOCKETS)}")
         try:
             import depthai
         except ImportError:
             raise MissingExtraError("reading from OAK cameras", "depthai") from None
         name = f"DepthAI {sensor}"
-        colour = sensor == "colour"
-        kind = depthai.ImgFrame.Type.BGR888i if colour else depthai.ImgFrame.Type.GRAY8
+        kind = depthai.ImgFrame.Type.BGR888i if sensor == "colour" else depthai.ImgFrame.Type.GRAY8
         try:
             pipeline = depthai.Pipeline()
             socket = getattr(depthai.CameraBoardSocket, SOCKETS[sensor])
@@ -90,45 +90,19 @@ class DepthAiCamera(Camera):
             queue = camera.requestOutput(size, kind).createOutputQueue()
             pipeline.start()
         except RuntimeError as error:
-            said = said_by(error, MOST_SAID)
-            raise RecordingError(f"{name}: cannot be opened ({said}); is it plugged in?") from None
+            raise RecordingError(f"{name}: cannot be opened ({quoted_driver(error)}); is it plugged in?") from None
         return cls(queue.get, name, channel=channel, running=pipeline.isRunning, stop=pipeline.stop)
 
-    @property
-    def name(self) -> str:
-        """What to call it in messages."""
-        return self._name
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What a user should know about its exposures."""
-        return (f"{self._name}: exposures are exposure time times ISO / 100, as the device notes them in each frame",)
-
-    def __iter__(self) -> Iterator[Frame]:
-        """Give the next frames as they come.
-
-        Raises
-        ------
-        RecordingError
-            If the camera fails.
-        ExposureError
-            If the camera gives no exposure with a frame.
-        """
-        exposures = ExposureReader(self._name, ExposureUnit.S, GainUnit.ISO)
-        index = 0
-        while self._running():
-            try:
-                frame = self._wait()
-            except RuntimeError as error:
-                said = said_by(error, MOST_SAID)
-                raise RecordingError(f"{self._name}: stopped giving frames ({said})") from None
-            exposure_s, iso = frame.getExposureTime().total_seconds(), float(frame.getSensitivity())
-            exposure_ms = exposures.exposure_ms(exposure_s, iso)
-            image = grey(np.asarray(frame.getCvFrame()), self._channel)
-            stamp_s = float(frame.getTimestampDevice().total_seconds())
-            yield Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s)
-            index += 1
-
-    def close(self) -> None:
-        """Let go of the device."""
-        self._stop()
+    def _next(self) -> DriverFrame | None:
+        if not self._running():
+            return None
+        try:
+            frame = self._wait()
+        except RuntimeError as error:
+            raise RecordingError(f"{self.name}: stopped giving frames ({quoted_driver(error)})") from None
+        return DriverFrame(
+            np.asarray(frame.getCvFrame()),
+            frame.getExposureTime().total_seconds(),
+            float(frame.getSensitivity()),
+            float(frame.getTimestampDevice().total_seconds()),
+        )

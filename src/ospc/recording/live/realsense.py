@@ -1,4 +1,4 @@
-"""Intel RealSense cameras, and recordings that their viewer made, through pyrealsense2.
+"""Intel RealSense cameras, and recordings made with their viewer, through pyrealsense2.
 
 Sources: the documentation of librealsense: ``actual_exposure`` is in µs, ``gain_level`` 16 is a gain of one in the
 stereo sensors, time stamps are in ms.
@@ -6,37 +6,38 @@ stereo sensors, time stamps are in ms.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ospc.arrays import Image
-from ospc.errors import ExposureError, MissingExtraError, RecordingError, said_by
+from ospc.errors import ExposureError, MissingExtraError, RecordingError
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.frame import Frame
-from ospc.recording.live.source import MOST_SAID, Camera, ExposureReader, grey
+from ospc.recording.live.source import Camera, DriverFrame, ExposureReader, quoted_driver
 
-_GAIN_OF_ONE = 16
+_UNIT_GAIN = 16
+"""``gain_level`` at a gain of one."""
+
 _WAITS, _WAIT_MS = 25, 200
+"""Attempts to get a frame, and how long each waits: five seconds in all, as a camera needs to start."""
 
 
 class RealSenseCamera(Camera):
-    """Frames of one stream of a RealSense camera.
+    """One stream of a RealSense camera.
 
     Parameters
     ----------
     wait
-        Gives the next frame of pyrealsense2, None at the end of a recording, and raises ``RuntimeError`` where none
-        comes: ``queue.wait_for_frame``, for example.
+        Returns the next frame of pyrealsense2 or None at the end of a recording, and raises ``RuntimeError`` if none
+        arrives: ``queue.wait_for_frame``, for example.
     name
-        What to call the camera in messages.
+        Name of the camera in messages.
     channel
-        Channel taken of colour; luma where None.
+        Channel taken from colour; luma if None.
     stop
-        Lets go of the device.
+        Releases the device.
     """
 
     def __init__(
@@ -47,11 +48,11 @@ class RealSenseCamera(Camera):
         channel: Channel | None = None,
         stop: Callable[[], object] = lambda: None,
     ) -> None:
-        self._module = _module()
+        note = f"{name}: exposures are actual_exposure in µs times gain_level / {_UNIT_GAIN}"
+        exposures = ExposureReader(name, ExposureUnit.US, GainUnit.LINEAR)
+        super().__init__(name, (note,), exposures, channel=channel, stop=stop)
+        self._metadata = _module().frame_metadata_value
         self._wait = wait
-        self._name = name
-        self._channel = channel
-        self._stop = stop
 
     @classmethod
     def open(
@@ -62,13 +63,13 @@ class RealSenseCamera(Camera):
         Parameters
         ----------
         serial
-            Serial number; the first camera where empty.
+            Serial number; the first camera if empty.
         recording
-            A file that the viewer of the cameras recorded: ``.db3``, formerly ``.bag``.
+            A file recorded with RealSense's viewer: ``.db3``, formerly ``.bag``.
         colour
-            Whether to take the colour stream instead of the first infrared one.
+            Whether to take the colour stream instead of the first infrared stream.
         channel
-            Channel taken of colour; luma where None.
+            Channel taken from colour; luma if None.
 
         Raises
         ------
@@ -80,7 +81,7 @@ class RealSenseCamera(Camera):
         rs = _module()
         config = rs.config()
         if recording is not None:
-            # The library waits for ever, or worse, for what is not there.
+            # For a missing file the library may wait forever.
             if not recording.is_file():
                 raise RecordingError(f"{recording}: there is no such file; check the path")
             config.enable_device_from_file(str(recording), False)
@@ -99,9 +100,7 @@ class RealSenseCamera(Camera):
                 playback = profile.get_device().as_playback()
                 playback.set_real_time(False)
         except RuntimeError as error:
-            raise RecordingError(
-                f"{name}: cannot be opened ({said_by(error, MOST_SAID)}); is it plugged in?"
-            ) from None
+            raise RecordingError(f"{name}: cannot be opened ({quoted_driver(error)}); is it plugged in?") from None
 
         def wait() -> Any:
             for _ in range(_WAITS):
@@ -114,54 +113,25 @@ class RealSenseCamera(Camera):
 
         return cls(wait, name, channel=channel, stop=pipeline.stop)
 
-    @property
-    def name(self) -> str:
-        """What to call it in messages."""
-        return self._name
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What a user should know about its exposures."""
-        return (f"{self._name}: exposures are actual_exposure in µs times gain_level / {_GAIN_OF_ONE}",)
-
-    def __iter__(self) -> Iterator[Frame]:
-        """Give the next frames as they come.
-
-        Raises
-        ------
-        RecordingError
-            If the camera fails.
-        ExposureError
-            If the camera gives no exposure with a frame.
-        """
-        value = self._module.frame_metadata_value
-        exposures = ExposureReader(self._name, ExposureUnit.US, GainUnit.LINEAR)
-        index = 0
-        while True:
-            try:
-                frame = self._wait()
-            except RuntimeError as error:
-                raise RecordingError(f"{self._name}: stopped giving frames ({said_by(error, MOST_SAID)})") from None
-            if not frame:
-                return
-            if not frame.supports_frame_metadata(value.actual_exposure):
-                raise ExposureError(
-                    f"{self._name}: gives no exposures with its frames; install the kernel patches for metadata of "
-                    f"its maker, or use its RSUSB backend"
-                )
-            gain = 1.0
-            if frame.supports_frame_metadata(value.gain_level):
-                gain = frame.get_frame_metadata(value.gain_level) / _GAIN_OF_ONE
-            exposure_ms = exposures.exposure_ms(float(frame.get_frame_metadata(value.actual_exposure)), gain)
-            # The library takes the memory of a frame back.
-            image: Image = np.array(frame.get_data())
-            stamp_s = float(frame.get_timestamp()) / 1e3
-            yield Frame.of_array(grey(image, self._channel), exposure_ms, index=index, stamp_s=stamp_s)
-            index += 1
-
-    def close(self) -> None:
-        """Let go of the device."""
-        self._stop()
+    def _next(self) -> DriverFrame | None:
+        try:
+            frame = self._wait()
+        except RuntimeError as error:
+            raise RecordingError(f"{self.name}: stopped giving frames ({quoted_driver(error)})") from None
+        if not frame:
+            return None
+        value = self._metadata
+        if not frame.supports_frame_metadata(value.actual_exposure):
+            raise ExposureError(
+                f"{self.name}: gives no exposures with its frames; install the maker's kernel patches for metadata, "
+                f"or use its RSUSB backend"
+            )
+        gain = 1.0
+        if frame.supports_frame_metadata(value.gain_level):
+            gain = frame.get_frame_metadata(value.gain_level) / _UNIT_GAIN
+        exposure_us = float(frame.get_frame_metadata(value.actual_exposure))
+        # The copy outlives the frame, whose memory the library reuses.
+        return DriverFrame(np.array(frame.get_data()), exposure_us, gain, float(frame.get_timestamp()) / 1e3)
 
 
 def _module() -> Any:
@@ -171,6 +141,6 @@ def _module() -> Any:
         raise MissingExtraError("reading from RealSense cameras", "realsense") from None
     except ImportError as error:
         raise RecordingError(
-            f"pyrealsense2 is installed but cannot be loaded ({said_by(error, MOST_SAID)}); install what it misses"
+            f"pyrealsense2 is installed but cannot be loaded ({quoted_driver(error)}); install what it misses"
         ) from None
     return pyrealsense2

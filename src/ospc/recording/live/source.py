@@ -1,70 +1,119 @@
-"""What every camera that films offers."""
+"""What all live cameras have in common."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.errors import ExposureError
+from ospc.errors import ExposureError, said_by
 from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import ExposureUnit, GainUnit
+from ospc.recording.exposure_units import EXPOSURE_RANGE_MS, ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
-from ospc.recording.frame_table import EXPOSURE_RANGE_MS
 
-MOST_SAID = 160
-"""Characters kept of what a driver says."""
+_QUOTED_CHARACTERS = 160
+"""Characters of a driver's own message that an error quotes."""
+
+
+@dataclass(frozen=True)
+class DriverFrame:
+    """A frame as a driver delivers it.
+
+    Attributes
+    ----------
+    image
+        Shape (height, width) or (height, width, channels), channels in the order blue, green, red.
+    exposure, gain
+        In the units of the driver.
+    stamp_s
+        Time stamp in seconds.
+    """
+
+    image: Image
+    exposure: float
+    gain: float
+    stamp_s: float
 
 
 class Camera(ABC):
-    """A camera that films; iterating gives frames for as long as it does.
+    """A live camera; iterating yields frames until it stops. Use it in a ``with`` statement to release the device.
 
-    To be used in a ``with`` statement, so that the device is let go of.
+    Parameters
+    ----------
+    name
+        Name of the camera in messages.
+    notes
+        What the user should know about its exposures.
+    exposures
+        Converts the driver's exposures.
+    channel
+        Channel taken from colour; luma if None.
+    stop
+        Releases the device.
     """
 
-    @property
-    @abstractmethod
-    def name(self) -> str:
-        """What to call it in messages."""
+    def __init__(
+        self,
+        name: str,
+        notes: tuple[str, ...],
+        exposures: ExposureReader,
+        *,
+        channel: Channel | None = None,
+        stop: Callable[[], object] = lambda: None,
+    ) -> None:
+        self.name = name
+        self.notes = notes
+        self._exposures = exposures
+        self._channel = channel or Channel.LUMINANCE
+        self._stop = stop
 
-    @property
     @abstractmethod
-    def notes(self) -> tuple[str, ...]:
-        """What a user should know about its exposures."""
+    def _next(self) -> DriverFrame | None:
+        """Return the next frame, None at the end."""
 
-    @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
-        """Give the next frames as they come.
+        """Yield the next frames as they arrive, numbered from 0.
 
         Raises
         ------
         RecordingError
             If the camera fails.
         ExposureError
-            If it gives no exposure with a frame.
+            If it delivers no exposure with a frame, or changes a gain of unknown unit.
         """
+        index = 0
+        while (found := self._next()) is not None:
+            exposure_ms = self._exposures.exposure_ms(found.exposure, found.gain)
+            yield Frame.of_array(self._grey(found.image), exposure_ms, index=index, stamp_s=found.stamp_s)
+            index += 1
 
-    @abstractmethod
     def close(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
+        self._stop()
 
     def __enter__(self) -> Self:
-        """Return itself."""
+        """Return the camera."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Let go of the device."""
+        """Release the device."""
         self.close()
+
+    def _grey(self, image: Image) -> Image:
+        if image.ndim == 3 and image.shape[2] == 3:
+            return self._channel.of(image)
+        return np.array(image[:, :, 0] if image.ndim == 3 else image)
 
 
 class ExposureReader:
-    """Turns what a driver says of a frame into an exposure in milliseconds times linear gain.
+    """Converts what a driver states about a frame to an exposure in milliseconds times linear gain.
 
     Parameters
     ----------
@@ -73,7 +122,7 @@ class ExposureReader:
     unit
         Unit of the exposures.
     gain_unit
-        Unit of the gains; None where only the maker of the camera knows it: they must not change then.
+        Unit of the gains; None if only the maker of the camera knows it, and then the gain must stay constant.
     """
 
     def __init__(self, name: str, unit: ExposureUnit, gain_unit: GainUnit | None) -> None:
@@ -88,7 +137,7 @@ class ExposureReader:
         Raises
         ------
         ExposureError
-            If it is none, or a gain of unknown unit changes.
+            If the driver states none, or a gain of unknown unit changes.
         """
         if self._gain_unit is None:
             if self._first_gain is None:
@@ -104,13 +153,11 @@ class ExposureReader:
         if not low <= exposure_ms <= high:
             raise ExposureError(
                 f"{self._name}: the driver gives no exposure with its frames (exposure {exposure:g}, gain {gain:g}); "
-                f"set the exposure by hand and give frames with it as Frame.of_array(image, exposure_ms)"
+                f"set the exposure by hand and pass it as Frame.of_array(image, exposure_ms)"
             )
         return exposure_ms
 
 
-def grey(image: Image, channel: Channel | None) -> Image:
-    """Return the grey values of an image as OpenCV orders channels: blue, green, red."""
-    if image.ndim == 3 and image.shape[2] == 3:
-        return (channel or Channel.LUMINANCE).of(image)
-    return np.array(image[:, :, 0] if image.ndim == 3 else image)
+def quoted_driver(error: BaseException) -> str:
+    """Return the message of a driver, shortened, for quoting."""
+    return said_by(error, _QUOTED_CHARACTERS)

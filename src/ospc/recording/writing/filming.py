@@ -1,4 +1,4 @@
-"""What a camera films as a folder in the layout of the TUM monocular data set."""
+"""Record a live camera into a folder in the layout of the TUM monocular dataset."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import RecordingError, SettingError
-from ospc.formats.conversion_images import NumberedImages, coded
 from ospc.formats.dso import write_times
 from ospc.recording.frame import Frame
+from ospc.recording.writing.images import NumberedImages, encode
 
 _MOST_FRAMES = 1_000_000
+"""Most frames of one recording: nine hours at 30 per second."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Filmed:
     frames
         Number of images.
     repeated
-        Number of frames left out because their time stamp was not after that of the one before.
+        Number of frames left out because their time stamp was not later than that of the previous frame.
     exposure_range_ms
         Shortest and longest exposure.
     """
@@ -44,7 +45,7 @@ def film(
     stop: Callable[[], bool] = lambda: False,
     progress: Callable[[int, int], None] = lambda _done, _most: None,
 ) -> Filmed:
-    """Write frames as they come; whatever ends it, what came before is a complete recording.
+    """Write frames as they arrive; however it ends, what was written until then is a complete recording.
 
     Parameters
     ----------
@@ -53,9 +54,9 @@ def film(
     out
         A folder, new or empty.
     most
-        Number of frames after which to end.
+        Number of frames after which to stop.
     stop
-        Asked after every frame whether to end.
+        Called after every frame; stops if it returns True.
     progress
         Called with the number of frames written and ``most``.
 
@@ -64,9 +65,9 @@ def film(
     SettingError
         If the folder is not empty or cannot be written to.
     RecordingError
-        If not one frame came.
+        If no frame arrived.
     FrameError, ExposureError
-        As the frames' source raises them; the frames before are written.
+        As the source of the frames raises them; the frames before are kept.
     """
     place = Path(out)
     if place.exists() and not (place.is_dir() and not any(place.iterdir())):
@@ -81,7 +82,7 @@ def film(
                 if stamps_s and round(frame.stamp_s, 9) <= round(stamps_s[-1], 9):
                     repeated += 1
                 else:
-                    images.write(len(stamps_s), coded(frame, "png"))
+                    images.write(len(stamps_s), encode(frame, "png"))
                     stamps_s.append(frame.stamp_s)
                     exposures_ms.append(frame.exposure_ms)
                     progress(len(stamps_s), most)
@@ -93,5 +94,5 @@ def film(
         if stamps_s:
             write_times(place / "times.txt", range(len(stamps_s)), stamps_s, exposures_ms)
     if not stamps_s:
-        raise RecordingError(f"{place}: not one frame came from the camera; nothing was recorded")
+        raise RecordingError(f"{place}: the camera delivered no frames; check that it is running")
     return Filmed(place, len(stamps_s), repeated, (min(exposures_ms), max(exposures_ms)))

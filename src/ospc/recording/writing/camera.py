@@ -1,4 +1,4 @@
-"""The intrinsics of a recording as DSO's camera.txt, where the recording holds them."""
+"""The intrinsics of a recording as DSO's camera.txt, if the recording includes them."""
 
 from __future__ import annotations
 
@@ -13,24 +13,28 @@ from ospc.formats.rules_camera import input_size
 from ospc.recording.recording import Recording
 
 _MOST_BYTES = 65536
+"""Larger camera.txt and sensor.yaml files are refused; real ones have a few hundred bytes."""
+
 _MULTIPLE = 16
+"""DSO halves rectified images several times, so their sides must be multiples of this."""
+
 _CAMERA_FOLDERS = ("mav0/cam0", "cam0", ".")
 _MODELS = {"radial-tangential": "RadTan", "radtan": "RadTan", "equidistant": "EquiDistant", "equi": "EquiDistant"}
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
-    """Return the content of a camera.txt for a recording, None where its intrinsics are not known, and notes.
+    """Return the content of a camera.txt for a recording, None if its intrinsics are unknown, and notes.
 
-    A ``camera.txt`` of the recording is taken as it is, if it is for images of this size; otherwise the intrinsics in
-    the ``sensor.yaml`` of a EuRoC folder are written as DSO reads them.
+    A ``camera.txt`` of the recording is used unchanged if it is for images of this size; otherwise the intrinsics in
+    the ``sensor.yaml`` of a EuRoC folder are written in DSO's format.
     """
     places = [recording.path / folder for folder in _CAMERA_FOLDERS]
     full = [place.resolve() for place in places]
     written = [recording.path / "camera.txt", *(p.parent.parent / "dso" / p.name / "camera.txt" for p in full)]
     notes: list[str] = []
     for source, make in (
-        *((source, _as_it_is) for source in written),
+        *((source, _unchanged) for source in written),
         *((p / "sensor.yaml", _of_sensor) for p in places),
     ):
         if not source.is_file():
@@ -42,7 +46,7 @@ def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
     return None, notes
 
 
-def _as_it_is(source: Path, size: ImageSize) -> str:
+def _unchanged(source: Path, size: ImageSize) -> str:
     text = read_text(source, _MOST_BYTES)
     found = input_size(text)
     if found != size:
@@ -69,7 +73,6 @@ def _of_sensor(source: Path, size: ImageSize) -> str:
         )
     values = [*focal_and_centre, *(distortion if any(distortion) else [0.0])]
     first = f"{model if any(distortion) else 'Pinhole'} {' '.join(f'{value:.12g}' for value in values)}"
-    # DSO halves rectified images several times.
     width, height = (side - side % _MULTIPLE if side >= _MULTIPLE else side for side in size)
     return f"{first}\n{size[0]} {size[1]}\ncrop\n{width} {height}\n"
 

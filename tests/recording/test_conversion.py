@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from ospc.diagnosis.shifted import with_exposure_lag
 from ospc.errors import FrameError, RecordingError, SettingError
-from ospc.formats.conversion import convert_recording
 from ospc.formats.validation import validate
 from ospc.recording import ArrayRecording, Frame, open_recording
+from ospc.recording.writing.conversion import convert_recording
 
 COUNT, SIZE = 7, (170, 128)
 EXPOSURES = np.array([0.123456789, 1, 2.5, 1 / 3, 12, 0.02, 40])

@@ -1,4 +1,4 @@
-"""Images of a recording as files that other programs read: copied where that is possible, otherwise coded anew."""
+"""Images of a recording as files that other programs read: copied if possible, otherwise encoded again."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import FrameError
+from ospc.recording.derived import innermost
 from ospc.recording.frame import Frame
 from ospc.recording.image_header import read_header
 from ospc.recording.image_sequence import ImageSequence
@@ -20,22 +21,29 @@ ImageFormat = Literal["png", "jpg"]
 
 _PNG, _JPEG = b"\x89PNG", b"\xff\xd8"
 _PNG_COMPRESSION = 3
+"""zlib level from 0 to 9: higher ones take several times as long for a few per cent."""
+
 _JPEG_QUALITY = 97
+"""Per cent; the quantisation error is about one grey value."""
+
 _EXIF_WITHIN = 65536
+"""Bytes from the start of a JPEG that may hold its EXIF segment."""
+
 _DIGITS = 5
+"""Least digits of an image number, as in the TUM monocular dataset."""
 
 
 class NumberedImages:
-    """Numbered images in the folder ``images`` or the archive ``images.zip`` of a place.
+    """Writes numbered images into a folder ``images`` or an archive ``images.zip``.
 
     Parameters
     ----------
     place
         An existing folder.
     count
-        Largest number of images; all names get as many digits, since programs sort them as text.
+        Largest number of images; all names get the same number of digits, because programs sort them as text.
     archive
-        Whether to write the archive.
+        Whether to write the archive instead of the folder.
     """
 
     def __init__(self, place: Path, count: int, *, archive: bool) -> None:
@@ -46,12 +54,12 @@ class NumberedImages:
             self._folder.mkdir()
 
     def write(self, number: int, data: bytes) -> None:
-        """Write the file of an image."""
+        """Write an image file."""
         name = f"{number:0{self._digits}d}{'.jpg' if data.startswith(_JPEG) else '.png'}"
         if self._archive is None:
             (self._folder / name).write_bytes(data)
         else:
-            # A fixed date keeps archives of the same recording identical.
+            # A fixed date makes archives of the same recording identical.
             self._archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
 
     def __enter__(self) -> NumberedImages:
@@ -62,8 +70,8 @@ class NumberedImages:
             self._archive.close()
 
 
-def stored(recording: Recording, frame: Frame, image_format: ImageFormat | None) -> bytes | None:
-    """Return the file of a frame if other programs read the same image from it, None if it must be coded anew.
+def original_file(recording: Recording, frame: Frame, image_format: ImageFormat | None) -> bytes | None:
+    """Return the file of a frame if other programs read the same image from it, None if it must be encoded again.
 
     Parameters
     ----------
@@ -72,55 +80,56 @@ def stored(recording: Recording, frame: Frame, image_format: ImageFormat | None)
     frame
         One of its frames.
     image_format
-        The only format to take; any where None.
+        The only acceptable format; None for any.
 
     Raises
     ------
     FrameError
-        If it is damaged.
+        If the file is damaged.
     """
-    if not isinstance(recording, ImageSequence) or recording.layout.green is not None:
+    source, index = innermost(recording, frame.index)
+    if not isinstance(source, ImageSequence) or source.layout.green is not None:
         return None
-    data = recording.stored_bytes(frame.index)
+    data = source.stored_bytes(index)
     kind = "png" if data.startswith(_PNG) else "jpg" if data.startswith(_JPEG) else None
     if kind is None or image_format not in (None, kind):
         return None
-    # An orientation would be applied by others, and is not by this reader.
+    # Other programs apply an orientation from EXIF; this package does not.
     if kind == "jpg" and b"Exif\0" in data[:_EXIF_WITHIN]:
         return None
-    depth = recording.layout.depth
-    header = read_header(data, recording.source.label(recording.names[frame.index]))
-    same = (header.width, header.height) == recording.layout.stored_size and header.bits == depth.stored_bits
-    # JPEG stores luma beside colour; the conversions of other formats differ between programs.
+    depth = source.layout.depth
+    header = read_header(data, source.source.label(source.names[index]))
+    same = (header.width, header.height) == source.layout.stored_size and header.bits == depth.stored_bits
+    # JPEG stores luma; for colour in other formats, programs convert to grey differently.
     grey = header.channels == 1 or kind == "jpg"
     aligned = depth.stored_bits == depth.bits + depth.shift
     if not (same and grey and aligned):
         return None
-    # A header says nothing of what follows it: only decoding tells whether the file is whole.
+    # Only decoding tells whether the file is complete.
     _ = frame.image
     return data
 
 
-def coded(frame: Frame, image_format: ImageFormat) -> bytes:
-    """Code the image of a frame: 8 bit, or left-aligned in 16, of which programs that want 8 bit take the upper ones.
+def encode(frame: Frame, image_format: ImageFormat) -> bytes:
+    """Encode the image of a frame with 8 bits, or left-aligned in 16 so that its upper byte is the 8-bit image.
 
     Raises
     ------
     FrameError
         If its image cannot be read.
     """
-    image = _for_others(frame.image, frame.max_grey, only_8_bit=image_format == "jpg")
+    image = _aligned(frame.image, frame.max_grey, only_8_bit=image_format == "jpg")
     options = {
         "png": [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION],
         "jpg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY],
     }[image_format]
     done, data = cv2.imencode(f".{image_format}", image, options)
     if not done:
-        raise FrameError(f"{frame.name}: the image cannot be coded as {image_format}")
+        raise FrameError(f"{frame.name}: the image cannot be encoded as {image_format}; choose another format")
     return bytes(data)
 
 
-def _for_others(image: Image, max_grey: int, *, only_8_bit: bool) -> Image:
+def _aligned(image: Image, max_grey: int, *, only_8_bit: bool) -> Image:
     bits = max(max_grey.bit_length(), 8)
     if image.dtype == np.uint8:
         return image
@@ -129,11 +138,11 @@ def _for_others(image: Image, max_grey: int, *, only_8_bit: bool) -> Image:
     return np.left_shift(image, 16 - bits)
 
 
-def about_coding(recording: Recording, number: int, image_format: ImageFormat | None) -> list[str]:
-    """Return what to say about so many images coded anew."""
+def encoding_notes(recording: Recording, number: int, image_format: ImageFormat | None) -> list[str]:
+    """Return notes about the given number of images that were encoded again."""
     bits = recording.max_grey.bit_length()
     if not number or bits <= 8:
         return []
     if image_format == "jpg":
-        return [f"grey values of {bits} bit were cut to their upper 8, which is all that JPEG holds"]
-    return [f"grey values of {bits} bit are left-aligned in 16-bit images"] if bits < 16 else []
+        return [f"{bits}-bit grey values were cut to their upper 8 bits, which is all that JPEG holds"]
+    return [f"{bits}-bit grey values are left-aligned in 16-bit images"] if bits < 16 else []

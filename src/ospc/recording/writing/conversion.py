@@ -1,4 +1,4 @@
-"""Any recording as a folder in the layout of the TUM monocular data set, which DSO and its descendants read."""
+"""Write any recording as a folder in the layout of the TUM monocular dataset, which DSO and its descendants read."""
 
 from __future__ import annotations
 
@@ -11,18 +11,21 @@ from pathlib import Path
 import numpy as np
 
 from ospc.errors import FrameError, RecordingError, SettingError
-from ospc.formats.conversion_camera import camera_text
-from ospc.formats.conversion_images import ImageFormat, NumberedImages, about_coding, coded, stored
 from ospc.formats.dso import write_times
 from ospc.formats.files import write_text
 from ospc.formats.validation import validate
 from ospc.recording.recording import Recording
+from ospc.recording.writing.camera import camera_text
+from ospc.recording.writing.images import ImageFormat, NumberedImages, encode, encoding_notes, original_file
 
 PARTS = ("images", "images.zip", "camera.txt", "times.txt")
-"""What a conversion writes or replaces, in the order in which it appears."""
+"""What a conversion writes or replaces, in the order of writing."""
 
-_REASONS = 3
-_UNFINISHED = ".converting-"
+_SHOWN_REASONS = 3
+"""Reasons for left-out frames that a note quotes; more would not fit a line."""
+
+_STAGE_PREFIX = ".converting-"
+"""Prefix of the folder that holds the files until all are complete."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +39,13 @@ class Converted:
     frames
         Number of images.
     copied
-        How many of them are copies of the files, byte by byte; the others were coded anew.
+        How many of them are byte-identical copies of the files; the others were encoded again.
     skipped
         Number of frames left out because they cannot be read.
     has_camera
         Whether ``camera.txt`` was written.
     notes
-        What a user should know.
+        What the user should know.
     """
 
     path: Path
@@ -64,9 +67,10 @@ def convert_recording(
 ) -> Converted:
     """Write a recording as ``images/`` or ``images.zip``, ``times.txt`` and, if intrinsics are known, ``camera.txt``.
 
-    Frame by frame, so memory does not grow with the recording. Image files that programs read as this one does are
-    copied; others are coded anew, those of more than 8 bit left-aligned in 16. Everything is written aside and moved
-    into place at the end: if anything fails, or the user interrupts, the folder is as it was before.
+    Memory does not grow with the length of the recording. Image files that other programs read the same way are
+    copied; others are encoded again, those with more than 8 bits left-aligned in 16. Everything is written to a
+    hidden folder and moved into place at the end: if anything fails, or the user interrupts, the output folder is
+    left as it was.
 
     Parameters
     ----------
@@ -75,14 +79,14 @@ def convert_recording(
     out
         A folder, new or empty.
     image_format
-        ``"png"`` or ``"jpg"`` (8 bit, lossy); where None, that of the files where they can be copied, else PNG.
+        ``"png"`` or ``"jpg"`` (8 bit, lossy); None to copy files if possible and write PNG otherwise.
     archive
         Whether to write ``images.zip`` instead of the folder ``images``.
     overwrite
-        Whether the folder may hold something; ``images``, ``images.zip``, ``times.txt`` and ``camera.txt`` in it are
-        replaced, other files stay.
+        Whether the folder may be in use; ``images``, ``images.zip``, ``times.txt`` and ``camera.txt`` in it are
+        replaced, other files are kept.
     progress
-        Called with the number of frames done and of all.
+        Called with the number of frames done and the number of all frames.
 
     Returns
     -------
@@ -94,14 +98,14 @@ def convert_recording(
     SettingError
         If the folder is not empty, holds the recording itself, or cannot be written.
     RecordingError
-        If not one frame can be read, or time stamps fall together when written to the nanosecond.
+        If no frame can be read, or time stamps coincide when written to the nanosecond.
     """
     place = Path(out)
     existed = _check(place, recording.path, overwrite=overwrite)
     stage: Path | None = None
     try:
         place.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=place))
+        stage = Path(tempfile.mkdtemp(prefix=_STAGE_PREFIX, dir=place))
         converted = _write(recording, stage, place, image_format, archive=archive, progress=progress)
         _move(stage, place)
     except OSError as error:
@@ -116,12 +120,12 @@ def convert_recording(
 
 
 def _check(place: Path, source: Path, *, overwrite: bool) -> bool:
-    """Return whether the folder exists; refuse one that cannot be used."""
+    """Tell whether the folder exists; refuse one that cannot be used."""
     try:
         if place.exists() and not place.is_dir():
             raise SettingError(f"{place}: is a file; name a folder for the output")
         if place.is_dir() and any(place.iterdir()) and not overwrite:
-            raise SettingError(f"{place}: is not empty; choose another folder, or replace what is there by --force")
+            raise SettingError(f"{place}: is not empty; choose another folder, or replace its content with --force")
         full, recorded = place.resolve(), source.resolve()
         if recorded == full or any(recorded.is_relative_to(full / part) for part in PARTS):
             raise SettingError(f"{place}: holds the recording itself; choose another folder")
@@ -148,17 +152,17 @@ def _write(
     write_times(
         stage / "times.txt", range(len(written)), recording.stamps_s[written], recording.exposures_ms[written]
     )
-    notes = [*about_coding(recording, len(written) - copied, image_format), *notes]
+    notes = [*encoding_notes(recording, len(written) - copied, image_format), *notes]
     notes += [f"{name}: {rule}" for name, rule in _broken_rules(stage, recording)]
     if problems:
         count = "1 frame was" if len(problems) == 1 else f"{len(problems)} frames were"
-        more = "; …" if len(problems) > _REASONS else ""
-        notes.insert(0, f"{count} left out: {'; '.join(problems[:_REASONS])}{more}")
+        more = "; …" if len(problems) > _SHOWN_REASONS else ""
+        notes.insert(0, f"{count} left out: {'; '.join(problems[:_SHOWN_REASONS])}{more}")
     return Converted(place, len(written), copied, len(problems), camera is not None, tuple(notes))
 
 
 def _broken_rules(stage: Path, recording: Recording) -> Iterator[tuple[str, str]]:
-    """Return what DSO would not take of the files written, as ``ospc validate`` finds it."""
+    """Yield what DSO would not accept of the written files, as ``ospc validate`` finds it."""
     for finding in validate([stage], "dso", recording.size).findings:
         if finding.severity == "error":
             yield Path(finding.file).name, f"{finding.rule}; DSO {finding.effect}; {finding.remedy}".rstrip("; ")
@@ -170,15 +174,15 @@ def _write_frames(
     image_format: ImageFormat | None,
     progress: Callable[[int, int], None] | None,
 ) -> tuple[list[int], int, list[str]]:
-    """Return the indices of the frames written, how many were copied, and why others were left out."""
+    """Return the indices of the written frames, how many were copied, and why the others were left out."""
     written: list[int] = []
     problems: list[str] = []
     copied = 0
     for frame in recording:
         try:
-            data = stored(recording, frame, image_format)
+            data = original_file(recording, frame, image_format)
             copied += data is not None
-            images.write(len(written), data if data is not None else coded(frame, image_format or "png"))
+            images.write(len(written), data if data is not None else encode(frame, image_format or "png"))
             written.append(frame.index)
         except FrameError as error:
             problems.append(str(error))
@@ -192,7 +196,7 @@ def _write_frames(
 
 
 def _move(stage: Path, place: Path) -> None:
-    """Put what was written into place; ``times.txt`` comes last, so a folder that has it is complete."""
+    """Move the written files into place; ``times.txt`` comes last, so a folder that has it is complete."""
     for name in PARTS:
         old = place / name
         if old.is_dir() and not old.is_symlink():

@@ -1,0 +1,1 @@
+"""Recordings written as folders in the layout of the TUM monocular dataset."""

@@ -1,0 +1,63 @@
+"""Recordings derived from others: a selection of frames, other exposures, a mask."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from image_samples import grey
+
+from ospc.recording import ArrayRecording, Recording, identity, open_recording
+from ospc.recording.derived import DerivedRecording, innermost, with_exposure_lag, with_mask
+
+COUNT = 6
+
+
+def recorded() -> ArrayRecording:
+    return ArrayRecording([grey(i) for i in range(COUNT)], 1.0 + np.arange(COUNT), np.arange(COUNT) / 10)
+
+
+def test_a_selection_is_a_recording_of_the_selected_frames() -> None:
+    inner = recorded()
+    chosen = np.array([1, 2, 5])
+    derived = DerivedRecording(inner, chosen, np.array([7.0, 8.0, 9.0]), remarks=("three frames",))
+    assert isinstance(derived, Recording)
+    assert len(derived) == 3
+    np.testing.assert_array_equal(derived.stamps_s, inner.stamps_s[chosen])
+    assert derived.notes[-1] == "three frames"
+    for _ in range(2):
+        frames = list(derived)
+        assert [frame.index for frame in frames] == [0, 1, 2]
+        assert [frame.exposure_ms for frame in frames] == [7, 8, 9]
+        assert [frame.stamp_s for frame in frames] == list(inner.stamps_s[chosen])
+        np.testing.assert_array_equal([frame.image for frame in frames], [grey(i) for i in chosen])
+
+
+@pytest.mark.parametrize("lag", [-2, 1])
+def test_wrappers_combine_in_any_order(lag: int) -> None:
+    mask = grey(3) > 100
+    first = with_exposure_lag(with_mask(recorded(), mask), lag)
+    second = with_mask(with_exposure_lag(recorded(), lag), mask)
+    assert identity(first) == identity(second)
+    for one, other in zip(first, second, strict=True):
+        assert (one.index, one.exposure_ms, one.stamp_s) == (other.index, other.exposure_ms, other.stamp_s)
+        np.testing.assert_array_equal(one.image, other.image)
+        np.testing.assert_array_equal(one.mask, mask)
+        np.testing.assert_array_equal(other.mask, mask)
+
+
+def test_the_identity_is_that_of_the_images_that_are_kept() -> None:
+    whole = recorded()
+    shifted = with_exposure_lag(whole, 1)
+    same = ArrayRecording([grey(i) for i in range(COUNT - 1)], 2.0 + np.arange(COUNT - 1), np.arange(COUNT - 1) / 10)
+    assert identity(shifted) == identity(same)
+    assert identity(shifted)["images_sha256"] != identity(whole)["images_sha256"]
+
+
+def test_the_innermost_recording_has_the_frame(tum_folder) -> None:
+    inner = open_recording(tum_folder())
+    derived = with_mask(with_exposure_lag(with_exposure_lag(inner, -1), -1), np.ones((16, 24), bool))
+    assert innermost(derived, 0) == (inner, 2)
+    assert derived.stored_bytes(0).startswith(inner.stored_bytes(2))
+    assert derived.path == Path(inner.path)
