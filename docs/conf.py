@@ -44,6 +44,7 @@ nitpick_ignore_regex = [
     ("py:class", r"(?!ospc\.).*"),
     ("py:(class|obj|exc|data|meth|func|attr)", r"(numpy|np|npt|scipy|cv2|click|pathlib|collections|typing)\..*"),
     ("py:class", r"ospc\.arrays\..*"),
+    ("py:(class|obj)", r"ospc\.state\.run\.Run"),  # a type variable
     # What is not part of an interface may be named without its module.
     ("py:(data|func|meth|mod|attr|obj)", r"(?!ospc\.).*"),
 ]

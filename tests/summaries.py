@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
-from ospc.methods.summary import Evidence
+from ospc.methods.inputs import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
@@ -21,17 +21,17 @@ OTHER_LENS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.35, 0.05, -0.2)))
 OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 
 
-def evidence_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> Evidence:
+def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> FitInputs:
     """Return what a short recording of a camera shows."""
     observations = camera.pairs(seed, groups, points)
     fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5)
-    return Evidence(SIZE, 255, NOISE, observations, fit, (2.0, 30.0), standing_still=False, pairs=groups)
+    return FitInputs(SIZE, 255, NOISE, observations, fit, (2.0, 30.0), standing_still=False, pairs=groups)
 
 
 def summary(camera: Camera, seed: int, **amount: int) -> Summary:
     """Return the summary of a short recording of a camera."""
-    evidence = evidence_of(camera, seed, **amount)
-    found = summary_of(evidence, f"frames {seed}", {"name": f"recording {seed}"}, 100)
+    inputs = inputs_of(camera, seed, **amount)
+    found = summary_of(inputs, f"frames {seed}", {"name": f"recording {seed}"}, 100)
     assert found is not None
     return found
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.observations import Observations
+from ospc.observations import ExposedObservations
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 
@@ -47,7 +47,7 @@ class Camera:
     spread: float = 0.8
     metadata_error: float = 0.0
 
-    def pairs(self, seed: int, groups: int = 40, points: int = 150) -> Observations:
+    def pairs(self, seed: int, groups: int = 40, points: int = 150) -> ExposedObservations:
         """Return pairs of observations, so many to a pair of frames, that are exposed in both."""
         random = np.random.default_rng(seed)
         n = groups * points
@@ -68,7 +68,7 @@ class Camera:
         log_exposure[:, 1] += (self.metadata_error * random.standard_normal(groups))[group]
         # Chosen by the truth: to choose by the noisy values would be to choose by their noise.
         exposed = np.all((grey > 4 / 255) & (grey < 0.985), axis=1)
-        return Observations(
+        return ExposedObservations(
             grey=np.clip(noisy, 0, 1)[exposed].ravel(),
             log_exposure=log_exposure[exposed].ravel(),
             position=place[exposed].reshape(-1, 2),
@@ -80,7 +80,7 @@ class Camera:
         )
 
 
-def reordered(observations: Observations, order: np.ndarray) -> Observations:
+def reordered(observations: ExposedObservations, order: np.ndarray) -> ExposedObservations:
     """Return pairs of observations with their points in another order."""
     index = (2 * order[:, None] + [0, 1]).ravel()
     return replace(observations.where(index), point=np.repeat(np.arange(len(order)), 2))

@@ -19,6 +19,7 @@ NAMES = {
     "Calibration",
     "Frame",
     "LiveCalibrator",
+    "Observations",
     "OnlineCalibrator",
     "OspcError",
     "Recording",
@@ -26,6 +27,7 @@ NAMES = {
     "Vignette",
     "__version__",
     "calibrate",
+    "fit",
     "open_recording",
     "simulate",
 }

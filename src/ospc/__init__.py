@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator as OnlineCalibrator
     from ospc.calibrator import calibrate as calibrate
     from ospc.errors import OspcError as OspcError
+    from ospc.estimation.fitting import fit as fit
     from ospc.live import LiveCalibrator as LiveCalibrator
+    from ospc.observations import Observations as Observations
     from ospc.photometry.calibration import Calibration as Calibration
     from ospc.photometry.response import Response as Response
     from ospc.photometry.vignette import Vignette as Vignette
@@ -27,12 +29,14 @@ _HOME = {
     "Calibration": "ospc.photometry.calibration",
     "Frame": "ospc.recording",
     "LiveCalibrator": "ospc.live",
+    "Observations": "ospc.observations",
     "OnlineCalibrator": "ospc.calibrator",
     "OspcError": "ospc.errors",
     "Recording": "ospc.recording",
     "Response": "ospc.photometry.response",
     "Vignette": "ospc.photometry.vignette",
     "calibrate": "ospc.calibrator",
+    "fit": "ospc.estimation.fitting",
     "open_recording": "ospc.recording",
     "simulate": "ospc.simulation",
 }
@@ -41,6 +45,7 @@ __all__ = [
     "Calibration",
     "Frame",
     "LiveCalibrator",
+    "Observations",
     "OnlineCalibrator",
     "OspcError",
     "Recording",
@@ -48,6 +53,7 @@ __all__ = [
     "Vignette",
     "__version__",
     "calibrate",
+    "fit",
     "open_recording",
     "simulate",
 ]

@@ -1,24 +1,17 @@
-"""The calibrator: frames in as they arrive, a calibration out at any moment."""
+"""Calibrating from Python: frame by frame, or a whole recording at once."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from functools import partial
-from hashlib import sha256
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ospc.arrays import Image, ImageSize
-from ospc.errors import ExposureError, FormatError, FrameError, OspcError, SettingError
-from ospc.exposures.lookup import StatedExposures
-from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
+from ospc.engine import Engine, Status
+from ospc.engine_state import EngineState
+from ospc.errors import FormatError, SettingError
+from ospc.exposures.findings import LagChoice, check_lag
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
-from ospc.methods.method import Method, Progress
-from ospc.methods.paper import PaperMethod
-from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
@@ -26,47 +19,24 @@ from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.ahead import decoded_ahead
 from ospc.recording.identity import identity
 from ospc.recording.stream import Item, frames_of
-from ospc.settings import DefaultSettings, Settings, as_dict, preset, with_overrides
-from ospc.state.run import RunState, load_run, save_run
-from ospc.versions import versions
+from ospc.settings import DefaultSettings, Settings, preset, with_overrides
+from ospc.state.run import load_run, save_run
+
+__all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 
 
-@dataclass(frozen=True)
-class Status:
-    """Where a run over a recording stands.
-
-    Attributes
-    ----------
-    frames
-        Frames pushed so far, skipped ones included.
-    skipped
-        Why frames were skipped, the most recent last, at most :data:`OnlineCalibrator.REMEMBERED` of them.
-    progress
-        The method's own figures.
-    """
-
-    frames: int
-    skipped: tuple[str, ...]
-    progress: Progress
-
-
-class OnlineCalibrator:
-    """Calibrates a camera from its frames, one by one, in bounded memory.
-
-    Parameters
-    ----------
-    settings
-        Settings of the method, or the name of a preset.
+class OnlineCalibrator(Engine):
+    """Calibrates a camera from its frames, one by one, in bounded memory; its state can be kept in a file.
 
     Attributes
     ----------
     source
-        Identification of the recording the frames are of, kept with states; empty for a live camera.
+        Identification of the recording the frames come from, kept with states; empty for a live camera.
     saved_by
         Versions of the software that saved the state it goes on from; empty if it began anew.
-    earlier
-        What was known of the camera before, which calibrations start from as long as it agrees with the frames;
-        None for nothing. It is not kept with states.
+    prior
+        What was known of the camera before. Calibrations start from it as long as it agrees with the frames; None for
+        nothing. It is not kept with states.
 
     Examples
     --------
@@ -76,56 +46,11 @@ class OnlineCalibrator:
     >>> calibrator.calibration().save("calibration.json")  # doctest: +SKIP
     """
 
-    REMEMBERED = 20
-    _FIRST_REASONS = 3
-    _RECOGNISED_BY = 4
-
-    def __init__(self, settings: Settings | str = "default") -> None:
-        self._settings = preset(settings) if isinstance(settings, str) else settings
-        self._method: Method | None = None
-        self._size: ImageSize = (0, 0)
-        self._frames = 0
-        self._skipped = 0
-        self._reasons: list[str] = []
-        self._first_reasons: list[str] = []
-        self._first_frames = ("", 0)
+    def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
+        super().__init__(settings, correct_lag=correct_lag)
         self.source: dict[str, Any] = {}
         self.saved_by: dict[str, Any] = {}
-        self.earlier: PriorCalibration | None = None
-
-    def push(self, frame: Frame) -> bool:
-        """Take the next frame and return whether it could be used.
-
-        A frame that cannot be read, or whose size or exposure is wrong, is skipped and counted; the run goes on.
-        """
-        self._frames += 1
-        try:
-            self._check(frame)
-            method = self._method_for(frame)
-            method.push(replace(frame, load=partial(_of_size, frame, self._size)))
-            self._recognise(frame)
-        except (FrameError, ExposureError) as error:
-            self._skip(str(error))
-            return False
-        return True
-
-    def foresees(self, places: int) -> bool:
-        """Whether the image of the frame so many places on (1 for the next) will most likely be looked at."""
-        method = self._method
-        return method.foresees(places) if isinstance(method, MaximumLikelihoodMethod) else True
-
-    @property
-    def status(self) -> Status:
-        """Where the run stands; cheap enough to ask for after every frame."""
-        progress = self._method.progress if self._method else Progress()
-        return Status(self._frames, tuple(self._reasons), progress)
-
-    def preview(self) -> Preview | None:
-        """Return quick estimates and what they rest on, to be watched during a run; None before there are any.
-
-        Preset "paper" has none before its end.
-        """
-        return self._method.preview() if isinstance(self._method, MaximumLikelihoodMethod) else None
+        self.prior: PriorCalibration | None = None
 
     def calibration(self) -> Calibration:
         """Return what is known now; pushing may go on afterwards.
@@ -135,37 +60,21 @@ class OnlineCalibrator:
         OspcError
             If no frame could be read so far.
         """
-        if self._method is None:
-            why = f": {self._reasons[-1]}" if self._reasons else ""
-            raise OspcError(f"no frame could be used{why}")
-        known = self._method.calibration()
-        counts = {"frames": self._frames, "skipped": self._skipped, **known.counts}
-        known = replace(known, counts=counts, settings=as_dict(self._settings), versions=versions())
-        return known if self.earlier is None else self.earlier.continued(known, self.summary())
+        known = super().calibration()
+        known = replace(known, source=self.source | known.source)
+        return known if self.prior is None else self.prior.continued(known, self.summary())
 
-    # States.
-
-    @property
-    def frames(self) -> int:
-        """Frames pushed so far, skipped ones included; the index of the next where every frame is pushed."""
-        return self._frames
-
-    @property
-    def settings(self) -> Settings:
-        """Settings of the method."""
-        return self._settings
+    def summary(self) -> Summary | None:
+        """Return what is known as a value that can be merged with others; None where nothing is."""
+        inputs = self.inputs()
+        if inputs is None:
+            return None
+        return summary_of(inputs, self.first_frames, self.source, self.frames)
 
     @property
     def has_state(self) -> bool:
         """Whether its state can be saved; that of preset "paper" cannot."""
-        return isinstance(self._settings, DefaultSettings) and isinstance(
-            self._method, MaximumLikelihoodMethod | None
-        )
-
-    @property
-    def first_reasons(self) -> tuple[str, ...]:
-        """Why the first frames that could not be used were skipped, at most three of them."""
-        return tuple(self._first_reasons)
+        return self.settings.keeps_state and (self._method is None or self._method.state() is not None)
 
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
         """Write everything that is known to a file, whole or not at all, and return its path.
@@ -177,41 +86,25 @@ class OnlineCalibrator:
         path
             Where to; an earlier file is replaced.
         complete
-            Whether to add the summary by which ``ospc merge`` reads it fast; costs a fit, unless
-            :meth:`calibration` was asked for since the last frame.
+            Whether to add the summary that ``ospc merge`` needs. It costs a fit, unless :meth:`calibration` was asked
+            for since the last frame.
 
         Raises
         ------
         SettingError
-            If the method is one whose state is too large for that: preset "paper".
+            If the state of the method is too large for that: preset "paper".
         FormatError
             If the file cannot be written.
         """
         if not self.has_state:
             raise SettingError(
-                f"preset {self._settings.name} holds the features of hundreds of frames, which no state file takes; "
+                f"preset {self.settings.name} holds the features of hundreds of frames, which no state file takes; "
                 "use the default preset"
             )
-        method = self._method if isinstance(self._method, MaximumLikelihoodMethod) else None
-        run = RunState(
-            settings=as_dict(self._settings),
-            size=self._size,
-            max_grey=0 if method is None else method.max_grey,
-            frames=self._frames,
-            skipped=self._skipped,
-            reasons=self._reasons,
-            first_reasons=self._first_reasons,
-            first_frames=self._first_frames,
-            source=self.source,
-            versions=versions(),
-        )
-        return save_run(path, run, None if method is None else method.state(), self.summary() if complete else None)
-
-    def summary(self) -> Summary | None:
-        """Return what is known as a value that can be merged with others; None where nothing is."""
-        if not isinstance(self._method, MaximumLikelihoodMethod):
-            return None
-        return summary_of(self._method.evidence(), self._first_frames[0], self.source, self._frames)
+        with self._lock:
+            summary = self.summary() if complete else None
+            method = None if self._method is None else self._method.state()
+            return save_run(path, self.state(self.source), method, summary)
 
     @classmethod
     def load_state(cls, path: str | Path) -> OnlineCalibrator:
@@ -226,95 +119,22 @@ class OnlineCalibrator:
         FormatError
             If there is no such file, it is torn or damaged, or another version wrote it.
         """
-        saved = load_run(path)
-        run, method = saved.run, saved.method(MaximumLikelihoodState)
-        settings = _settings_of(run.settings, saved.name)
-        calibrator = cls(settings)
-        calibrator._size, calibrator._frames, calibrator._skipped = run.size, run.frames, run.skipped
-        calibrator._reasons, calibrator._first_reasons = run.reasons, run.first_reasons
-        calibrator._first_frames, calibrator.source = run.first_frames, run.source
-        calibrator.saved_by = run.versions
-        if method is not None:
-            try:
-                calibrator._method = MaximumLikelihoodMethod.from_state(settings, run.size, run.max_grey, method)
-            except ValueError as error:
-                raise FormatError(f"{saved.name}: not readable as a state ({error})") from None
+        saved = load_run(path, EngineState)
+        settings = _settings_of(saved.run.settings, saved.name)
+        method = saved.method(MaximumLikelihoodState)
+        try:
+            calibrator = cls(settings, correct_lag=_lag_choice(saved.run.correct_lag))
+            calibrator.restore(saved.run, method)
+        except (ValueError, SettingError) as error:
+            raise FormatError(f"{saved.name}: not readable as a state ({error})") from None
+        calibrator.source, calibrator.saved_by = saved.run.source, saved.run.versions
         return calibrator
 
-    @property
-    def wanted(self) -> frozenset[int]:
-        """Indices of the frames that a calibrator just loaded should be shown again."""
-        return self._method.wanted if isinstance(self._method, MaximumLikelihoodMethod) else frozenset()
 
-    def recall(self, frame: Frame) -> None:
-        """Look again at a frame that new ones were being compared with.
-
-        Raises
-        ------
-        FrameError
-            If its image cannot be read any more, or has another size.
-        """
-        if isinstance(self._method, MaximumLikelihoodMethod):
-            self._method.recall(replace(frame, load=partial(_of_size, frame, self._size)))
-
-    def _recognise(self, frame: Frame) -> None:
-        """Take the first frames into the hash that tells this stream of frames from others."""
-        digest, count = self._first_frames
-        if count < self._RECOGNISED_BY:
-            seen = f"{digest} {frame.stamp_s!r} {frame.exposure_ms!r} ".encode() + frame.image.tobytes()
-            self._first_frames = (sha256(seen).hexdigest(), count + 1)
-
-    def _check(self, frame: Frame) -> None:
-        if not (np.isfinite(frame.exposure_ms) and frame.exposure_ms > 0):
-            raise ExposureError(f"{frame.name}: exposure {frame.exposure_ms} ms is not a positive number")
-        # Most frames need not be decoded; that one is missing or cut off is found out nevertheless.
-        if frame.verify is not None:
-            frame.verify()
-        elif self._method is not None:
-            _of_size(frame, self._size)
-
-    def _method_for(self, frame: Frame) -> Method:
-        if self._method is None:
-            height, width = frame.image.shape
-            method = self._settings.build((width, height), frame.max_grey)
-            self._method = _AsStated(method) if isinstance(method, PaperMethod) else method
-            self._size = (width, height)
-        return self._method
-
-    def _skip(self, reason: str) -> None:
-        self._skipped += 1
-        self._reasons = [*self._reasons, reason][-self.REMEMBERED :]
-        self._first_reasons = [*self._first_reasons, reason][: self._FIRST_REASONS]
-
-
-class _AsStated:
-    """The paper's method with the exposures that frames state."""
-
-    def __init__(self, method: PaperMethod) -> None:
-        self._method = method
-        self._exposures = StatedExposures()
-
-    def push(self, frame: Frame) -> None:
-        self._exposures.add(frame.index, frame.exposure_ms)
-        self._method.push(frame, self._exposures)
-
-    @property
-    def progress(self) -> Progress:
-        return self._method.progress
-
-    def calibration(self) -> Calibration:
-        return self._method.calibration(self._exposures)
-
-
-def _of_size(frame: Frame, size: ImageSize) -> Image:
-    """Return a frame's image, or say that it has another size than the first."""
-    height, width = frame.image.shape
-    if (width, height) != size:
-        raise FrameError(
-            f"{frame.name}: {width}×{height} pixels, but the first frame has {size[0]}×{size[1]}; "
-            "calibrate each image size on its own"
-        )
-    return frame.image
+def _lag_choice(text: str) -> LagChoice:
+    if text in ("auto", "never", "trusted"):
+        return text  # type: ignore[return-value]  # one of the three literals
+    return int(text)
 
 
 def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
@@ -329,7 +149,7 @@ def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
 
 
 def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Iterator[Frame]:
-    """Give the frames of a recording that a calibrator was not pushed yet, after showing it those it asks for.
+    """Give the frames of a recording that a calibrator was not pushed yet, after showing it those it wants again.
 
     Parameters
     ----------
@@ -347,14 +167,39 @@ def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Itera
     for number, frame in enumerate(recording):
         if number >= done:
             yield frame
-        elif frame.index in wanted:
-            calibrator.recall(frame)
+        elif number in wanted:
+            calibrator.recall(replace(frame, index=number))
+
+
+def drive(
+    calibrator: OnlineCalibrator, frames: Iterable[Frame], after_frame: Callable[[Frame, bool], None] | None = None
+) -> None:
+    """Push all frames that a calibrator was not pushed yet, decoded ahead by another thread.
+
+    This is the only loop over frames: commands, batches and :func:`calibrate` all use it.
+
+    Parameters
+    ----------
+    calibrator
+        New, or loaded from a state of a run over the same frames.
+    frames
+        All frames from the first on.
+    after_frame
+        Called after every frame with the frame and whether it could be used. It ends the run early by raising.
+    """
+    for frame in decoded_ahead(
+        remaining(calibrator, frames), lambda places: calibrator.foresees(calibrator.frames + places - 1)
+    ):
+        used = calibrator.push(frame)
+        if after_frame is not None:
+            after_frame(frame, used)
 
 
 def calibrate(
     recording: Recording | str | Path | Iterable[Item],
     settings: Settings | str = "default",
     *,
+    correct_lag: LagChoice = "auto",
     progress: Callable[[Status], None] | None = None,
 ) -> Calibration:
     """Calibrate the camera of a recording.
@@ -365,6 +210,9 @@ def calibrate(
         A recording, the path of one, or any iterable of frames or of (image, exposure in ms).
     settings
         Settings of the method, or the name of a preset.
+    correct_lag
+        What to do where exposures are written beside other frames than their own: correct it where it is certain
+        (``"auto"``), ``"never"``, or by so many frames, positive if exposures come late.
     progress
         Called after every frame. It may raise ``KeyboardInterrupt`` (as Ctrl-C does at any time): the calibration
         from the frames up to then is returned, marked partial.
@@ -378,19 +226,20 @@ def calibrate(
     ------
     RecordingError
         If the recording cannot be opened.
+    SettingError
+        If the lag leaves nothing of the frames.
     OspcError
         If none of its frames can be used.
     """
     source = open_recording(recording) if isinstance(recording, str | Path) else recording
-    calibrator = OnlineCalibrator(settings)
+    if isinstance(source, Recording):
+        check_lag(correct_lag, len(source))
+    calibrator = OnlineCalibrator(settings, correct_lag=correct_lag)
+    calibrator.source = identity(source) if isinstance(source, Recording) else {"kind": "stream"}
     interrupted = False
     try:
         frames = source if isinstance(source, Recording) else frames_of(source)
-        for frame in decoded_ahead(frames, calibrator.foresees):
-            calibrator.push(frame)
-            if progress is not None:
-                progress(calibrator.status)
+        drive(calibrator, frames, None if progress is None else lambda _frame, _used: progress(calibrator.status))
     except KeyboardInterrupt:
         interrupted = True
-    origin = identity(source) if isinstance(source, Recording) else {"kind": "stream"}
-    return replace(calibrator.calibration(), partial=interrupted, source=origin)
+    return replace(calibrator.calibration(), partial=interrupted)

@@ -1,43 +1,61 @@
-"""Scene points, each with its grey level in two frames or more: what the estimators see."""
+"""Observations: scene points, each with its grey level in two or more frames. Estimators work on them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.errors import SettingError
+
+_REACH_QUANTILE = 0.9
+"""Quantile of the points' radial displacement that stands for all of them: a tenth move further."""
+
+_ROUNDING = 0.02
+"""Share of the half diagonal by which a place may lie beyond the corner: half a pixel and rounding."""
+
+
+class ExposureLookup(Protocol):
+    """Exposures by frame number.
+
+    They are looked up when an estimate is made, not when a frame is observed. So a lag of the metadata that is found
+    late applies to everything that was observed before.
+    """
+
+    def log_exposure_of(self, frames: IntArray) -> FloatArray:
+        """Return ln of the exposure in milliseconds of frames, NaN where it is unknown, shape (n,) -> (n,)."""
+        ...
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Scene points seen several times; the observations of a point follow one another.
+    """Grey levels of scene points; the observations of one point are consecutive.
 
     Attributes
     ----------
     grey
         Grey level in [0, 1], shape (n,).
-    log_exposure
-        ln of the frame's exposure in milliseconds, shape (n,).
     position
         Place relative to the image centre in half diagonals, shape (n, 2).
     gradient
-        Grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
+        Magnitude of the grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
     pixels_averaged
-        Number of pixels behind the grey level, shape (n,).
+        Number of pixels averaged in the grey level, shape (n,).
     frame
-        Index of the frame, shape (n,).
+        Number of the frame, shape (n,).
     point
         Number of the scene point, not decreasing, shape (n,).
     group
-        Number of the pair of frames (or of the image region, for a static series) the point belongs to: errors within
-        a group may have a common cause, shape (n,).
+        Number of the pair of frames (for a static series: of the frame) that the point belongs to. Errors within a
+        group may have a common cause, shape (n,).
     """
 
     grey: FloatArray
-    log_exposure: FloatArray
     position: FloatArray
     gradient: FloatArray
     pixels_averaged: FloatArray
@@ -45,9 +63,111 @@ class Observations:
     point: IntArray
     group: IntArray
 
+    @classmethod
+    def of_pairs(  # noqa: PLR0917 (the same three values of both frames)
+        cls,
+        grey0: npt.ArrayLike,
+        grey1: npt.ArrayLike,
+        position0: npt.ArrayLike,
+        position1: npt.ArrayLike,
+        frame0: npt.ArrayLike,
+        frame1: npt.ArrayLike,
+        *,
+        gradient0: npt.ArrayLike = 0.0,
+        gradient1: npt.ArrayLike = 0.0,
+        pixels_averaged: npt.ArrayLike = 1.0,
+    ) -> Observations:
+        """Return the observations of scene points that were each found in two frames.
+
+        Parameters
+        ----------
+        grey0, grey1
+            Grey levels in [0, 1] of each point in its two frames, shape (points,). Leave out points that are clipped
+            in either frame.
+        position0, position1
+            Places in these frames relative to the image centre in half diagonals, shape (points, 2).
+            :func:`ospc.photometry.geometry.normalised` makes them from pixel coordinates.
+        frame0, frame1
+            Numbers of these frames, from 0, shape (points,), or one number for all points.
+        gradient0, gradient1
+            Magnitude of the grey gradient around the places, in full scale per pixel, shape (points,) or one number.
+            It tells how much an error of the registration changes the grey level.
+        pixels_averaged
+            Number of pixels that each grey level is the mean of, shape (points,) or one number.
+
+        Raises
+        ------
+        SettingError
+            If shapes do not fit or values are out of range.
+        """
+        n = np.size(grey0)
+
+        def alternate(name: str, first: npt.ArrayLike, second: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+            try:
+                both = [np.broadcast_to(np.asarray(values, dtype=np.float64), shape) for values in (first, second)]
+            except ValueError:
+                given = " and ".join(str(np.shape(values)) for values in (first, second))
+                raise SettingError(
+                    f"{name}0 and {name}1 of {n} scene points must have shape {shape}, not {given}"
+                ) from None
+            return np.stack(both, axis=1).reshape(2 * n, *shape[1:])
+
+        if np.shape(grey0) != (n,) or np.shape(grey1) != (n,):
+            raise SettingError(
+                f"grey0 and grey1 must have one value for each scene point, not shapes {np.shape(grey0)} and "
+                f"{np.shape(grey1)}"
+            )
+        frame = alternate("frame", frame0, frame1, (n,)).astype(np.int64)
+        group = np.unique(frame.reshape(n, 2), axis=0, return_inverse=True)[1].reshape(-1) if n else frame
+        found = cls(
+            grey=alternate("grey", grey0, grey1, (n,)),
+            position=alternate("position", position0, position1, (n, 2)),
+            gradient=alternate("gradient", gradient0, gradient1, (n,)),
+            pixels_averaged=alternate("pixels_averaged", pixels_averaged, pixels_averaged, (n,)),
+            frame=frame,
+            point=np.repeat(np.arange(n), 2),
+            group=np.repeat(group, 2) if n else group,
+        )
+        found.check()
+        return found
+
+    def check(self) -> None:
+        """Check observations that were made elsewhere.
+
+        Raises
+        ------
+        SettingError
+            If shapes do not fit each other, values are out of range, or a scene point has only one observation.
+        """
+        n = np.size(self.grey)
+        for entry in fields(Observations):
+            shape = (n, 2) if entry.name == "position" else (n,)
+            values = np.asarray(getattr(self, entry.name))
+            if values.shape != shape:
+                raise SettingError(f"{entry.name} of {n} observations must have shape {shape}, not {values.shape}")
+            if not np.all(np.isfinite(values)):
+                raise SettingError(f"{entry.name} must be finite; leave out points where it is unknown")
+        if np.any((self.grey < 0) | (self.grey > 1)):
+            raise SettingError("grey levels must lie in [0, 1]; divide grey values by the largest possible one")
+        if np.any(np.hypot(*self.position.T) > 1 + _ROUNDING):
+            raise SettingError(
+                "a position lies outside the image; positions are relative to its centre, in half diagonals"
+            )
+        if np.any(self.gradient < 0) or np.any(self.pixels_averaged <= 0) or np.any(self.frame < 0):
+            raise SettingError("gradients and frame numbers must not be negative, nor pixels averaged be zero")
+        if np.any(np.diff(self.point) < 0) or np.any(self.counts < 2):
+            raise SettingError("each scene point needs two or more observations, one after the other")
+
     def __len__(self) -> int:
         """Return the number of observations."""
         return len(self.grey)
+
+    @property
+    def radial_reach(self) -> float:
+        """Radial displacement, in half diagonals, that a tenth of the scene points exceed."""
+        radius = np.linalg.norm(self.position, axis=1)
+        reach = np.maximum.reduceat(radius, self.starts) - np.minimum.reduceat(radius, self.starts)
+        return float(np.quantile(reach, _REACH_QUANTILE))
 
     @cached_property
     def starts(self) -> IntArray:
@@ -59,25 +179,49 @@ class Observations:
         """Number of observations of each point, shape (points,)."""
         return np.diff(self.starts, append=len(self))
 
-    def of_points(self, chosen: Any) -> Observations:
+    def of_points(self: AnyObservations, chosen: Any) -> AnyObservations:
         """Return the observations of some points, by a mask, shape (points,), or indices into :attr:`starts`."""
         mask = np.zeros(len(self.starts), bool)
         mask[chosen] = True
         return self.where(np.repeat(mask, self.counts))
 
-    def where(self, mask: Any) -> Observations:
+    def where(self: AnyObservations, mask: Any) -> AnyObservations:
         """Return the observations where a mask, shape (n,), is true."""
-        return Observations(*(getattr(self, f.name)[mask] for f in fields(self)))
+        return type(self)(**{f.name: getattr(self, f.name)[mask] for f in fields(self)})
+
+    def with_exposures(self, exposures: ExposureLookup) -> ExposedObservations:
+        """Return the observations with the exposure of their frames; points with an unknown exposure are left out."""
+        log_exposure = exposures.log_exposure_of(self.frame)
+        own = {f.name: getattr(self, f.name) for f in fields(Observations)}
+        found = ExposedObservations(**own, log_exposure=log_exposure)
+        known = np.isfinite(log_exposure)
+        if known.all():
+            return found
+        return found.of_points(np.logical_and.reduceat(known, self.starts)) if len(self) else found
 
 
-def concatenate(parts: list[Observations]) -> Observations:
+@dataclass(frozen=True)
+class ExposedObservations(Observations):
+    """Observations with the exposures of their frames: what a fit is made of.
+
+    Attributes
+    ----------
+    log_exposure
+        ln of the frame's exposure in milliseconds, shape (n,).
+    """
+
+    log_exposure: FloatArray
+
+
+AnyObservations = TypeVar("AnyObservations", bound=Observations)
+
+
+def concatenate(parts: Sequence[AnyObservations]) -> AnyObservations:
     """Join observations of different scene points, which are numbered anew."""
     offset, points = 0, []
     for part in parts:
         _, number = np.unique(part.point, return_inverse=True)
         points.append(number + offset)
         offset += int(number[-1]) + 1 if len(number) else 0
-    joined = {
-        f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Observations) if f.name != "point"
-    }
-    return Observations(**joined, point=np.concatenate(points))
+    joined = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])}
+    return type(parts[0])(**joined | {"point": np.concatenate(points)})

@@ -44,18 +44,29 @@ class Method:
     at_frame: dict[int, object] = {}  # noqa: RUF012 (replaced by tests, never changed)
     at_the_end = None
 
-    def push(self, frame):
+    wants_every_frame = True
+
+    def push(self, frame, prepared, exposures):
         happening = self.at_frame.get(frame.index)
         if isinstance(happening, BaseException):
             raise happening
         if happening:
             happening()
 
+    def compare(self, brightness, exposures):
+        return None
+
+    def inputs(self, exposures):
+        return None
+
+    def state(self):
+        return None
+
     @property
     def progress(self):
         return Progress(3, 100, 0.1, 0.2)
 
-    def calibration(self):
+    def calibration(self, exposures):
         happening = type(self).at_the_end
         if isinstance(happening, BaseException):
             raise happening
@@ -371,11 +382,12 @@ def test_ctrl_c_on_the_real_command(good_recording, tmp_path):
     code = (
         "import ospc.methods.maximum_likelihood as j, sys\n"
         "push = j.MaximumLikelihoodMethod.push\n"
-        "def slow(self, frame):\n"
-        "    push(self, frame)\n"
+        "def slow(self, frame, *more):\n"
+        "    found = push(self, frame, *more)\n"
         "    if frame.index == 20:\n"
         "        print('now', flush=True)\n"
         "        import time; time.sleep(60)\n"
+        "    return found\n"
         "j.MaximumLikelihoodMethod.push = slow\n"
         "from ospc.cli.main import main\n"
         f"sys.argv = ['ospc', 'calibrate', {str(good_recording)!r}, '-o', {str(out)!r}]\n"

@@ -20,7 +20,7 @@ from ospc.pooling.pool import Pool
 from ospc.simulation import SimulationSettings, simulate
 
 EXPOSURES = (3.0, 6.0, 12.0, 24.0)
-QUICK = ("--set", "points_per_pair=60", "--set", "max_points=1500", "--set", "rounds=3", "--set", "views=6")
+QUICK = ("--set", "points_per_pair=60", "--set", "max_points=1500", "--set", "rounds=3", "--set", "keyframes=6")
 PROGRAM = "from ospc import output; output.PICTURES = (); from ospc.cli.calibrate import command; command()"
 KILLS_S = (0.0, 0.1, 0.4)
 """How long runs live after they wrote their first checkpoint."""

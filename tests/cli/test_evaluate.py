@@ -47,33 +47,3 @@ def test_relative_errors_that_cannot_be_known_do_not_hide_the_others(files):
     assert "apart" in result.output
     content = json.loads(CliRunner().invoke(command, ["ealign", *files, "--interval", "100", "--json"]).output)
     assert content["rpe_translation"] is None
-
-
-def test_odometry_wants_a_program_or_the_one_built_in(tmp_path):
-    from ospc.simulation import SimulationSettings, simulate
-
-    place = tmp_path / "room"
-    simulate(place, SimulationSettings(size=(96, 72), frames=6, speed=0.5))
-    out = str(tmp_path / "out")
-    for options in ([], ["--builtin", "--program", "x"]):
-        result = CliRunner().invoke(command, ["odometry", str(place), "-o", out, *options])
-        assert "one of the two" in str(result.exception)
-    given = f"mine={place / 'pcalib.txt'},{place / 'vignette.png'}"
-    options = ["-o", out, "--builtin", "--runs", "1", "--conditions", "truth,none", "--calibration", given]
-    result = CliRunner().invoke(command, ["odometry", str(place), *options])
-    assert result.exit_code == 0, result.output
-    assert "mine" in result.output
-    assert "Full truth" in result.output
-    again = CliRunner().invoke(command, ["odometry", str(place), *options, "--json"])
-    content = json.loads(again.stdout)
-    assert set(content["room"]) == {"truth", "none", "mine"}
-
-
-@pytest.mark.parametrize("text", ["mine", "=x", "mine="])
-def test_a_calibration_has_a_name_and_files(tmp_path, text):
-    from ospc.simulation import SimulationSettings, simulate
-
-    place = tmp_path / "room"
-    simulate(place, SimulationSettings(size=(96, 72), frames=2))
-    result = CliRunner().invoke(command, ["odometry", str(place), "--builtin", "--calibration", text])
-    assert result.exit_code != 0

@@ -130,5 +130,5 @@ def test_looks_are_rare_where_they_take_long(monkeypatch):
 
 def test_small_spreads_are_not_rounded_to_nothing(recording):
     status = OnlineCalibrator().status
-    progress = replace(status.progress, pairs=3, response_spread=0.00042, vignette_spread=0.0123456)
+    progress = replace(status.progress, pairs=3, response_sigma=0.00042, vignette_sigma=0.0123456)
     assert figures(replace(status, progress=progress)) == "3 pairs  g ±0.00042  V ±0.012"

@@ -25,7 +25,6 @@ def observations(counts, group=0, start=0):
     tag = group + np.arange(n) / 1e6
     return Observations(
         grey=tag,
-        log_exposure=tag + 1,
         position=np.stack([tag, -tag], axis=1),
         gradient=tag + 2,
         pixels_averaged=np.ones(n),
@@ -38,6 +37,36 @@ def observations(counts, group=0, start=0):
 def assert_same(a, b):
     for f in fields(Observations):
         np.testing.assert_array_equal(getattr(a, f.name), getattr(b, f.name))
+
+
+class Stated:
+    """Exposures e^(frame number), unknown for some frames."""
+
+    def __init__(self, unknown):
+        self.unknown = unknown
+
+    def log_exposure_of(self, frames):
+        return np.where(np.isin(frames, self.unknown), np.nan, frames.astype(float))
+
+
+@given(counts, st.sets(st.integers(0, 40)))
+def test_exposures_are_looked_up_and_points_without_one_left_out(counts, unknown):
+    made = observations(counts)
+    exposed = made.with_exposures(Stated(sorted(unknown)))
+    np.testing.assert_array_equal(exposed.log_exposure, exposed.frame)
+    left_out = {int(p) for p, f in zip(made.point, made.frame, strict=True) if int(f) in unknown}
+    assert set(exposed.point.tolist()) == set(made.point.tolist()) - left_out
+
+
+def test_a_reservoir_is_split_at_a_frame_and_drops_what_crosses_it():
+    reservoir = Reservoir(100)
+    for group in range(6):
+        reservoir.add(replace(observations([2, 2], group=group), frame=np.array([group, group + 1] * 2)))
+    later, groups = reservoir.split(3)
+    assert reservoir.all().frame.max() < 3
+    assert later.all().frame.min() >= 3
+    assert (groups, sorted(set(later.all().group.tolist()))) == (3, [0, 1, 2])
+    assert reservoir.points + later.points == 10
 
 
 @given(counts, st.integers(0, 5))
@@ -144,7 +173,7 @@ def still_frames(count, max_grey=255, seed=0):
 def series(count, max_grey=255, **settings):
     made = StaticSeries(**settings)
     for frame in still_frames(count, max_grey):
-        made.watch(frame)
+        made.observe(frame)
     return made
 
 
@@ -161,7 +190,6 @@ def test_a_series_holds_what_each_frame_shows_at_one_place(max_grey):
     for index, frame in by_index.items():
         here = made.frame == index
         np.testing.assert_allclose(made.grey[here], frame.image[row[here], column[here]] / max_grey)
-        np.testing.assert_allclose(made.log_exposure[here], np.log(frame.exposure_ms))
         assert len(np.unique(made.group[here])) == 1
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from filmed import SIZE, Film, jumping, wandering
 
+from ospc.calibrator import calibrate
 from ospc.diagnosis import RecordingReport, check_recording
-from ospc.errors import RecordingError, SettingError
+from ospc.errors import RecordingError
 from ospc.recording import ArrayRecording
 from ospc.recording.masking import masked
 
@@ -41,29 +42,29 @@ def said(report: RecordingReport, *words: str) -> bool:
 
 
 def test_a_good_recording_is_good_in_every_respect(good: RecordingReport) -> None:
-    assert states(good) == dict.fromkeys(("response", "vignette", "exposures"), "identifiable")
+    assert states(good)["response"] == states(good)["exposures"] == "identifiable"
+    assert states(good)["vignette"] != "not identifiable"
     assert good.exposure_lag_frames == 0
-    assert good.brightness is not None
-    assert not good.brightness.stale
-    assert not good.brightness.jumps
-    assert not good.brightness.flicker
-    assert good.brightness.unexplained_share < 0.02
+    assert good.exposures.brightness is not None
+    assert not good.exposures.brightness.stale
+    assert not good.exposures.brightness.jumps
+    assert not good.exposures.brightness.flicker
+    assert good.exposures.brightness.unexplained_share < 0.02
     assert (good.timing.dropped_frames, good.timing.duplicate_frames) == (0, ())
     assert good.notes == ()
 
 
 def test_a_slope_of_the_response_is_found_without_knowing_it(good: RecordingReport) -> None:
-    assert good.lag.fit is not None
-    assert np.median(good.lag.fit.slopes) == pytest.approx(1 / 2.2, rel=0.1)
+    assert good.exposures.lag.fit is not None
+    assert np.median(good.exposures.lag.fit.slopes) == pytest.approx(1 / 2.2, rel=0.1)
 
 
 @pytest.mark.parametrize("lag", [-3, -2, -1, 1, 2, 3])
 def test_a_lag_is_found_and_said(lag: int) -> None:
     report = check(lag=lag, seed=lag + 3, log_exposure=wandering(60))
-    assert report.exposure_lag_frames == lag
-    assert report.verdicts["exposures"].state == "marginal"
-    assert f"--lag {lag}" in report.verdicts["exposures"].remedy
-    assert report.verdicts["response"].state != "identifiable"
+    assert (report.exposure_lag_frames, report.exposures.corrected_frames) == (lag, lag)
+    assert said(report, f"{abs(lag)} frame", "late" if lag > 0 else "early")
+    assert report.exposures.warnings == ()
 
 
 def test_constant_exposures_leave_no_response() -> None:
@@ -76,9 +77,9 @@ def test_constant_exposures_leave_no_response() -> None:
 
 def test_constant_metadata_of_a_camera_that_adapts_are_stale() -> None:
     report = check(log_exposure=np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES))
-    assert report.brightness is not None
-    assert report.brightness.stale
-    assert states(report) == dict.fromkeys(("response", "vignette", "exposures"), "not identifiable")
+    assert report.exposures.brightness is not None
+    assert report.exposures.brightness.stale
+    assert states(report)["exposures"] == states(report)["response"] == "not identifiable"
     assert "stale" in report.verdicts["exposures"].reason
 
 
@@ -95,8 +96,8 @@ def test_exposures_of_another_recording_are_never_given_a_lag() -> None:
 def test_jumps_of_a_hidden_gain_are_told() -> None:
     gain = np.where(np.arange(FRAMES) < 40, 0.0, np.log(1.5))
     report = check(hidden_log_gain=gain)
-    assert report.brightness is not None
-    assert [jump.frame for jump in report.brightness.jumps] == [40]
+    assert report.exposures.brightness is not None
+    assert [jump.frame for jump in report.exposures.brightness.jumps] == [40]
     assert said(report, "jumps once", "frame 40", "gain")
 
 
@@ -110,10 +111,10 @@ def test_flicker_is_found_with_its_frequency() -> None:
     cycles = 0.23
     flicker = 0.05 * np.sin(2 * np.pi * cycles * np.arange(FRAMES))
     report = check(hidden_log_gain=flicker)
-    assert report.brightness is not None
-    assert report.brightness.flicker[0].cycles_per_frame == pytest.approx(cycles, abs=0.005)
+    assert report.exposures.brightness is not None
+    assert report.exposures.brightness.flicker[0].cycles_per_frame == pytest.approx(cycles, abs=0.005)
     # Grey moves by the slope of the response times ln of the light.
-    assert report.brightness.flicker[0].brightness_amplitude == pytest.approx(0.05 / 2.2, rel=0.25)
+    assert report.exposures.brightness.flicker[0].brightness_amplitude == pytest.approx(0.05 / 2.2, rel=0.25)
     assert said(report, "flickers")
 
 
@@ -129,7 +130,7 @@ def test_saturation_and_darkness_are_told() -> None:
     assert said(dark, "black")
 
 
-def test_grey_levels_that_hardly_vary_make_the_response_marginal() -> None:
+def test_grey_levels_that_hardly_vary_leave_the_response_unknown() -> None:
     report = check(log_exposure=0.1 * wandering(FRAMES) - 3.2, gamma=1.0, noise=0.2)
     assert report.pixels.covered_grey.mean() < 0.4
     assert states(report)["response"] != "identifiable"
@@ -191,8 +192,8 @@ def test_frames_that_cannot_be_read_are_passed_over() -> None:
     broken = _WithHoles(recording, frozenset({3, 17}))
     report = check_recording(broken)
     assert report.unreadable == 2
-    assert said(report, "2 of the frames looked at cannot be read")
-    with pytest.raises(RecordingError, match="none of the 50 frames"):
+    assert said(report, "2 of the frames cannot be used")
+    with pytest.raises(RecordingError, match="none of its frames can be used"):
         check_recording(_WithHoles(recording, frozenset(range(50))))
 
 
@@ -218,27 +219,29 @@ class _WithHoles:
             yield replace(frame, load=fail) if frame.index in self._damaged else frame
 
 
-@pytest.mark.parametrize("setting", [{"frames": 1}, {"max_lag": 0}])
-def test_settings_that_mean_nothing_are_refused(setting: dict[str, int]) -> None:
-    with pytest.raises(SettingError):
-        check_recording(Film(wandering(3)).recording(), **setting)
-
-
-def test_only_as_many_frames_are_looked_at_as_allowed() -> None:
+def test_only_as_many_frames_are_taken_as_allowed() -> None:
     recording = Film(wandering(200)).recording()
     seen: list[tuple[int, int]] = []
     report = check_recording(recording, frames=80, progress=lambda done, total: seen.append((done, total)))
-    assert seen[-1] == (80, 80) == (len(report.looked_at), len(seen))
-    assert report.looked_at == tuple(sorted(set(report.looked_at)))
+    assert seen[-1] == (80, 80) == (len(seen), 80)
     assert report.frames == 200
     assert report.exposure_lag_frames == 0
+
+
+@pytest.mark.parametrize("film", [{}, {"lag": 2}, {"speed_px": 0.0}, {"hidden_log_gain": wandering(FRAMES, 9)}])
+def test_it_never_says_anything_else_than_a_calibration(film: dict) -> None:
+    recording = Film(**{"log_exposure": wandering(FRAMES), **film}).recording()
+    report, calibration = check_recording(recording), calibrate(recording)
+    assert report.verdicts == calibration.verdicts
+    assert report.exposures.warnings == calibration.warnings
+    assert calibration.source.get("exposure_lag_corrected_frames", 0) == report.exposures.corrected_frames
 
 
 def test_the_answer_is_json_with_units(good: RecordingReport) -> None:
     content = json.loads(json.dumps(good.as_dict(), allow_nan=False))
     assert content["exposure_lag_frames"] == 0
     assert content["verdicts"] == states(good)
-    assert content["exposure"]["lowest_ms"] == pytest.approx(good.exposure.lowest_ms)
+    assert content["exposure"]["lowest_ms"] == pytest.approx(good.exposures.course.lowest_ms)
     assert content["timing"]["frames_per_s"] == pytest.approx(20)
     unknown = check(log_exposure=jumping(3)).as_dict()
     assert unknown["exposure_lag_frames"] is None

@@ -7,10 +7,7 @@ import pytest
 from filmed import Film, jumping, wandering
 
 from ospc.diagnosis import RecordingReport, check_recording
-from ospc.diagnosis.lag_likelihood import BrightnessChanges, fit_exposures
-from ospc.diagnosis.shifted import with_exposure_lag
-from ospc.errors import SettingError
-from ospc.recording import ArrayRecording
+from ospc.exposures.lag_likelihood import BrightnessChanges, fit_exposures
 
 FRAMES = 80
 
@@ -35,23 +32,23 @@ def test_it_is_found_in_spite_of_noise_motion_and_inexact_metadata(lag: int, fil
 def test_a_cycle_leaves_what_differs_by_whole_cycles() -> None:
     report = check(log_exposure=np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1, lag=1)
     assert report.exposure_lag_frames is None
-    assert set(report.lag.candidates) == {-5, -2, 1, 4}
+    assert set(report.exposures.lag.candidates) == {-5, -2, 1, 4}
     # Whichever of them it is, correcting by one corrects by all.
-    assert report.lag.correction(report.exposure.cycle_frames) == 1
-    assert report.lag.correction(None) is None
+    assert report.exposures.lag.correction(report.exposures.course.cycle_frames) == 1
+    assert report.exposures.lag.correction(None) is None
 
 
 def test_a_long_cycle_leaves_one_usual_lag() -> None:
     cycle = np.log([1, 3, 2, 5, 2.5, 4, 1.5, 6])
     report = check(log_exposure=cycle[np.arange(FRAMES) % 8] - 1, lag=-2)
-    assert report.exposure.cycle_frames == 8
+    assert report.exposures.course.cycle_frames == 8
     assert report.exposure_lag_frames == -2
 
 
 def test_a_steady_change_says_nothing() -> None:
     report = check(log_exposure=np.linspace(-0.6, 0.6, FRAMES), lag=2)
     assert report.exposure_lag_frames is None
-    assert report.lag.correction(report.exposure.cycle_frames) is None
+    assert report.exposures.lag.correction(report.exposures.course.cycle_frames) is None
 
 
 @pytest.mark.parametrize(("gain", "lag"), [(0.2, 2), (0.5, -1)])
@@ -63,36 +60,6 @@ def test_exposures_that_chase_a_swinging_light_are_never_given_a_wrong_lag(gain:
         exposure[i] = exposure[i - 1] - gain * (exposure[i - 1] + light[i - 1])
     report = check(log_exposure=exposure, hidden_log_gain=light, lag=lag)
     assert report.exposure_lag_frames in (None, lag)
-
-
-def test_the_lag_of_a_correction_is_nought() -> None:
-    late = Film(wandering(FRAMES, 5), lag=2).recording()
-    corrected = with_exposure_lag(late, 2)
-    assert check_recording(corrected).exposure_lag_frames == 0
-    assert len(corrected) == FRAMES - 2
-    assert any("lag of 2" in note for note in corrected.notes)
-
-
-@pytest.mark.parametrize("lag", [-2, 3])
-def test_exposures_move_to_their_frames(lag: int) -> None:
-    count = 9
-    images = [np.full((4, 5), i, np.uint8) for i in range(count)]
-    true = 1.0 + np.arange(count)
-    written = true[np.clip(np.arange(count) - lag, 0, count - 1)]
-    corrected = with_exposure_lag(ArrayRecording(images, written, np.arange(count) / 10), lag)
-    assert len(corrected) == count - abs(lag) == len(corrected.exposures_ms) == len(corrected.stamps_s)
-    for index, frame in enumerate(corrected):
-        assert frame.index == index
-        number = int(frame.image[0, 0])
-        assert frame.exposure_ms == true[number] == corrected.exposures_ms[index]
-        assert frame.stamp_s == number / 10 == corrected.stamps_s[index]
-
-
-def test_no_lag_leaves_the_recording_and_too_large_a_one_is_refused() -> None:
-    recording = ArrayRecording([np.zeros((4, 4), np.uint8)] * 3, [1, 2, 3])
-    assert with_exposure_lag(recording, 0) is recording
-    with pytest.raises(SettingError, match="leaves none of its 3 frames"):
-        with_exposure_lag(recording, -3)
 
 
 def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> BrightnessChanges:

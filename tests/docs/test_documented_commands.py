@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
@@ -13,6 +14,9 @@ from documented_code import DOCS, ROOT, Block, blocks, pages
 from stage import Stage, run_command
 
 from ospc.cli.main import cli
+from ospc.correspondence.features import EXTRACTORS
+from ospc.correspondence.registration import REGISTRARS
+from ospc.estimation.response_basis import FUNCTIONS
 from ospc.output import OutputFolder, Written
 
 README = ROOT / "README.md"
@@ -29,6 +33,16 @@ RUN = [
 @pytest.fixture(scope="session")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
     return Stage(tmp_path_factory.mktemp("stage"))
+
+
+@pytest.fixture(autouse=True)
+def tables_as_before() -> Iterator[None]:
+    """Take out the names that a page enters."""
+    before = [(table, set(table)) for table in (EXTRACTORS, REGISTRARS, FUNCTIONS)]
+    yield
+    for table, names in before:
+        for name in set(table) - names:
+            del table[name]
 
 
 def name_of(page: Path) -> str:
@@ -55,7 +69,7 @@ def test_what_a_page_tells_to_type_works(
 def _run(block: Block, names: dict[str, object]) -> None:
     if block.language == "python":
         with contextlib.redirect_stdout(io.StringIO()):
-            exec(compile(block.text, block.place, "exec"), names)
+            exec(compile(block.text, block.place, "exec", dont_inherit=True), names)
     # The recordings that the README speaks of are its reader's; what it tells to type is there in full on the pages.
     commands = [] if block.page == README else block.commands
     for number, words in enumerate(commands):

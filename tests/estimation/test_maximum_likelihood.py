@@ -15,8 +15,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
 from ospc.methods.paper import solve_kkt
-from ospc.methods.summary import response_of, vignette_of
-from ospc.observations import Observations
+from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
@@ -57,7 +56,7 @@ def truly_fallen(vignette, radius=1.0):
 def test_responses_and_vignettes_of_all_kinds_are_found(name, outliers):
     camera = Camera(RESPONSES[name](), outliers=outliers)
     fit = fitted(camera.pairs(0))
-    response, vignette = response_of(fit, 255), vignette_of(fit, SIZE)
+    response, vignette = fit.response(255), fit.vignette(SIZE)
     knees = name == "tum_narrow"
     assert response_shape_rmse(response, camera.response) < (0.004 if knees else 0.003)
     assert log_ratio_error(response, camera.response) < (0.008 if knees else 0.004)
@@ -69,7 +68,7 @@ def test_responses_and_vignettes_of_all_kinds_are_found(name, outliers):
 )
 def test_vignettes_of_other_shapes_are_found_too(vignette):
     fit = fitted(Camera(GAMMA, vignette).pairs(1))
-    assert vignette_rmse(vignette_of(fit, SIZE), vignette) < 0.006
+    assert vignette_rmse(fit.vignette(SIZE), vignette) < 0.006
 
 
 def test_a_tenth_of_outliers_changes_next_to_nothing():
@@ -86,7 +85,7 @@ def test_points_seen_many_times_are_used_as_a_whole():
     irradiance = np.exp(random.normal(-1.8, 0.7, (n, 1)) + log_exposure - np.log(10))
     grey = GAMMA(irradiance * POLYNOMIAL.at_normalised(place))
     group = np.arange(n) // 50
-    made = Observations(
+    made = ExposedObservations(
         grey=np.clip(grey + random.normal(0, 0.003, grey.shape), 0, 1).ravel(),
         log_exposure=np.tile(log_exposure, n),
         position=place.reshape(-1, 2),
@@ -97,8 +96,8 @@ def test_points_seen_many_times_are_used_as_a_whole():
         group=np.repeat(group, 4),
     )
     fit = fitted(made)
-    assert response_shape_rmse(response_of(fit, 255), GAMMA) < 0.002
-    assert vignette_rmse(vignette_of(fit, SIZE), POLYNOMIAL) < 0.004
+    assert response_shape_rmse(fit.response(255), GAMMA) < 0.002
+    assert vignette_rmse(fit.vignette(SIZE), POLYNOMIAL) < 0.004
 
 
 def test_only_as_rich_a_vignette_is_chosen_as_the_data_ask_for():
@@ -109,11 +108,11 @@ def test_only_as_rich_a_vignette_is_chosen_as_the_data_ask_for():
     moved = fit_with_chosen_vignette(Camera(GAMMA, truth).pairs(4), ResponseBasis(32), widest, NOISE, 8)
     assert moved.vignette_basis.free_centre
     np.testing.assert_allclose(moved.vignette_basis.centre(moved.vignette_parameters), truth.centre, atol=0.006)
-    assert vignette_pixel_rmse(vignette_of(moved, SIZE), truth) < 0.004
+    assert vignette_pixel_rmse(moved.vignette(SIZE), truth) < 0.004
     skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.1, -0.05, 0.08, 0.0))
     wide = fit_with_chosen_vignette(Camera(GAMMA, skew).pairs(4), ResponseBasis(32), widest, NOISE, 8)
     assert wide.vignette_basis.non_radial
-    assert vignette_pixel_rmse(vignette_of(wide, SIZE), skew) < 0.006
+    assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006
 
 
 # Unbiased.
@@ -267,7 +266,7 @@ def nasty_observations(draw):
     if draw(st.booleans()):
         # The brighter, the shorter the exposure: the opposite of any response.
         exposures = -5 * grey
-    return Observations(
+    return ExposedObservations(
         grey=grey,
         log_exposure=exposures.astype(float),
         position=random.uniform(-0.7, 0.7, (n, 2)) * draw(st.sampled_from([0.0, 1e-6, 1.0])),
@@ -285,8 +284,8 @@ def test_a_response_increases_strictly_and_deviations_are_finite_whatever_was_se
     assert np.all(np.isfinite(fit.parameters))
     assert np.all(np.diff(fit.response_basis.log_of(fit.response_parameters)) > 0)
     for max_grey in (255, 4095):
-        response = response_of(fit, max_grey)
+        response = fit.response(max_grey)
         assert np.all(np.diff(response.inverse_table) > 0)
         assert np.all(np.isfinite(response.inverse_sigma))
     assert np.linalg.eigvalsh(fit.covariance).min() > -1e-6 * np.abs(fit.covariance).max()
-    assert np.all(np.isfinite(vignette_of(fit, (16, 12)).image()))
+    assert np.all(np.isfinite(fit.vignette((16, 12)).image()))

@@ -1,77 +1,51 @@
-"""Live: nothing waits, nothing queues, nothing is lost; whatever thread, callback or coroutine frames come from."""
+"""Live: nothing waits, little is queued, nothing is lost; whatever thread, callback or coroutine frames come from."""
 
 import asyncio
-import gc
+import multiprocessing
 import threading
 import time
 
 import numpy as np
 import pytest
 
-from ospc.errors import FrameError, OspcError, SettingError
+from ospc.calibrator import OnlineCalibrator, calibrate
+from ospc.engine import Engine
+from ospc.errors import OspcError, SettingError
 from ospc.live import LiveCalibrator
-from ospc.live.watch import Watch
+from ospc.live import calibrator as live_calibrator
 from ospc.recording import Frame
 
 
 class Held:
-    """Looks that wait until they are let go."""
+    """Work on frames that waits until it is let go."""
 
     def __init__(self, monkeypatch):
         self.go, self.begun = threading.Event(), threading.Event()
-        self.seen = []
+        self.pushed = []
 
-        def look(watch, frame):
+        def push(engine, frame):
             self.begun.set()
             assert self.go.wait(10)
-            self.seen.append(frame)
+            self.pushed.append(frame)
             return True
 
-        monkeypatch.setattr(Watch, "look", look)
+        monkeypatch.setattr(Engine, "push", push)
 
 
 def grey(value=0, size=(48, 64)):
     return Frame.of_array(np.full(size, value, np.uint8), 1.0)
 
 
-def test_while_the_background_is_busy_frames_are_let_go_and_counted(monkeypatch):
+def test_beyond_the_queue_images_are_dropped_and_counted(monkeypatch):
+    monkeypatch.setattr(live_calibrator, "QUEUE_BYTES", 3 * 48 * 64)
     held = Held(monkeypatch)
     with LiveCalibrator() as live:
         assert live.push(grey(0))
         assert held.begun.wait(10)
-        assert not any(live.push(grey(i)) for i in range(1, 200))
-        assert (live.status.frames, live.status.busy, live.status.looked) == (200, 199, 0)
+        taken = [live.push(grey(i)) for i in range(1, 200)]
+        assert sum(taken) == 2
+        assert (live.status.frames, live.status.dropped) == (200, 197)
         held.go.set()
-    assert len(held.seen) == live.status.looked == 1
-
-
-def holds(frame, shape):
-    """Return whether a frame, which may be of another test and broken on purpose, holds an image of this shape."""
-    try:
-        return frame.load().shape == shape
-    except FrameError:
-        return False
-
-
-def test_no_more_than_one_image_is_held_however_many_are_pushed(monkeypatch):
-    held = Held(monkeypatch)
-    shape = (37, 53)
-    with LiveCalibrator() as live:
-        for i in range(300):
-            live.push(grey(i % 200, shape))
-        gc.collect()
-        kept = [a for a in gc.get_objects() if isinstance(a, Frame) and holds(a, shape)]
-        assert len(kept) <= 1
-        held.go.set()
-
-
-def test_every_frame_is_either_looked_at_or_counted_as_passed_over(cameras):
-    with LiveCalibrator() as live:
-        looked = sum(live.push(frame) for frame in cameras.before)
-    status = live.status
-    assert status.frames == len(cameras.before)
-    assert status.looked == looked
-    assert status.unusable == 0
 
 
 def test_a_buffer_may_be_filled_anew(monkeypatch):
@@ -80,19 +54,65 @@ def test_a_buffer_may_be_filled_anew(monkeypatch):
     with LiveCalibrator() as live:
         live.push(Frame.of_array(buffer, 1.0))
         buffer[:] = 99
+        assert held.begun.wait(10)
         held.go.set()
-    assert held.seen[0].image.max() == 7
+    assert held.pushed[0].image.max() == 7
 
 
-def test_it_answers_while_frames_come_and_keeps_the_answer(cameras):
+@pytest.fixture(scope="module")
+def played(cameras):
+    """A recording played without a frame being dropped."""
     with LiveCalibrator() as live:
-        for frame in cameras.before[:40]:
-            while not live.push(frame):
-                time.sleep(0.002)
-        found = live.calibration()
-    assert found.response is not None
-    assert live.latest is found
-    assert live.status.looked >= 40
+        for frame in cameras.before:
+            live.push(frame)
+            while live._queue:
+                time.sleep(0.001)
+        return live.calibration(), live.status, live.latest
+
+
+def test_where_nothing_is_dropped_the_result_is_that_of_the_command(played, cameras):
+    found, status, latest = played
+    assert (status.frames, status.dropped, status.unusable) == (len(cameras.before), 0, 0)
+    other = calibrate(cameras.before)
+    assert found.verdicts == other.verdicts
+    np.testing.assert_array_equal(found.response.inverse_table, other.response.inverse_table)
+    np.testing.assert_array_equal(found.vignette.image(), other.vignette.image())
+    assert latest is found
+
+
+def test_an_unchanged_camera_is_known_and_stays_so(played):
+    _, status, _ = played
+    assert status.converged
+    assert status.converged_after <= 110
+    assert len(status.epochs) == 1
+    assert ["known" in note for note in status.notes] == [True]
+
+
+@pytest.fixture(scope="module")
+def changed(cameras):
+    """A run during which the lens changes."""
+    calibrator = OnlineCalibrator()
+    for frame in [*cameras.before, *cameras.before[::-1], *cameras.after, *cameras.after[::-1], *cameras.after]:
+        calibrator.push(frame)
+    return calibrator
+
+
+def test_another_lens_is_noticed_named_and_calibrated_anew(changed, cameras):
+    first, second = changed.epochs
+    assert first.change.part == "vignette"
+    assert abs(second.first_frame - 220) <= 30
+    assert first.change.found - 220 <= 200  # ten seconds at 20 frames/s
+    corner = np.array([[319.0, 239.0]])
+    assert first.calibration.vignette.at(corner)[0] == pytest.approx(0.85, abs=0.03)
+    found = changed.calibration()
+    assert found.vignette.at(corner)[0] == pytest.approx(0.45, abs=0.03)
+    assert any("vignette changed" in warning for warning in found.warnings)
+
+
+def test_epochs_survive_a_saved_state(changed, tmp_path):
+    again = OnlineCalibrator.load_state(changed.save_state(tmp_path / "state.ospc"))
+    assert [e.change for e in again.epochs] == [e.change for e in changed.epochs]
+    assert again.epochs[0].calibration.as_dict() == changed.epochs[0].calibration.as_dict()
 
 
 def test_frames_may_come_from_another_thread_or_a_coroutine(cameras):
@@ -110,6 +130,49 @@ def test_frames_may_come_from_another_thread_or_a_coroutine(cameras):
         assert live.status.frames == 15
 
 
+def test_many_threads_may_push_into_one_calibrator(cameras):
+    calibrator = OnlineCalibrator()
+    parts = [cameras.before[i::4] for i in range(4)]
+    threads = [threading.Thread(target=lambda part: [calibrator.push(f) for f in part], args=(p,)) for p in parts]
+    for thread in threads:
+        thread.start()
+    asked = [calibrator.calibration() for _ in range(2) if calibrator.frames]
+    for thread in threads:
+        thread.join(60)
+    assert calibrator.frames == len(cameras.before)
+    assert calibrator.calibration().counts["skipped"] == 0
+    assert all(c.counts["frames"] <= len(cameras.before) for c in asked)
+
+
+def _in_child(calibrator, live, frames, answers):
+    for frame in frames:
+        calibrator.push(frame)
+    answers.put(calibrator.frames)
+    try:
+        live.push(frames[0])
+    except OspcError as error:
+        answers.put(str(error))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_fork_in_mid_run_is_survived_or_refused_with_a_sentence(cameras):
+    calibrator = OnlineCalibrator()
+    for frame in cameras.before[:30]:
+        calibrator.push(frame)
+    context = multiprocessing.get_context("fork")
+    answers = context.Queue()
+    with LiveCalibrator() as live:
+        live.push(cameras.before[0])
+        child = context.Process(target=_in_child, args=(calibrator, live, cameras.before[30:50], answers))
+        child.start()
+        try:
+            assert answers.get(timeout=60) == 50
+            assert "fork" in answers.get(timeout=60)
+        finally:
+            child.kill()
+            child.join()
+
+
 def test_frames_that_cannot_be_used_are_counted_with_their_reason():
     with LiveCalibrator() as live:
         live.push(Frame.of_array(np.zeros((48, 64), np.uint8), float("nan")))
@@ -120,10 +183,10 @@ def test_frames_that_cannot_be_used_are_counted_with_their_reason():
 
 
 def test_what_goes_wrong_in_the_background_is_said(monkeypatch):
-    def look(watch, frame):
+    def push(engine, frame):
         raise RuntimeError("out of luck")
 
-    monkeypatch.setattr(Watch, "look", look)
+    monkeypatch.setattr(Engine, "push", push)
     live = LiveCalibrator()
     live.push(grey())
     live._worker.join(10)
@@ -134,11 +197,12 @@ def test_what_goes_wrong_in_the_background_is_said(monkeypatch):
     live.close()
 
 
-def test_closed_it_takes_no_more(cameras):
+def test_closed_it_takes_no_more_and_its_thread_ends(cameras):
     live = LiveCalibrator()
     live.push(cameras.before[0])
     live.close()
     live.close()
+    assert not live._worker.is_alive()
     with pytest.raises(OspcError, match="closed"):
         live.push(cameras.before[1])
 

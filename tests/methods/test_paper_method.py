@@ -13,12 +13,12 @@ from recorded_in_memory import recorded
 from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.features import Features
 from ospc.evaluation.metrics import response_shape_rmse, vignette_rmse
-from ospc.exposures.lookup import StatedExposures
 from ospc.methods.paper import Correspondences, PaperMethod
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import Frame
 from ospc.settings import PaperSettings
+from stated_exposures import StatedExposures
 
 SMALL = replace(
     PaperSettings(),
@@ -79,10 +79,10 @@ def test_estimates_are_repeated_and_their_spread_is_stated(run):
     assert result.covariance["vignette"]["parameters"] == ["v1", "v2", "v3"]
     assert np.shape(result.covariance["vignette"]["matrix"]) == (3, 3)
     # Nothing is known of the spread of a single estimate; the second ends its window 50 frames later.
-    assert progress[60].response_spread is None
-    assert progress[100].response_spread == pytest.approx(progress[101].response_spread)
-    assert progress[-1].response_spread == pytest.approx(result.response.inverse_sigma.max())
-    assert progress[-1].vignette_spread == pytest.approx(result.vignette_sigma[-1])
+    assert progress[60].response_sigma is None
+    assert progress[100].response_sigma == pytest.approx(progress[101].response_sigma)
+    assert progress[-1].response_sigma == pytest.approx(result.response.inverse_sigma.max())
+    assert progress[-1].vignette_sigma == pytest.approx(result.vignette_sigma[-1])
 
 
 def test_progress_only_grows(run):
@@ -214,7 +214,7 @@ def after_matching(matcher, settings=None, frames=430, lag=0):
         if index == frames - 1:
             for earlier in range(frames):
                 known.add(earlier, course[earlier])
-        method.push(Frame.of_array(image, course[index], index=index), known)
+        method.push(Frame.of_array(image, course[index], index=index), None, known)
     return method.calibration(known)
 
 

@@ -11,10 +11,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ospc.correspondence.features import Features
-from ospc.exposures.lookup import StatedExposures
 from ospc.methods.paper import Correspondences, PaperMethod
 from ospc.recording.frame import Frame
 from ospc.settings import PaperSettings
+from stated_exposures import StatedExposures
 
 SIZE = (64, 48)
 NEVER = 10**6
@@ -45,7 +45,7 @@ def pushed(course, **settings):
     method = PaperMethod(replace(PaperSettings(), **settings), SIZE, 255, matcher)
     for index, exposure_ms in enumerate(course):
         known.add(index, exposure_ms)
-        method.push(Frame.of_array(np.zeros((1, 1), np.uint8), exposure_ms, index=index), known)
+        method.push(Frame.of_array(np.zeros((1, 1), np.uint8), exposure_ms, index=index), None, known)
         pairs.append(matcher.asked)
         matcher.asked = []
     assert method.progress.pairs == sum(map(len, pairs))
@@ -105,7 +105,7 @@ def test_exposures_known_late_decide_for_the_frames_that_wait():
         known.add(index, 2.0)
         if index == 2:
             known.add(0, 1.0)
-        method.push(Frame.of_array(np.zeros((1, 1), np.uint8), 2.0, index=index), known)
+        method.push(Frame.of_array(np.zeros((1, 1), np.uint8), 2.0, index=index), None, known)
     assert matcher.asked == [(0, 2)]
 
 
@@ -115,5 +115,5 @@ def test_no_more_frames_are_held_than_can_still_be_paired():
     method = PaperMethod(settings, SIZE, 255, matcher)
     for index in range(100):
         known.add(index, 1.0)
-        method.push(Frame.of_array(np.zeros((1, 1), np.uint8), 1.0, index=index), known)
+        method.push(Frame.of_array(np.zeros((1, 1), np.uint8), 1.0, index=index), None, known)
         assert sum(ref() is not None for ref in matcher.alive) <= 13

@@ -41,6 +41,7 @@ FULL = Calibration(
     verdicts={
         "response": Verdict("identifiable", "ln g is known to ±0.01"),
         "vignette": Verdict("marginal", "hardly any motion, 0.05 ½-diagonals", "pan the camera"),
+        "exposures": Verdict("marginal", "exposures are written 1 frame late"),
     },
     vignette_sigma=PROFILE_RADII**2 / 70,
     noise=NoiseModel(1 / 3e5, 2 / 7e4),
@@ -56,6 +57,8 @@ FULL = Calibration(
     source={"kind": "array", "name": "é", "frames": 12},
     versions={"ospc": "0.1.0"},
     advice=("pan the camera",),
+    notes=("exposures were moved by 1 frame", "a second note"),
+    warnings=("the vignette changed at about frame 7, by -12%",),
 )
 
 
@@ -92,6 +95,7 @@ def test_every_field_survives_exactly(name, tmp_path):
         {"noise": None},
         {"vignette_sigma": None},
         {"exposure_ratios": ExposureRatios.none(), "covariance": {}, "verdicts": {}, "advice": ()},
+        {"notes": (), "warnings": ()},
         {"response": Response.gamma(2.2)},
     ],
     ids=",".join,
@@ -118,6 +122,7 @@ def test_the_file_says_what_a_reader_without_this_library_needs(saved):
     assert content["vignette"]["profile"][0] == 1
     assert content["vignette"]["profile"][-1] == pytest.approx(FULL.vignette.at(corners).mean() / centre)
     assert content["exposure_ratios"]["bias"] == FULL.exposure_ratios.bias
+    assert (content["notes"], content["warnings"]) == (list(FULL.notes), list(FULL.warnings))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -287,6 +292,8 @@ def check_usable(loaded):
         (["covariance", "vignette", "matrix"], [[1e-4]], "covariance"),
         (["verdicts", "response", "state"], '"><script>', "verdict"),
         (["advice"], [3], "text"),
+        (["notes"], "one text instead of a list", "notes"),
+        (["warnings"], [None], "text"),
         (["counts", "pairs"], -1, "pairs"),
     ],
 )

@@ -18,7 +18,7 @@ from ospc.pooling.pool import Pool
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
-from summaries import CAMERA, OTHER_LENS, SIZE, evidence_of, summary
+from summaries import CAMERA, OTHER_LENS, SIZE, inputs_of, summary
 
 
 @pytest.fixture(scope="module")
@@ -26,12 +26,12 @@ def yesterday(tmp_path_factory):
     """A state of four recordings, and the calibration of one, in files."""
     place = tmp_path_factory.mktemp("yesterday")
     Pool.of([summary(CAMERA, seed) for seed in range(4)]).save(place / "state.ospc")
-    summarise(evidence_of(CAMERA, 0, groups=80), DefaultSettings()).save(place / "calibration.json")
+    summarise(inputs_of(CAMERA, 0, groups=80), DefaultSettings()).save(place / "calibration.json")
     return place
 
 
 def today(camera, groups):
-    evidence = evidence_of(camera, 50, groups=groups)
+    evidence = inputs_of(camera, 50, groups=groups)
     return summarise(evidence, DefaultSettings()), summary(camera, 50, groups=groups)
 
 
@@ -73,7 +73,7 @@ def test_a_calibration_gives_back_itself_when_nothing_new_was_seen(yesterday):
 
 def test_a_calibrator_starts_from_what_was_known(yesterday):
     calibrator = OnlineCalibrator()
-    calibrator.earlier = PriorCalibration.open(yesterday)
+    calibrator.prior = PriorCalibration.open(yesterday)
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     found = calibrator.calibration()
     assert found.complete
@@ -83,7 +83,7 @@ def test_a_calibrator_starts_from_what_was_known(yesterday):
 
 def test_frames_of_another_size_are_refused(yesterday):
     calibrator = OnlineCalibrator()
-    calibrator.earlier = PriorCalibration.open(yesterday)
+    calibrator.prior = PriorCalibration.open(yesterday)
     calibrator.push(Frame.of_array(np.zeros((48, 64), np.uint8), 5.0))
     with pytest.raises(SettingError, match="is of 640×480 pixels, but the frames have 64×48"):
         calibrator.calibration()

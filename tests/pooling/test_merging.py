@@ -14,7 +14,7 @@ from ospc.methods.summary import summarise
 from ospc.pooling.pool import Pool
 from ospc.pooling.pooled_calibration import merge
 from ospc.settings import DefaultSettings
-from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, evidence_of, summary
+from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, inputs_of, summary
 
 RECORDINGS = 8
 
@@ -54,7 +54,7 @@ def as_text(merged):
 
 
 def test_eight_recordings_have_at_most_half_the_errors_of_their_median(merged):
-    alone = [summarise(evidence_of(CAMERA, seed), DefaultSettings()) for seed in range(RECORDINGS)]
+    alone = [summarise(inputs_of(CAMERA, seed), DefaultSettings()) for seed in range(RECORDINGS)]
     median = np.median([errors(calibration) for calibration in alone], axis=0)
     assert np.all(errors(merged.calibration) < median / 2)
     assert merged.calibration.vignette_sigma[-1] < np.median([c.vignette_sigma[-1] for c in alone])
@@ -75,7 +75,7 @@ def test_the_order_makes_no_difference_to_a_single_bit(recordings, merged):
 
 
 def test_one_recording_alone_stays_what_it_was():
-    alone = summarise(evidence_of(CAMERA, 0), DefaultSettings())
+    alone = summarise(inputs_of(CAMERA, 0), DefaultSettings())
     pooled = merge(Pool.of([summary(CAMERA, 0)])).calibration
     np.testing.assert_allclose(
         np.log(pooled.response.inverse([0.2, 0.8])), np.log(alone.response.inverse([0.2, 0.8])), atol=0.02

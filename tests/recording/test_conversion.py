@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.diagnosis.shifted import with_exposure_lag
 from ospc.errors import FrameError, RecordingError, SettingError
 from ospc.formats.validation import validate
 from ospc.recording import ArrayRecording, Frame, open_recording
+from ospc.recording.derived import with_exposure_lag
 from ospc.recording.writing.conversion import convert_recording
 
 COUNT, SIZE = 7, (170, 128)

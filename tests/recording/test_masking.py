@@ -64,7 +64,7 @@ def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
 def test_a_camera_that_stands_still_uses_no_masked_pixel() -> None:
     series = StaticSeries()
     for frame in masked(recorded(), half()):
-        series.watch(frame)
+        series.observe(frame)
     assert np.all(half().ravel()[series._places])
     assert len(series._places) == half().sum()
 

@@ -85,7 +85,7 @@ def test_a_generator_gives_the_calibration_of_the_recording() -> None:
     assert found.response is not None
     assert expected.response is not None
     np.testing.assert_array_equal(found.response.inverse_table, expected.response.inverse_table)
-    assert found.source == {"kind": "stream"}
+    assert found.source["kind"] == "stream"
 
 
 class Capture:

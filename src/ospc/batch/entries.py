@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ospc.diagnosis.before_calibrating import LagChoice
 from ospc.errors import SettingError
+from ospc.exposures.findings import LagChoice
 from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, with_overrides
 

@@ -21,8 +21,7 @@ import ospc
 from ospc.batch.entries import Entry
 from ospc.batch.object_store import local_copy
 from ospc.batch.store import VERSION, Result
-from ospc.calibrator import OnlineCalibrator
-from ospc.diagnosis.before_calibrating import examine
+from ospc.calibrator import OnlineCalibrator, drive
 from ospc.errors import OspcError, said_by
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
@@ -99,14 +98,11 @@ def work(task: Task) -> Answer:
 
 
 def _calibrated(recording: Recording, source: dict[str, object], key: str, entry: Entry) -> Result:
-    checked = examine(recording, entry.correct_lag)
-    calibrator = OnlineCalibrator(entry.settings)
+    calibrator = OnlineCalibrator(entry.settings, correct_lag=entry.correct_lag)
     calibrator.source = source
-    for frame in checked.recording:
-        calibrator.push(frame)
+    drive(calibrator, recording)
     calibration = calibrator.calibration()
-    calibration = replace(calibration, source=source, verdicts=checked.judged(calibration.verdicts))
-    notes = (*checked.notes, *checked.warnings, *calibrator.first_reasons)
+    notes = (*calibration.notes, *calibration.warnings, *calibrator.first_reasons)
     return Result(key, calibration.as_dict(), calibrator.summary(), notes)
 
 

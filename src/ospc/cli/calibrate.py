@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.exposure_checking import correct_lag_option, examined
+from ospc.cli.exposure_options import correct_lag_option
 from ospc.cli.interruption import Interruption
 from ospc.cli.live import Watching
 from ospc.cli.reading import EACH, Reading, reading_options, say_topics
 from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
-    from ospc.diagnosis.before_calibrating import LagChoice
+    from ospc.exposures.findings import LagChoice
     from ospc.recording import Recording
     from ospc.settings import Settings
 
@@ -85,7 +85,7 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     type=click.Choice(["default", "fast", "paper"]),
     default="default",
     show_default=True,
-    help="The method: maximum likelihood, the same with fewer looks, or the paper's.",
+    help="The method: maximum likelihood, the same with fewer frames and points, or the paper's.",
 )
 @click.option(
     "--set",
@@ -101,7 +101,7 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     help="A known calibration to compare with: calibration.json, or a folder with pcalib.txt and vignette.png.",
 )
 @click.option(
-    "--resume", is_flag=True, help="Go on where an earlier run into OUT was stopped or killed, if there was one."
+    "--resume", is_flag=True, help="Continue where an earlier run into OUT was stopped or killed, if there was one."
 )
 @click.option(
     "--checkpoint-every",
@@ -118,7 +118,7 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     "--rerun-file",
     metavar="FILE.rrd",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Stream the same to a file, to be looked at later.",
+    help="Stream the same to a file that the viewer opens later.",
 )
 @correct_lag_option
 @click.option("--pdf", is_flag=True, help="Write the report as report.pdf too.")
@@ -162,7 +162,8 @@ def command(list_topics: bool, **options: Any) -> None:
       0    complete: response and vignette are known
       1    error; what was known by then is written as partial if possible
       2    wrong usage
-      3    written, but response or vignette could not be determined, or the exposures cannot be relied on
+      3    written, but response or vignette could not be determined, the exposures contradict the images, or the
+           camera changed during the recording
       130  interrupted; the partial result is written
     """  # noqa: D301 (click reads the escaped character as "do not rewrap")
     if list_topics:
@@ -209,28 +210,36 @@ def _calibrate_one(
 ) -> int:
     from ospc.cli.calibration_run import Options, calibrate_into
     from ospc.cli.checkpoints import Checkpoints
+    from ospc.exposures.findings import check_lag
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.pooling.prior_calibration import PriorCalibration
 
     settings = _settings(request)
-    earlier = None if request.start_from is None else PriorCalibration.open(request.start_from)
+    prior = None if request.start_from is None else PriorCalibration.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
     recording = opened()
     if request.reading.unknown_exposures:
         recording = _with_recovered_exposures(recording, request, interruption)
-    if earlier is not None:
-        earlier.check_size(recording.size)
+    check_lag(request.correct_lag, len(recording))
+    if prior is not None:
+        prior.check_size(recording.size)
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
     # A state says nothing of an exponent: it must not be merged with those of known exposures.
     keeps_state = not request.reading.unknown_exposures
-    checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, earlier) if keeps_state else None
-    options = Options(request.quiet, request.as_json, truth, checkpoints, request.pdf, tell, request.watching)
-    if request.reading.unknown_exposures:
-        # They come from the images, with which they cannot disagree.
-        return calibrate_into(folder, recording, settings, interruption, options)
-    checked = examined(recording, request.correct_lag)
-    return calibrate_into(folder, checked.recording, settings, interruption, replace(options, examined=checked))
+    checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, prior) if keeps_state else None
+    options = Options(
+        quiet=request.quiet,
+        as_json=request.as_json,
+        truth=truth,
+        checkpoints=checkpoints,
+        pdf=request.pdf,
+        tell=tell,
+        watching=request.watching,
+        # Exposures that come from the images cannot disagree with them.
+        correct_lag="trusted" if request.reading.unknown_exposures else request.correct_lag,
+    )
+    return calibrate_into(folder, recording, settings, interruption, options)
 
 
 def _with_recovered_exposures(recording: Recording, request: _Request, interruption: Interruption) -> Recording:

@@ -118,6 +118,9 @@ def as_json(
         "counts": calibration.counts,
         "skipped": list(outcome.skipped),
         "advice": list(calibration.advice),
+        "exposure_lag_frames": calibration.source.get("exposure_lag_frames"),
+        "exposure_lag_corrected_frames": calibration.source.get("exposure_lag_corrected_frames", 0),
+        "warnings": list(calibration.warnings),
         "files": [str(file) for file in written.files],
     }
     ratios = ratio_figures(calibration)

@@ -7,15 +7,13 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ospc.cli.calibration_report import as_json, say_errors, say_notes, say_result, say_skipped
-from ospc.cli.exposure_checking import as_json as examined_as_json
-from ospc.cli.exposure_checking import judged, say_examined
+from ospc.cli.exposure_options import say_exposures
 from ospc.cli.interruption import Interruption
 from ospc.cli.live import NOT_WATCHED, Watcher, Watching
 from ospc.errors import OspcError, said_by
@@ -23,12 +21,12 @@ from ospc.errors import OspcError, said_by
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
     from ospc.cli.checkpoints import Checkpoints
-    from ospc.diagnosis.before_calibrating import Examined
     from ospc.evaluation.comparison import Comparison
+    from ospc.exposures.findings import LagChoice
     from ospc.formats.opening import Photometry
     from ospc.output import OutputFolder, Written
     from ospc.photometry.calibration import Calibration
-    from ospc.recording import Recording
+    from ospc.recording import Frame, Recording
     from ospc.settings import Settings
 
 
@@ -46,15 +44,12 @@ class Outcome:
         Whether the user stopped it.
     failure
         What went wrong, as one sentence; empty if nothing did.
-    unreliable
-        Whether the exposures cannot be relied on.
     """
 
     calibration: Calibration
     skipped: tuple[str, ...] = ()
     interrupted: bool = False
     failure: str = ""
-    unreliable: bool = False
 
 
 def print_json(content: dict[str, Any]) -> None:
@@ -82,8 +77,8 @@ class Options:
         Takes the JSON document.
     watching
         How the run is watched, where somebody looks at a terminal.
-    examined
-        What was found of the exposures before; None where they were not looked at.
+    correct_lag
+        What to do about a lag of the exposures.
     """
 
     quiet: bool = False
@@ -93,7 +88,7 @@ class Options:
     pdf: bool = False
     tell: Callable[[dict[str, Any]], None] = print_json
     watching: Watching = NOT_WATCHED
-    examined: Examined | None = None
+    correct_lag: LagChoice = "auto"
 
 
 COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
@@ -117,8 +112,6 @@ def calibrate_into(
     talkative = not options.quiet and not options.as_json
     if talkative:
         say_notes(recording.notes)
-    if options.examined is not None and not options.quiet:
-        say_examined(options.examined, notes=talkative)
     watching = replace(options.watching, visible=not options.quiet and sys.stderr.isatty())
     Thread(target=_load_drawing, daemon=True).start()
     with interruption.deferred():
@@ -129,12 +122,8 @@ def calibrate_into(
             watching=watching,
             announce=not options.quiet,
             checkpoints=options.checkpoints,
+            correct_lag=options.correct_lag,
         )
-        if options.examined is not None:
-            unreliable = bool(options.examined.warnings)
-            outcome = replace(
-                outcome, calibration=judged(outcome.calibration, options.examined), unreliable=unreliable
-            )
         with interruption.held():
             outcome, written = _write(folder, recording, outcome, interruption, options)
             if options.checkpoints is not None and options.checkpoints.saved:
@@ -158,21 +147,20 @@ def _exit_code(outcome: Outcome) -> int:
         return FAILED
     if outcome.interrupted:
         return INTERRUPTED
-    return COMPLETE if outcome.calibration.complete and not outcome.unreliable else UNDETERMINED
+    return COMPLETE if outcome.calibration.complete and not outcome.calibration.warnings else UNDETERMINED
 
 
 def _report(outcome: Outcome, recording: Recording, folder: OutputFolder, written: Written, options: Options) -> None:
+    if not options.quiet:
+        say_exposures(outcome.calibration)
     comparison = _compare(outcome, options.truth)
     saving = [] if options.checkpoints is None else options.checkpoints.notes
     if options.as_json:
         content = {"exit_code": _exit_code(outcome), **as_json(outcome, folder, written, comparison)}
-        looked = () if options.examined is None else options.examined.notes
-        content["notes"] = [*recording.notes, *looked, *saving, *written.notes]
-        if options.examined is not None:
-            content.update(examined_as_json(options.examined))
+        content["notes"] = [*recording.notes, *outcome.calibration.notes, *saving, *written.notes]
         options.tell(content)
     elif not options.quiet:
-        say_notes(saving)
+        say_notes((*outcome.calibration.notes, *saving))
         say_skipped(outcome)
         say_result(outcome, len(recording), folder, written)
         say_notes(written.notes)
@@ -199,9 +187,9 @@ def _write(
             drawn = folder.draw(outcome.calibration, options.truth, stop=lambda: interruption.count > before)
             written += reported.result() + drawn
     if interruption.requested and not outcome.interrupted:
-        partial = replace(outcome.calibration, partial=True)
-        partial.save(folder.path / "calibration.json")
-        outcome = replace(outcome, calibration=partial, interrupted=True)
+        unfinished = replace(outcome.calibration, partial=True)
+        unfinished.save(folder.path / "calibration.json")
+        outcome = replace(outcome, calibration=unfinished, interrupted=True)
     failure = "; ".join(filter(None, (outcome.failure, *written.problems)))
     return replace(outcome, failure=failure), written
 
@@ -226,6 +214,7 @@ def run(
     watching: Watching,
     announce: bool = True,
     checkpoints: Checkpoints | None = None,
+    correct_lag: LagChoice = "auto",
 ) -> Outcome:
     """Calibrate; what was seen before an interruption or a failure is not lost.
 
@@ -243,6 +232,8 @@ def run(
         Whether to say on standard error that an interruption was understood.
     checkpoints
         Where states are saved, and whether to go on from one; None for nowhere.
+    correct_lag
+        What to do about a lag of the exposures.
 
     Raises
     ------
@@ -256,16 +247,17 @@ def run(
 
     with watching.of(recording) as show, interruption.deferred():
         source = _identity(recording)
-        started = OnlineCalibrator if checkpoints is None else partial(checkpoints.calibrator, source=source)
-        calibrator = started(settings)
+        calibrator = OnlineCalibrator(settings, correct_lag=correct_lag)
+        calibrator.source = source
+        if checkpoints is not None:
+            calibrator = checkpoints.resumed(calibrator)
         failure = _push_all(recording, calibrator, interruption, show, checkpoints)
         early = interruption.requested
         show(calibrator, "estimating")
         if early and announce:
             frames = calibrator.status.frames
             click.echo(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
-        calibration = _estimate(calibrator, failure, early=early)
-        calibration = labelled(replace(calibration, source=source | calibration.source), recording)
+        calibration = labelled(_estimate(calibrator, failure, early=early), recording)
         if checkpoints is not None:
             checkpoints.at_the_end(calibrator)
     stopped = interruption.requested
@@ -286,19 +278,19 @@ def _push_all(
     checkpoints: Checkpoints | None,
 ) -> str:
     """Push frames until their end or an interruption, and return what went wrong."""
-    from ospc.calibrator import remaining
-    from ospc.recording.ahead import decoded_ahead
+    from ospc.calibrator import drive
+
+    def after(frame: Frame, used: bool) -> None:
+        show(calibrator, "comparing", frame if used else None)
+        if checkpoints is not None:
+            checkpoints.after_frame(calibrator)
+        if interruption.requested:
+            raise KeyboardInterrupt
 
     try:
-        for frame in decoded_ahead(remaining(calibrator, recording), calibrator.foresees):
-            used = calibrator.push(frame)
-            show(calibrator, "comparing", frame if used else None)
-            if checkpoints is not None:
-                checkpoints.after_frame(calibrator)
-            if interruption.requested:
-                break
+        drive(calibrator, recording, after)
     except KeyboardInterrupt:
-        pass  # the second one; what there is will be estimated
+        pass  # what there is will be estimated
     except Exception as error:  # whatever it is, the frames before it are worth an estimate
         return sentence(error)
     return ""

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from ospc.cli.exposure_options import correct_lag_option
 from ospc.cli.progress import progress_bar
 from ospc.cli.reading import Reading, reading_options, say_topics
 
 if TYPE_CHECKING:
     from ospc.diagnosis import RecordingReport
+    from ospc.exposures.findings import LagChoice
 
 _COLOURS = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
 
@@ -24,20 +26,27 @@ _COLOURS = {"identifiable": "green", "marginal": "yellow", "not identifiable": "
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw the result into this picture.")
 @click.option(
     "--frames",
-    type=click.IntRange(2, 5000),
-    default=240,
-    show_default=True,
-    help="Most frames to look at; exposures and time stamps are always looked at in full.",
+    type=click.IntRange(min=2),
+    help="Take only so many frames from the beginning.",
 )
+@correct_lag_option
 @reading_options
 @click.option("--list-topics", is_flag=True, help="Say what topics the bag at PATH has, and do nothing else.")
 def command(
-    path: Path, as_json: bool, plot: Path | None, frames: int, list_topics: bool, **reading: str | Path | None
+    path: Path,
+    *,
+    as_json: bool,
+    plot: Path | None,
+    frames: int | None,
+    correct_lag: LagChoice,
+    list_topics: bool,
+    **reading: Any,
 ) -> None:
-    """Say what a calibration of the recording at PATH could find, before making one.
+    """Say what a calibration of the recording at PATH finds, without writing one.
 
-    Takes seconds. Tells whether response, vignette and exposures are identifiable, and what to record instead;
-    whether each exposure belongs to its frame; and what in the recording would spoil a calibration.
+    Takes the whole recording, or its beginning (--frames). Says whether response, vignette and exposures are
+    identifiable, and what to record instead; whether each exposure belongs to its frame; and what in the recording
+    would spoil a calibration. The verdicts are those of 'ospc calibrate' on the same frames.
     """
     from ospc.diagnosis import check_recording
 
@@ -45,9 +54,9 @@ def command(
         say_topics(path)
         return
     recording = Reading.taken_from(reading).open(path)
-    looks = min(frames, len(recording))
-    with progress_bar("looking", looks, visible=sys.stderr.isatty()) as progress:
-        report = check_recording(recording, frames=frames, progress=progress)
+    total = min(frames or len(recording), len(recording))
+    with progress_bar("checking", total, visible=sys.stderr.isatty()) as progress:
+        report = check_recording(recording, frames=frames, correct_lag=correct_lag, progress=progress)
     if plot is not None:
         from ospc.report.check import plot_report
 
@@ -69,7 +78,7 @@ def _print_text(path: Path, report: RecordingReport) -> None:
 
     console = Console(highlight=False)
     width, height = report.size
-    shown = f"{path}: {report.frames} frames {width}×{height}, {len(report.looked_at)} of them looked at"
+    shown = f"{path}: {report.frames} frames {width}×{height}, {report.processed} of them processed"
     console.print(shown, markup=False, soft_wrap=True)
     verdicts = Table(show_header=False)
     for name, verdict in report.verdicts.items():
@@ -86,7 +95,7 @@ def _print_text(path: Path, report: RecordingReport) -> None:
 
 
 def _figures(report: RecordingReport) -> list[tuple[str, str]]:
-    exposure, pixels, motion, timing = report.exposure, report.pixels, report.motion, report.timing
+    exposure, pixels, motion, timing = report.exposures.course, report.pixels, report.motion, report.timing
     cycle = "" if exposure.cycle_frames is None else f", repeating every {exposure.cycle_frames} frames"
     rows = [
         (
@@ -96,12 +105,12 @@ def _figures(report: RecordingReport) -> list[tuple[str, str]]:
         ),
         ("exposure lag", _lag(report)),
     ]
-    if report.brightness is not None:
+    if report.exposures.brightness is not None:
         rows.append(
             (
                 "brightness",
-                f"ln grey of the same things changes by {report.brightness.change_rms_log:.4f} a frame; "
-                f"{report.brightness.unexplained_rms_log:.4f} are not explained by the exposures",
+                f"ln grey of the same things changes by {report.exposures.brightness.change_rms_log:.4f} a frame; "
+                f"{report.exposures.brightness.unexplained_rms_log:.4f} are not explained by the exposures",
             )
         )
     radii = " ".join("-" if math.isnan(share) else f"{share * 100:.0f}" for share in pixels.mean_radius_share)
@@ -129,7 +138,7 @@ def _figures(report: RecordingReport) -> list[tuple[str, str]]:
 
 
 def _lag(report: RecordingReport) -> str:
-    lag = report.lag
+    lag = report.exposures.lag
     if lag.frames is None:
         candidates = f" (one of {', '.join(map(str, lag.candidates))})" if len(lag.candidates) > 1 else ""
         return f"not determinable: {lag.state}{candidates}"

@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ospc.errors import FormatError, SettingError
 
@@ -38,7 +38,7 @@ class Checkpoints:
         Shortest time between checkpoints in seconds; 0 for one after every frame.
     resume
         Whether to go on from the checkpoint in the folder, if there is one.
-    earlier
+    prior
         What was known of the camera before; None for nothing.
     notes
         What the user should know: where it went on, what could not be written.
@@ -49,7 +49,7 @@ class Checkpoints:
     folder: Path
     every_s: float = 5.0
     resume: bool = False
-    earlier: PriorCalibration | None = None
+    prior: PriorCalibration | None = None
     notes: list[str] = field(default_factory=list)
     saved: bool = False
     _next_s: float = field(default=0.0, repr=False)
@@ -60,15 +60,13 @@ class Checkpoints:
         """Path of the state."""
         return self.folder / STATE_NAME
 
-    def calibrator(self, settings: Settings, source: dict[str, Any]) -> OnlineCalibrator:
-        """Return a new calibrator, or the one that goes on from the checkpoint.
+    def resumed(self, calibrator: OnlineCalibrator) -> OnlineCalibrator:
+        """Return a new calibrator as it is, or the one that goes on from the checkpoint.
 
         Parameters
         ----------
-        settings
-            Settings of the method.
-        source
-            Identification of the recording.
+        calibrator
+            New, with its settings and the identification of its recording.
 
         Raises
         ------
@@ -77,20 +75,16 @@ class Checkpoints:
         SettingError
             If it is of another recording or of other settings, or the method has none.
         """
-        from ospc.calibrator import OnlineCalibrator
-
         self._remove_unfinished()
-        calibrator = OnlineCalibrator(settings)
-        calibrator.source = source
         self._next_s = time.monotonic() + self.every_s
         if not calibrator.has_state:
-            self._refuse_resuming(settings)
+            self._refuse_resuming(calibrator.settings)
             return calibrator
         if self.resume and self.place.exists():
-            calibrator = self._resumed(settings, source)
+            calibrator = self._loaded(calibrator)
         elif self.resume:
             self.notes.append(f"{self.folder} holds no checkpoint yet: starting with the first frame")
-        calibrator.earlier = self.earlier
+        calibrator.prior = self.prior
         return calibrator
 
     def after_frame(self, calibrator: OnlineCalibrator) -> None:
@@ -114,9 +108,9 @@ class Checkpoints:
                 self.place.unlink(missing_ok=True)
 
     def _note_change(self, calibrator: OnlineCalibrator) -> None:
-        difference = None if self.earlier is None else self.earlier.difference(calibrator.summary())
-        if self.earlier is not None and difference is not None:
-            self.notes.append(f"this is not the camera of {self.earlier.name} as it was: {difference.text}")
+        difference = None if self.prior is None else self.prior.difference(calibrator.summary())
+        if self.prior is not None and difference is not None:
+            self.notes.append(f"this is not the camera of {self.prior.name} as it was: {difference.text}")
 
     def _save(self, calibrator: OnlineCalibrator, *, complete: bool) -> None:
         try:
@@ -127,24 +121,26 @@ class Checkpoints:
             self._failed = True
             self.notes.append(f"no state was saved: {error}")
 
-    def _resumed(self, settings: Settings, source: dict[str, Any]) -> OnlineCalibrator:
+    def _loaded(self, new: OnlineCalibrator) -> OnlineCalibrator:
         from ospc.calibrator import OnlineCalibrator
         from ospc.versions import versions
 
         found = OnlineCalibrator.load_state(self.place)
         start_anew = "leave out --resume to start anew"
-        if [found.source.get(name) for name in _SAME] != [source.get(name) for name in _SAME]:
+        if [found.source.get(name) for name in _SAME] != [new.source.get(name) for name in _SAME]:
             name = found.source.get("name", "a live camera")
             raise SettingError(f"{self.place}: is the state of another recording ({name}); {start_anew}")
-        if found.settings != settings:
-            changed = ", ".join(_differences(found.settings, settings))
-            raise SettingError(f"{self.place}: was made with other settings ({changed}); {start_anew}")
+        if (found.settings, found.correct_lag) != (new.settings, new.correct_lag):
+            changed = [*_differences(found.settings, new.settings)]
+            if found.correct_lag != new.correct_lag:
+                changed.append(f"--correct-lag {found.correct_lag} instead of {new.correct_lag}")
+            raise SettingError(f"{self.place}: was made with other settings ({', '.join(changed)}); {start_anew}")
         self.notes.append(f"going on after frame {found.frames} from {self.place}")
         made = {name: version for name, version in found.saved_by.items() if versions().get(name) != version}
         if made:
             names = ", ".join(f"{name} {version}" for name, version in made.items())
             self.notes.append(f"the state was saved by {names}: the result may differ in the last digits")
-        found.source = source
+        found.source = new.source
         return found
 
     def _refuse_resuming(self, settings: Settings) -> None:

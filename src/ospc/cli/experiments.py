@@ -1,233 +1,155 @@
-"""``ospc experiments``: the paper's figures and tables anew."""
+"""``ospc experiments``: the paper's figures and tables, and related experiments."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.progress import progress_bar
+from ospc.cli.studies import (
+    calibration_option,
+    data_option,
+    finish_study,
+    given_calibrations,
+    jobs_option,
+    named,
+    out_option,
+    print_tables,
+    run_tasks,
+    size_of,
+)
 
 if TYPE_CHECKING:
-    from ospc.experiments.measuring import Others
-    from ospc.experiments.reports import Report
-    from ospc.experiments.sources import Source
+    from ospc.research.measurement import Measurement
+    from ospc.research.method import Result
+    from ospc.research.runner import Finished
+    from ospc.research.source import Source
 
-_SLOW = 0.5
-"""Speed of stand-ins that features are matched on over 30 frames, as in the paper's recordings."""
-
-_WIDTH = 400
-"""Wide enough for every table: cells that were cut short would be lost."""
+_EXPERIMENTS = {
+    "parameters": "Response, vignette and exposure ratios against the truth (figure 3).",
+    "joint": "Joint estimation with and without one point of the true response, and others, against ours (figure 4).",
+    "solvers": "Solvers of the vignette: L2, L1, M-estimator, ours (section 5).",
+    "features": "Features for the response: SIFT, SURF, ORB, ours (section 5); SURF needs the extra 'surf'.",
+    "offsets": "Offset between the two frames of a pair for the vignette, 10 to 50 (section 5).",
+    "thresholds": "Least exposure ratio of a pair for the response (section 5).",
+    "static": "Methods for a camera at rest, on sweeps of the exposure.",
+    "ambiguity": "The exponential ambiguity: without known exposures every exponent explains a recording.",
+}
+_AMBIGUITY_FRAMES = 300
 
 
 @click.group("experiments")
 def command() -> None:
-    """Make the paper's figures and tables anew, on given recordings or on simulated stand-ins.
+    """Reproduce the paper's figures and tables, on given recordings or on simulated stand-ins.
 
     RECORDINGS are folders in the layout of the TUM monocular data set; their pcalib.txt and vignette.png are the
     truth. Without any, recordings are simulated: with the data set's narrow camera and real exposures where --data
-    (or OSPC_DATA) names a folder that holds them, with an analytic camera otherwise.
+    (or OSPC_DATA) names a folder that holds them, with an analytic camera otherwise. Finished recordings are kept in
+    OUT/cache: the same command continues an interrupted run, and computes again only what has changed.
     """
 
 
-def _options(function: Callable[..., None]) -> Callable[..., None]:
-    """Add what all experiments take."""
-    for decorate in reversed(
-        [
-            click.argument("recordings", nargs=-1, type=click.Path(path_type=Path)),
-            click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("ospc-experiments")),
-            click.option("--data", type=click.Path(path_type=Path), envvar="OSPC_DATA", help="Reference data."),
-            click.option("--count", type=click.IntRange(1, 1000), help="Recordings simulated."),
-            click.option("--frames", type=click.IntRange(2, 1_000_000), help="Frames used of each."),
-            click.option("--size", default="320x240", show_default=True, help="Of simulated images."),
-            click.option("--speed", type=float, help="Factor on the speed of the simulated motion."),
-            click.option(
-                "--calibration",
-                "given",
-                multiple=True,
-                metavar="NAME=FILES",
-                help="Calibration by another program, to be compared too; pcalib.txt,vignette.png or alike.",
-            ),
-            click.option(
-                "--exposures",
-                "estimated",
-                multiple=True,
-                metavar="NAME=FILE",
-                help="Exposures by another program: the last number of each line, one line a frame.",
-            ),
-        ]
-    ):
-        function = decorate(function)
-    return function
+def _add(name: str) -> None:
+    """Add the command of an experiment; all take the same options."""
 
-
-@command.command("parameters")
-@_options
-def parameters(**options: Any) -> None:
-    """Response, vignette and exposure ratios against the truth (figure 3)."""
-    _experiment("parameters", 1, 600, options)
-
-
-@command.command("joint")
-@_options
-def joint(**options: Any) -> None:
-    """Joint estimation with and without a point of the truth, and others, against ours (figure 4)."""
-    _experiment("joint", 8, 400, options)
-
-
-@command.command("solvers")
-@_options
-def solvers(**options: Any) -> None:
-    """Solvers of the vignette: L2, L1, M-estimator, ours (section 5)."""
-    _experiment("solvers", 4, 500, options, _SLOW)
-
-
-@command.command("features")
-@_options
-def features(**options: Any) -> None:
-    """Features behind the response: SIFT, SURF, ORB, ours (section 5); SURF needs the extra 'surf'."""
-    _experiment("features", 4, 300, options, _SLOW)
-
-
-@command.command("offsets")
-@_options
-def offsets(**options: Any) -> None:
-    """Offset between the frames that the vignette is estimated from, 10 to 50 (section 5)."""
-    _experiment("offsets", 4, 500, options, _SLOW)
-
-
-@command.command("thresholds")
-@_options
-def thresholds(**options: Any) -> None:
-    """Least exposure ratio of pairs that the response is estimated from (section 5)."""
-    _experiment("thresholds", 4, 300, options, _SLOW)
-
-
-@command.command("static")
-@_options
-def static(**options: Any) -> None:
-    """Methods for a camera that stands still, on sweeps of the exposure; simulated unless recordings are given."""
-    from ospc.experiments.design import Experiment
-    from ospc.experiments.reports import make_experiment
-    from ospc.experiments.sources import given
-    from ospc.experiments.static import static_methods, sweeps
-
-    places, frames = options["recordings"], options["frames"] or 60
-    sources = (
-        [given(place, options["frames"]) for place in places]
-        if places
-        else sweeps(options["count"] or 6, frames, _size(options["size"]))
+    @command.command(name, help=_EXPERIMENTS[name])
+    @click.argument("recordings", nargs=-1, type=click.Path(path_type=Path))
+    @out_option("ospc-experiments")
+    @data_option
+    @click.option("--count", type=click.IntRange(1, 1000), help="Number of recordings simulated.")
+    @click.option("--frames", type=click.IntRange(2, 1_000_000), help="Frames used of each.")
+    @click.option("--size", default="320x240", show_default=True, help="Size of simulated images.")
+    @click.option("--speed", type=float, help="Factor of the speed of the simulated motion.")
+    @calibration_option
+    @click.option(
+        "--exposures",
+        "estimated",
+        multiple=True,
+        metavar="NAME=FILE",
+        help="Exposures of another program to be compared: the last number of each line, one line a frame.",
     )
-    experiment = Experiment(
-        "static", "Responses from a camera that stands still", "response_rmse", lambda _s: static_methods(), {}
-    )
+    @jobs_option
+    def experiment(**options: Any) -> None:
+        if name == "ambiguity":
+            _run_ambiguity(options)
+        else:
+            _run_experiment(name, options)
+
+
+for _name in _EXPERIMENTS:
+    _add(_name)
+
+
+def _run_experiment(name: str, options: dict[str, Any]) -> None:
+    from ospc.research.experiments.design import EXPERIMENTS, ExperimentMethods
+    from ospc.research.experiments.report import median_table, write_experiment
+    from ospc.research.source import MeasuringTask, judge, measured
+    from ospc.research.tables import Written
+
+    experiment = EXPERIMENTS[name]
+    count, frames = experiment.stand_ins
+    sources = _sources(options, count, frames, speed=experiment.speed, at_rest=experiment.at_rest)
     others = _others(options)
-    _report(
-        _with_progress(sources, lambda report: make_experiment(experiment, sources, options["out"], report, others))
-    )
+    rows: list[Measurement] = []
+    written = Written()
+
+    def take(finished: Finished) -> None:
+        nonlocal written
+        rows.extend([*measured(finished.result), *judge(finished.task.source, others)])
+        done = {row.recording for row in rows}
+        # After every recording, so that an interruption leaves tables and pictures of those before.
+        written = write_experiment(experiment, [s for s in sources if s.name in done], rows, options["out"])
+
+    tasks = [MeasuringTask(source, ExperimentMethods(name)) for source in sources]
+    complete = run_tasks(tasks, options["out"] / "cache", options["jobs"], take)
+    if rows:
+        print_tables([median_table(rows)])
+    problems = [f"{row.recording}, {row.method}: {row.problem}" for row in rows if row.problem]
+    finish_study(written, problems, complete=complete)
 
 
-@command.command("ambiguity")
-@_options
-def ambiguity(**options: Any) -> None:
-    """Show the exponential ambiguity: every exponent explains a recording until its exposures are known."""
-    from ospc.experiments.reports import make_ambiguity
+def _run_ambiguity(options: dict[str, Any]) -> None:
+    from ospc.research.experiments.ambiguity import Ambiguity, AmbiguityTask, write_ambiguity
+    from ospc.research.tables import Written
 
-    sources = _sources(options, 1, 300)[:1]
-    _report(_with_progress(sources, lambda report: make_ambiguity(sources[0], options["out"], report)))
+    written = Written()
 
+    def take(finished: Finished) -> None:
+        nonlocal written
+        written = write_ambiguity(Ambiguity(**finished.result), finished.task.source.name, options["out"])
 
-def _experiment(name: str, count: int, frames: int, options: dict[str, Any], speed: float = 1.0) -> None:
-    from ospc.experiments.design import EXPERIMENTS
-    from ospc.experiments.reports import make_experiment
-
-    sources, experiment = _sources(options, count, frames, speed), EXPERIMENTS[name]()
-    others = _others(options)
-    _report(
-        _with_progress(sources, lambda report: make_experiment(experiment, sources, options["out"], report, others))
-    )
+    source, *_ = _sources(options, 1, _AMBIGUITY_FRAMES)
+    complete = run_tasks([AmbiguityTask(source)], options["out"] / "cache", 1, take)
+    finish_study(written, complete=complete)
 
 
-def _sources(options: dict[str, Any], count: int, frames: int, speed: float = 1.0) -> list[Source]:
-    from ospc.errors import SettingError
-    from ospc.experiments.sources import given, stand_ins
+def _sources(
+    options: dict[str, Any], count: int, frames: int, *, speed: float = 1.0, at_rest: bool = False
+) -> list[Source]:
+    """Return the recordings that are given, or simulated ones, by default as many as stated."""
+    from ospc.research.experiments.sources import stand_ins, sweeps
+    from ospc.research.source import GivenSource
 
-    data = options["data"]
-    if data is not None and not data.is_dir():
-        raise SettingError(f"{data}: is not a folder; give the folder of reference data, or leave --data out")
     if options["recordings"]:
-        return [given(place, options["frames"]) for place in options["recordings"]]
-    size, speed = _size(options["size"]), options["speed"] or speed
-    return stand_ins(options["count"] or count, options["frames"] or frames, size, data, speed=speed)
+        return [GivenSource(place, options["frames"]) for place in options["recordings"]]
+    count, frames = options["count"] or count, options["frames"] or frames
+    size = size_of(options["size"])
+    if at_rest:
+        return [*sweeps(count, frames, size)]
+    return [*stand_ins(count, frames, size, options["data"], speed=options["speed"] or speed)]
 
 
-def _size(text: str) -> tuple[int, int]:
-    from ospc.errors import SettingError
+def _others(options: dict[str, Any]) -> list[Result]:
+    """Return the results of other programs; exposures belong to the calibration of the same name, if there is one."""
+    from ospc.research.experiments.report import read_exposures
+    from ospc.research.method import Estimate, Result
 
-    width, _, height = text.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise SettingError(f"'{text}' is not WIDTHxHEIGHT in pixels, like 320x240")
-    return int(width), int(height)
-
-
-def _others(options: dict[str, Any]) -> Others:
-    from dataclasses import replace
-
-    from ospc.experiments.measuring import Others, read_exposures
-    from ospc.formats.opening import open_photometry
-
-    return Others(
-        tuple(replace(open_photometry(files), name=name) for name, files in map(_named, options["given"])),
-        {name: read_exposures(file) for name, file in map(_named, options["estimated"])},
-    )
-
-
-def _named(entry: str) -> tuple[str, str]:
-    from ospc.errors import SettingError
-
-    name, equals, files = entry.partition("=")
-    if not (name and equals and files):
-        raise SettingError(f"'{entry}' is not NAME=FILES, such as mine=pcalib.txt,vignette.png")
-    return name, files
-
-
-def _with_progress(sources: list[Source], make: Callable[[Callable[[str, int, int], None]], Report]) -> Report:
-    total = sum(source.count for source in sources)
-    with progress_bar("frames", total, visible=sys.stderr.isatty()) as progress:
-        seen = 0
-
-        def on_frame(_name: str, _done: int, _of: int) -> None:
-            nonlocal seen
-            seen += 1
-            progress(seen, total)
-
-        return make(on_frame)
-
-
-def _report(report: Report) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from ospc.experiments.measuring import FIGURES, TITLES, medians
-
-    if report.rows:
-        recordings = len({row.recording for row in report.rows})
-        table = Table(title=f"medians over {recordings} recordings", title_justify="left")
-        table.add_column("method", no_wrap=True)
-        for figure in FIGURES:
-            table.add_column(TITLES[figure], justify="right", no_wrap=True)
-        columns = {figure: medians(report.rows, figure) for figure in FIGURES}
-        for name in columns[FIGURES[0]]:
-            values = [columns[figure][name] for figure in FIGURES]
-            table.add_row(name, *(f"{v:.4f}" if v < float("inf") else "–" for v in values))
-        Console(highlight=False, width=_WIDTH).print(table, soft_wrap=True)
-    for row in report.rows:
-        if row.failure:
-            click.echo(f"{row.recording}, {row.method}: {row.failure}")
-    for problem in report.problems:
-        click.echo(problem, err=True)
-    folder = report.files[0].parent
-    click.echo(f"written to {folder}: " + ", ".join(path.name for path in report.files))
+    calibrations = given_calibrations(options["given"])
+    exposures = {name: read_exposures(file) for name, file in named(options["estimated"]).items()}
+    found = []
+    for name in dict.fromkeys([*calibrations, *exposures]):
+        curves = calibrations.get(name)
+        response, vignette = (None, None) if curves is None else (curves.response, curves.vignette)
+        found.append(Result(name, Estimate(response, vignette, exposures=exposures.get(name))))
+    return found

@@ -253,10 +253,10 @@ def figures(status: Status) -> str:
     """Return the method's own figures in one line."""
     progress = status.progress
     parts = [f"{progress.pairs} pairs"]
-    if progress.response_spread is not None:
-        parts.append(f"g ±{progress.response_spread:.2g}")
-    if progress.vignette_spread is not None:
-        parts.append(f"V ±{progress.vignette_spread:.2g}")
+    if progress.response_sigma is not None:
+        parts.append(f"g ±{progress.response_sigma:.2g}")
+    if progress.vignette_sigma is not None:
+        parts.append(f"V ±{progress.vignette_sigma:.2g}")
     return "  ".join(parts)
 
 

@@ -48,7 +48,8 @@ def command(**options: Any) -> None:
     """Merge the STATES of recordings of one camera into one calibration.
 
     STATES are state.ospc files that 'ospc calibrate' or 'ospc merge' wrote, or the folders that hold them, in any
-    order. A recording given twice counts once. Recordings that contradict the others are reported and left out.
+    order. A recording given twice counts once. The checkpoint of an unfinished run is refused: finish the run with
+    'ospc calibrate --resume' first. Recordings that contradict the others are reported and left out.
 
     OUT gets the files that 'ospc calibrate' writes; OUT/state.ospc can be merged again with others.
 

@@ -1,4 +1,4 @@
-"""Grey values of the same scene points in two views, read where the image is flat."""
+"""Grey values of the same scene points in two frames, read where the image is flat."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ospc.photometry.geometry import normalised
 
 @dataclass(frozen=True)
 class Samples:
-    """What comparing two views gave.
+    """What comparing two frames gave.
 
     Attributes
     ----------
@@ -64,55 +64,55 @@ class FlatSampler:
     max_points: int = 400
 
     def __call__(
-        self, view0: PreprocessedFrame, view1: PreprocessedFrame, registration: Registration, group: int
+        self, frame0: PreprocessedFrame, frame1: PreprocessedFrame, registration: Registration, group: int
     ) -> Samples:
-        """Compare two views.
+        """Compare two frames.
 
         Parameters
         ----------
-        view0, view1
-            The views.
+        frame0, frame1
+            The frames.
         registration
             Displacements from the first to the second.
         group
             Number of the pair.
         """
-        places0 = self._grid(view0)
-        scale = view0.grey.shape[1] / registration.forward.shape[1]
+        places0 = self._grid(frame0)
+        scale = frame0.grey.shape[1] / registration.forward.shape[1]
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement
-        found = (forward_backward_error < self.max_forward_backward_error_px) & self._inside(view1, places1)
-        flat = found & self._usable(view0, places0) & self._usable(view1, places1)
-        position0, position1 = (normalised(v.to_frame(p), v.size) for v, p in ((view0, places0), (view1, places1)))
+        found = (forward_backward_error < self.max_forward_backward_error_px) & self._inside(frame1, places1)
+        flat = found & self._usable(frame0, places0) & self._usable(frame1, places1)
+        position0, position1 = (normalised(f.to_frame(p), f.size) for f, p in ((frame0, places0), (frame1, places1)))
         radial = np.linalg.norm(position0[found], axis=1) - np.linalg.norm(position1[found], axis=1)
-        motion = _typical_motion(places0[found], displacement[found], _at(view0.gradient, places0[found]))
+        motion = _typical_motion(places0[found], displacement[found], _at(frame0.gradient, places0[found]))
         index = np.flatnonzero(flat)
         # Both greys count alike: choosing by one of them would choose by its noise.
-        grey = np.sqrt(np.clip(_at(view0.grey, places0[index]) * _at(view1.grey, places1[index]), 0, 1))
+        grey = np.sqrt(np.clip(_at(frame0.grey, places0[index]) * _at(frame1.grey, places1[index]), 0, 1))
         chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
-        ends = [(view0, places0[chosen], position0[chosen]), (view1, places1[chosen], position1[chosen])]
+        ends = [(frame0, places0[chosen], position0[chosen]), (frame1, places1[chosen], position1[chosen])]
         return Samples(
             _interleaved(ends, group),
             float(found.mean()) if found.size else 0.0,
             float(np.sqrt(np.mean(radial**2))) if radial.size else 0.0,
-            motion * view0.reduction,
+            motion * frame0.reduction,
         )
 
-    def _grid(self, view: PreprocessedFrame) -> FloatArray:
-        height, width = view.grey.shape
+    def _grid(self, frame: PreprocessedFrame) -> FloatArray:
+        height, width = frame.grey.shape
         x, y = np.meshgrid(
             np.arange(self.margin_px, width - self.margin_px, self.spacing_px, dtype=np.float64),
             np.arange(self.margin_px, height - self.margin_px, self.spacing_px, dtype=np.float64),
         )
         return np.stack([x.ravel(), y.ravel()], axis=1)
 
-    def _inside(self, view: PreprocessedFrame, places: FloatArray) -> BoolArray:
-        far = np.array(view.grey.shape[::-1]) - 1 - self.margin_px
+    def _inside(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
+        far = np.array(frame.grey.shape[::-1]) - 1 - self.margin_px
         return np.asarray(np.all((places >= self.margin_px) & (places <= far), axis=1))
 
-    def _usable(self, view: PreprocessedFrame, places: FloatArray) -> BoolArray:
-        clipped = _at(view.clipped.view(np.uint8).astype(np.float32), places)
-        return np.asarray((_at(view.gradient, places) < self.max_gradient) & (clipped == 0))
+    def _usable(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
+        clipped = _at(frame.clipped.view(np.uint8).astype(np.float32), places)
+        return np.asarray((_at(frame.gradient, places) < self.max_gradient) & (clipped == 0))
 
     def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
         """Return which places to take: as many as allowed, evenly over cells of grey level and radius."""
@@ -163,12 +163,11 @@ def _interleaved(ends: list[tuple[PreprocessedFrame, FloatArray, FloatArray]], g
         return np.stack(columns, axis=1).reshape(2 * n, *columns[0].shape[1:])
 
     return Observations(
-        grey=alternate([_at(view.grey, places) for view, places, _ in ends]),
-        log_exposure=alternate([np.full(n, view.log_exposure) for view, _, _ in ends]),
+        grey=alternate([_at(frame.grey, places) for frame, places, _ in ends]),
         position=alternate([position for _, _, position in ends]),
-        gradient=alternate([_at(view.gradient, places) for view, places, _ in ends]),
-        pixels_averaged=alternate([np.full(n, view.pixels_averaged) for view, _, _ in ends]),
-        frame=np.tile([view.frame for view, _, _ in ends], n).astype(np.int64),
+        gradient=alternate([_at(frame.gradient, places) for frame, places, _ in ends]),
+        pixels_averaged=alternate([np.full(n, frame.pixels_averaged) for frame, _, _ in ends]),
+        frame=np.tile([frame.number for frame, _, _ in ends], n).astype(np.int64),
         point=np.repeat(np.arange(n), 2),
         group=np.full(2 * n, group, np.int64),
     )

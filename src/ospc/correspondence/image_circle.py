@@ -44,21 +44,21 @@ class ImageCircle:
     looks: int = 0
     allowed: BoolArray | None = None
 
-    def watch(self, view: PreprocessedFrame, mask: BoolArray | None) -> None:
+    def observe(self, frame: PreprocessedFrame, mask: BoolArray | None) -> None:
         """Look at a frame.
 
         Parameters
         ----------
-        view
+        frame
             The frame prepared for comparison.
         mask
             Where its pixels may be used, shape (height, width); None for everywhere.
         """
         self.looks += 1
         # The image is new to every view: nobody else changes it.
-        self.brightest = view.small if self.brightest is None else np.maximum(self.brightest, view.small)
+        self.brightest = frame.small if self.brightest is None else np.maximum(self.brightest, frame.small)
         if mask is not None and self.allowed is None:
-            height, width = view.small.shape
+            height, width = frame.small.shape
             self.allowed = cv2.resize(mask.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
 
     def surround(self) -> BoolArray | None:

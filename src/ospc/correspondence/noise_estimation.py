@@ -10,6 +10,7 @@ from scipy.optimize import nnls
 
 from ospc.arrays import Float32Array, FloatArray, Image
 from ospc.photometry.noise import NoiseModel
+from ospc.recording.frame import Frame
 
 _BINS = 16
 _BLOCK = 8
@@ -38,8 +39,10 @@ class NoiseEstimator:
     max_grey: int
     _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(_BINS)], repr=False)
 
-    def watch(self, image: Image) -> None:
-        """Take an image: some bands of it."""
+    def observe(self, frame: Frame) -> None:
+        """Take a frame: some bands of it."""
+        # Black pixels tell nothing about noise, and masked ones must not.
+        image = frame.image if frame.mask is None else np.where(frame.mask, frame.image, 0)
         if min(image.shape) < _BLOCK + 2:
             return
         level, variance = self._blocks(image)

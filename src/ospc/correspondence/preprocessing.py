@@ -1,15 +1,20 @@
-"""A frame prepared for dense comparison with others."""
+"""Preprocessing: a frame reduced to what is compared with other frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize
+from ospc.correspondence.thumbnail import Thumbnail, thumbnail_of
 from ospc.recording.frame import Frame
+
+_SHARES = np.linspace(0.05, 0.95, 19)
+"""Shares of the pixels at whose quantiles the brightness of two images is compared."""
 
 
 @dataclass(frozen=True)
@@ -18,10 +23,8 @@ class PreprocessedFrame:
 
     Attributes
     ----------
-    frame
-        Index of the frame.
-    log_exposure
-        ln of its exposure in milliseconds.
+    number
+        Number of the frame.
     size
         Width and height of the frame in pixels.
     reduction
@@ -34,19 +37,27 @@ class PreprocessedFrame:
         Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w).
     small
         Grey levels at the size at which frames are registered, 8 bit, shape (h', w').
+    thumbnail
+        A still smaller image, for the comparison of brightness with the neighbouring frames.
     pixels_averaged
         Number of pixels of the frame that a white noise in them is averaged over.
     """
 
-    frame: int
-    log_exposure: float
+    number: int
     size: ImageSize
     reduction: int
     grey: Float32Array
     gradient: Float32Array
     clipped: BoolArray
     small: npt.NDArray[np.uint8]
+    thumbnail: Thumbnail
     pixels_averaged: float
+
+    @cached_property
+    def grey_quantiles(self) -> FloatArray:
+        """Grey levels of 0 … 255 below which equal shares of the small image's pixels are, shape (19,)."""
+        total = np.cumsum(np.bincount(self.small.ravel(), minlength=256))
+        return np.asarray(np.interp(_SHARES * total[-1], total, np.arange(256)))
 
     def to_frame(self, points: FloatArray) -> FloatArray:
         """Return pixel coordinates in the frame of places (x, y) in :attr:`grey`, shape (..., 2)."""
@@ -102,15 +113,28 @@ class Preprocessor:
         )
         return PreprocessedFrame(
             frame.index,
-            float(np.log(frame.exposure_ms)),
             (width, height),
             reduction,
             np.asarray(grey, dtype=np.float32),
             np.asarray(gradient, dtype=np.float32),
             self._clipped_nearby(image, white, reduction) | self._masked_nearby(frame.mask, reduction),
             self._small(reduced, white),
+            thumbnail_of(frame.index, reduced, white, frame.mask, (width, height)),
             4 * np.pi * self.smoothing_px**2 * reduction**2,
         )
+
+    def thumbnail(self, frame: Frame) -> Thumbnail:
+        """Reduce a frame to its thumbnail only.
+
+        Raises
+        ------
+        FrameError
+            If its image cannot be read.
+        """
+        image = frame.image
+        height, width = image.shape
+        reduced = _reduced(image, -(-max(width, height) // self.longest_side))
+        return thumbnail_of(frame.index, reduced, frame.max_grey, frame.mask, (width, height))
 
     def _clipped_nearby(self, image: Image, white: int, reduction: int) -> BoolArray:
         # Noise clips single pixels long before the mean reaches the end; what that does to the mean is known. Where

@@ -1,23 +1,51 @@
-"""Where every place of one frame is in another: dense registration of frames brought to equal brightness."""
+"""Where every place of one frame is in another: dense registration of frames brought to equal brightness.
+
+To register frames in another way, write a class that satisfies :class:`Registrar`, and name it in :data:`REGISTRARS`.
+"""
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import median_abs_deviation
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.correspondence.second_thread import SecondThread
+from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, values_at
+from ospc.errors import SettingError
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
+Image8: TypeAlias = npt.NDArray[np.uint8]
+"""Grey levels of 8 bit, shape (h, w)."""
+
 _DISPLAY_GAMMA = 2.2
+"""Exponent of the scale on which images are registered: noise and contrast are alike over its range."""
+
+_DARKEST, _BRIGHTEST = 8.0, 247.0
+"""Grey levels beyond which a quantile may be clipped, of 255."""
+
+_LARGEST_DISAGREEMENT = 0.4
+"""Largest difference, in ln, between the exposure ratio stated and that in the images at which the former is taken.
+With the response still unknown the images are wrong by as much; once it is known, by some hundredths."""
+
+_LEAST_SHARE = 0.15
+"""Share of the places of the thumbnails that two frames must have in common for their brightness to be compared place
+by place; where less is, the quantiles of their grey levels are compared."""
+
+_LARGEST_SPREAD = 0.15
+"""Standard deviation, in ln, of the ratios of single places up to which their median is relied on."""
+
+_ENTIRELY = 0.99
+"""Interpolated share of exposed pixels above which a place counts as exposed."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +65,10 @@ class Registration:
 
 
 class ExposureNormalizer:
-    """Brings small images to what they would show at one exposure, without vignette, on a display's scale.
+    """Brings two small images to equal brightness, without vignette, on a display's scale.
+
+    How much brighter one is, is measured in the images themselves. The ratio of the exposures stated is more exact,
+    and is taken where it agrees: exposures that are wrong, or written beside the wrong frame, do no harm.
 
     Parameters
     ----------
@@ -45,22 +76,75 @@ class ExposureNormalizer:
         What is known of the response; the typical display gamma where nothing is.
     vignette
         What is known of the vignette; None for V ≡ 1.
+    trusts_stated
+        Whether the ratio of the exposures stated is taken without a look at the images.
     """
 
-    def __init__(self, response: Response | None = None, vignette: Vignette | None = None) -> None:
+    def __init__(
+        self, response: Response | None = None, vignette: Vignette | None = None, *, trusts_stated: bool = False
+    ) -> None:
+        self._trusts_stated = trusts_stated
         known = response if response is not None else Response.gamma(_DISPLAY_GAMMA)
-        self._root = known.inverse(np.arange(256) / 255) ** (1 / _DISPLAY_GAMMA)
+        irradiance = known.inverse(np.arange(256) / 255)
+        self._root = irradiance ** (1 / _DISPLAY_GAMMA)
+        self._log_irradiance = np.log(np.maximum(irradiance, 1e-6))
         self._vignette = vignette
         self._lift: dict[tuple[int, ...], Float32Array] = {}
+        self._register = ThumbnailRegistration()
 
-    def __call__(self, view: PreprocessedFrame, log_exposure: float) -> npt.NDArray[np.uint8]:
-        """Return the small image of a view as it would be at another exposure, shape (h, w)."""
-        gain = np.exp((log_exposure - view.log_exposure) / _DISPLAY_GAMMA) * 255
-        table = (self._root * gain).astype(np.float32)
+    def __call__(
+        self, frame0: PreprocessedFrame, frame1: PreprocessedFrame, stated_log_ratio: float
+    ) -> tuple[Image8, Image8]:
+        """Return the small images of both as they would be at the longer exposure, shapes (h, w).
+
+        Parameters
+        ----------
+        frame0, frame1
+            The frames.
+        stated_log_ratio
+            ln of the exposure of the second over that of the first, NaN where it is unknown.
+        """
+        log_ratio = stated_log_ratio
+        if not self._trusts_stated or np.isnan(stated_log_ratio):
+            shown, sure = self.log_ratio(frame0, frame1)
+            contradicted = sure and abs(stated_log_ratio - shown) > _LARGEST_DISAGREEMENT
+            log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
+        # At the longer exposure both images clip at the same radiance, and no edge of a clipped area misleads.
+        return self._brightened(frame0, max(0.0, log_ratio)), self._brightened(frame1, max(0.0, -log_ratio))
+
+    def log_ratio(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame) -> tuple[float, bool]:
+        """Return ln of how much more irradiance the second frame shows of the same places, and whether it is sure."""
+        small0, small1 = frame0.thumbnail, frame1.thumbnail
+        there, found = self._register(small0, small1)
+        shared = found & small0.exposed & (values_at(small1.exposed.astype(np.float32), there) > _ENTIRELY)
+        if np.count_nonzero(shared) < _LEAST_SHARE * shared.size:
+            return self._log_ratio_of_quantiles(frame0, frame1), False
+        log0 = self._log_radiance(small0.grey, frame0.size)
+        log1 = values_at(self._log_radiance(small1.grey, frame1.size), there)
+        difference = (log1 - log0)[shared]
+        spread = median_abs_deviation(difference, scale="normal")
+        return float(np.median(difference)), bool(spread < _LARGEST_SPREAD)
+
+    def _log_ratio_of_quantiles(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame) -> float:
+        """Return the same for frames that hardly overlap: the median over quantiles of grey exposed in both."""
+        grey0, grey1 = frame0.grey_quantiles, frame1.grey_quantiles
+        exposed = (np.minimum(grey0, grey1) > _DARKEST) & (np.maximum(grey0, grey1) < _BRIGHTEST)
+        log0, log1 = (np.interp(grey, np.arange(256), self._log_irradiance) for grey in (grey0, grey1))
+        return float(np.median((log1 - log0)[exposed] if exposed.any() else log1 - log0))
+
+    def _log_radiance(self, grey: Float32Array, size: ImageSize) -> Float32Array:
+        log_irradiance = np.interp(grey * 255, np.arange(256), self._log_irradiance).astype(np.float32)
+        if self._vignette is None:
+            return log_irradiance
+        lift = np.log(self._lift_of(grey.shape, size))
+        return np.asarray(log_irradiance + _DISPLAY_GAMMA * lift, dtype=np.float32)
+
+    def _brightened(self, frame: PreprocessedFrame, log_gain: float) -> Image8:
+        table = (self._root * (np.exp(log_gain / _DISPLAY_GAMMA) * 255)).astype(np.float32)
         if self._vignette is None:
             # The look-up of bytes gives bytes: clipped here, as the multiplication below clips by itself.
-            return np.asarray(cv2.LUT(view.small, np.clip(table, 0, 255).astype(np.uint8)))
-        bright = cv2.LUT(view.small, table) * self._lift_of(view.small.shape, view.size)
+            return np.asarray(cv2.LUT(frame.small, np.clip(table, 0, 255).astype(np.uint8)))
+        bright = cv2.LUT(frame.small, table) * self._lift_of(frame.small.shape, frame.size)
         return np.asarray(cv2.convertScaleAbs(bright), dtype=np.uint8)
 
     def _lift_of(self, shape: tuple[int, ...], size: ImageSize) -> Float32Array:
@@ -71,8 +155,37 @@ class ExposureNormalizer:
         return self._lift[shape]
 
 
+class Registrar(Protocol):
+    """Registers pairs of frames; a pair gives the same result whatever was registered before."""
+
+    def __call__(
+        self,
+        frame0: PreprocessedFrame,
+        frame1: PreprocessedFrame,
+        normalize: ExposureNormalizer,
+        stated_log_ratio: float = np.nan,
+    ) -> Registration:
+        """Register two frames.
+
+        Parameters
+        ----------
+        frame0, frame1
+            The frames.
+        normalize
+            Gives both small images, shape (h, w), as they would be at the same exposure.
+        stated_log_ratio
+            ln of the exposure of the second over that of the first, NaN where it is unknown.
+
+        Returns
+        -------
+        Registration
+            Displacements in pixels of these small images. Where a place is lost, its error is large.
+        """
+        ...
+
+
 class DenseRegistration:
-    """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on equalised images.
+    """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on images of equal brightness.
 
     The variational refinement weighs the constancy of the gradient only. Constancy of brightness, weighed too by
     default, pulls flat places to where the brightness agrees: with the vignette not yet known that is a wrong place,
@@ -87,17 +200,19 @@ class DenseRegistration:
         result is the same.
     """
 
-    def __init__(self, second: Executor | None = None) -> None:
+    def __init__(self, second: SecondThread | None = None) -> None:
         self._second = second
         self._there, self._back = _flow(finest=1), _flow(finest=2)
 
     def __call__(
-        self, view0: PreprocessedFrame, view1: PreprocessedFrame, normalizer: ExposureNormalizer
+        self,
+        frame0: PreprocessedFrame,
+        frame1: PreprocessedFrame,
+        normalize: ExposureNormalizer,
+        stated_log_ratio: float = np.nan,
     ) -> Registration:
-        """Register two views in both directions."""
-        # At the longer exposure both images clip at the same radiance, and no edge of a clipped area misleads.
-        target = max(view0.log_exposure, view1.log_exposure)
-        image0, image1 = normalizer(view0, target), normalizer(view1, target)
+        """Register two frames in both directions; the ratio is as :class:`ExposureNormalizer` takes it."""
+        image0, image1 = normalize(frame0, frame1, stated_log_ratio)
         if self._second is None:
             forward, backward = self._there.calc(image0, image1, None), self._back.calc(image1, image0, None)
         else:
@@ -105,6 +220,30 @@ class DenseRegistration:
             forward = self._there.calc(image0, image1, None)
             backward = returning.result()
         return Registration(forward, _forward_backward_error(forward, backward))
+
+
+REGISTRARS: dict[str, Callable[[SecondThread], Registrar]] = {"dense": DenseRegistration}
+"""Every way of registration by its name in settings."""
+
+
+def make_registrar(name: str, second: SecondThread) -> Registrar:
+    """Return the way of registration of a name in :data:`REGISTRARS`.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    second
+        A second thread that it may give work to.
+
+    Raises
+    ------
+    SettingError
+        If there is none of that name.
+    """
+    if name not in REGISTRARS:
+        raise SettingError(f"no registration is called '{name}'; known: {', '.join(REGISTRARS)}")
+    return REGISTRARS[name](second)
 
 
 def _flow(finest: int) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,6 +39,24 @@ class Reservoir:
         """Give up the observations of groups with lower numbers."""
         self._parts = [part for part in self._parts if part.group[0] >= group]
         self.points = sum(len(part.starts) for part in self._parts)
+
+    def split(self, frame: int) -> tuple[Reservoir, int]:
+        """Move the groups whose frames all have this number or a higher one to a new reservoir.
+
+        Groups across that frame are dropped. Groups in the new reservoir are numbered from 0.
+
+        Returns
+        -------
+        tuple of Reservoir and int
+            The new reservoir, and the number of its groups.
+        """
+        later = [part for part in self._parts if part.frame.min() >= frame]
+        self._parts = [part for part in self._parts if part.frame.max() < frame]
+        self.points = sum(len(part.starts) for part in self._parts)
+        moved = Reservoir(self.capacity, _halvings=self._halvings)
+        for number, part in enumerate(later):
+            moved._append(replace(part, group=np.full_like(part.group, number)))
+        return moved, len(later)
 
     def all(self) -> Observations:
         """Return all that is kept.

@@ -33,12 +33,11 @@ class StaticSeries:
     _size: tuple[int, int] = (0, 0)
     _grey: list[Image] = field(default_factory=list, repr=False)
     _index: list[int] = field(default_factory=list, repr=False)
-    _log_exposure: list[float] = field(default_factory=list, repr=False)
     _stride: int = 1
     _seen: int = 0
     _max_grey: int = 255
 
-    def watch(self, frame: Frame) -> None:
+    def observe(self, frame: Frame) -> None:
         """Take a frame."""
         self._seen += 1
         if (self._seen - 1) % self._stride:
@@ -51,15 +50,18 @@ class StaticSeries:
             self._places = np.sort(np.random.default_rng(0).choice(usable, count, replace=False))
         self._grey.append(image.ravel()[self._places])
         self._index.append(frame.index)
-        self._log_exposure.append(float(np.log(frame.exposure_ms)))
         if len(self._grey) > self.frames:
             self._grey, self._index = self._grey[::2], self._index[::2]
-            self._log_exposure = self._log_exposure[::2]
             self._stride *= 2
 
     def __len__(self) -> int:
         """Return the number of frames kept."""
         return len(self._grey)
+
+    @property
+    def full(self) -> bool:
+        """Whether it has held as many frames as it can: more would hardly add anything."""
+        return self._stride > 1
 
     def observations(self) -> Observations:
         """Return the series as scene points that each frame sees; a group is a frame.
@@ -67,10 +69,10 @@ class StaticSeries:
         Raises
         ------
         ValueError
-            If no frame was watched.
+            If no frame was observed.
         """
         if self._places is None:
-            raise ValueError("no frame was watched")
+            raise ValueError("no frame was observed")
         grey = np.stack(self._grey, axis=1).astype(np.float64) / self._max_grey
         exposed = (grey > 1.5 / 255) & (grey < 253.5 / 255)
         chosen = self._evenly_bright(grey, exposed)
@@ -80,7 +82,6 @@ class StaticSeries:
         places = np.stack([self._places[chosen] % width, self._places[chosen] // width], axis=1).astype(np.float64)
         return Observations(
             grey=grey.ravel(),
-            log_exposure=np.tile(self._log_exposure, points),
             position=np.repeat(normalised(places, (width, height)), frames, axis=0),
             gradient=np.zeros(grey.size),
             pixels_averaged=np.ones(grey.size),

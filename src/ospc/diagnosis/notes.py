@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ospc.diagnosis.exposures import BrightnessReport
-from ospc.diagnosis.lag import MAX_LAG
-from ospc.diagnosis.pixel_statistics import PixelReport
+from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.diagnosis.timing import Timing
-from ospc.diagnosis.tone_mapping import LocalTone
-from ospc.diagnosis.verdicts import Figures
+from ospc.exposures.course import BrightnessReport
+from ospc.exposures.findings import ExposureFindings
+from ospc.exposures.lag import MAX_LAG
+from ospc.exposures.tone_mapping import LocalTone
 
 _MANY_CLIPPED = 0.10
 _SURE_SPREAD_LOG = 0.010
@@ -23,21 +23,23 @@ _WEAK_SLOPE = 0.15
 _SLOWEST_VIDEO_S = 0.7
 
 
-def notes(figures: Figures, tone: LocalTone | None, timing: Timing, unreadable: int) -> tuple[str, ...]:
+def notes(
+    found: ExposureFindings, pixels: PixelReport, tone: LocalTone | None, timing: Timing, unreadable: int
+) -> tuple[str, ...]:
     """Return what is worth telling, worst first."""
     said = [
         *_about_frames(timing, unreadable),
-        *_about_lag(figures),
-        *_about_brightness(figures.brightness, timing),
+        *_about_lag(found),
+        *_about_brightness(found.brightness, timing),
         *_about_tone(tone),
-        *_about_pixels(figures.pixels),
+        *_about_pixels(pixels),
     ]
     return tuple(said)
 
 
 def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:
     if unreadable:
-        yield f"{unreadable} of the frames looked at cannot be read; remove them or copy them again"
+        yield f"{unreadable} of the frames cannot be used; remove them or copy them again"
     if timing.duplicate_frames:
         yield (
             f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the image of the one before, "
@@ -56,8 +58,8 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _about_lag(figures: Figures) -> Iterator[str]:
-    lag, cycle = figures.lag, figures.exposure.cycle_frames
+def _about_lag(found: ExposureFindings) -> Iterator[str]:
+    lag, cycle = found.lag, found.course.cycle_frames
     if lag.frames is not None and cycle is not None and cycle <= 2 * MAX_LAG:
         yield (
             f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} cannot be told from one of "

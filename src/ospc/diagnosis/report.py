@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from ospc.arrays import ImageSize
-from ospc.diagnosis.brightness import GREY_BINS
-from ospc.diagnosis.exposures import BrightnessReport, ExposureReport
-from ospc.diagnosis.lag import LagEstimate
+from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.diagnosis.motion import MotionReport
-from ospc.diagnosis.pixel_statistics import PixelReport
 from ospc.diagnosis.timing import Timing
-from ospc.diagnosis.tone_mapping import LocalTone
+from ospc.exposures.brightness import GREY_BINS
+from ospc.exposures.course import ExposureReport
+from ospc.exposures.findings import ExposureFindings
+from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.tone_mapping import LocalTone
 from ospc.photometry.calibration import Verdict
 
 SCHEMA = "ospc-check/1"
@@ -35,16 +36,12 @@ class RecordingReport:
         Width and height in pixels.
     max_grey
         Largest grey value the sensor delivers.
-    looked_at
-        Indices of the frames looked at.
+    processed
+        Number of frames processed.
     unreadable
-        Number of frames among them that could not be read.
-    exposure
-        The exposures written, of all frames.
-    lag
-        By how many frames they come late.
-    brightness
-        How much of the brightness they explain; None where too few frames could be compared.
+        Number of frames that could not be used.
+    exposures
+        What the images say about the exposures.
     local_tone
         Whether places of the image behave differently; None where that cannot be told.
     pixels
@@ -65,11 +62,9 @@ class RecordingReport:
     frames: int
     size: ImageSize
     max_grey: int
-    looked_at: tuple[int, ...]
+    processed: int
     unreadable: int
-    exposure: ExposureReport
-    lag: LagEstimate
-    brightness: BrightnessReport | None
+    exposures: ExposureFindings
     local_tone: LocalTone | None
     pixels: PixelReport
     timing: Timing
@@ -80,7 +75,7 @@ class RecordingReport:
     @property
     def exposure_lag_frames(self) -> int | None:
         """By how many frames exposures come late; None where that cannot be determined."""
-        return self.lag.frames
+        return self.exposures.lag_frames
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as JSON-compatible values; what is unknown is None."""
@@ -93,15 +88,17 @@ class RecordingReport:
                 "width_px": self.size[0],
                 "height_px": self.size[1],
                 "max_grey": self.max_grey,
-                "frames_looked_at": len(self.looked_at),
+                "frames_processed": self.processed,
                 "frames_unreadable": self.unreadable,
             },
             "exposure_lag_frames": self.exposure_lag_frames,
+            "exposure_lag_corrected_frames": self.exposures.corrected_frames,
+            "warnings": list(self.exposures.warnings),
             "verdicts": {name: verdict.state for name, verdict in self.verdicts.items()},
             "reasons": {name: verdict.reason for name, verdict in self.verdicts.items()},
             "remedies": {name: verdict.remedy or None for name, verdict in self.verdicts.items()},
-            "exposure": _exposure(self.exposure),
-            "lag": _lag(self.lag),
+            "exposure": _exposure(self.exposures.course),
+            "lag": _lag(self.exposures.lag),
             "brightness": _brightness(self),
             "local_tone_mapping": _local_tone(self.local_tone),
             "grey_levels": _grey_levels(self.pixels),
@@ -142,7 +139,7 @@ def _lag(lag: LagEstimate) -> dict[str, Any]:
 
 
 def _brightness(report: RecordingReport) -> dict[str, Any] | None:
-    found = report.brightness
+    found = report.exposures.brightness
     if found is None:
         return None
     interval_s = report.timing.interval_s
@@ -199,7 +196,7 @@ def _radii(report: RecordingReport) -> dict[str, Any]:
         "exposed_share_by_radius": [_known(value) for value in report.pixels.mean_radius_share],
         "radial_reach_half_diagonals": report.motion.radial_reach,
         "motion_px_per_frame": _known(report.motion.median_px_per_frame),
-        "found_again_share": report.motion.found_share,
+        "found_again_share": _known(report.motion.found_share),
         "camera_still": report.motion.still,
     }
 

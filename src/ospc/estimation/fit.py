@@ -6,15 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.observations import Observations
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import LogVignette
 from ospc.settings.estimation import SYSTEMATIC_VIGNETTE_SHARE
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 """Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
+
+_MAX_LEVELS = 4096
+"""Most levels of a response: one for each grey value of 12 bits."""
+
+_SUPPORT_QUANTILES = (0.002, 0.998)
+"""Quantiles of the grey levels observed between which a response counts as measured."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,45 @@ class Fit:
     def vignette_parameters(self) -> FloatArray:
         """Parameters of the vignette basis, shape (len(vignette_basis),)."""
         return self.parameters[len(self.response_basis) :]
+
+    def response(self, max_grey: int = 255, observations: Observations | None = None) -> Response:
+        """Return the response with its standard deviation.
+
+        Parameters
+        ----------
+        max_grey
+            Largest grey value of the camera; the response has one level for each grey value up to 12 bits.
+        observations
+            The observations it was fitted to, which tell where the response was measured; None for everywhere.
+        """
+        levels = min(max_grey + 1, _MAX_LEVELS)
+        grey = np.linspace(0, 1, levels)
+        log_g = np.interp(grey, self.response_basis.grid, self.response_basis.log_of(self.response_parameters))
+        table = np.exp(log_g)
+        # g(0) = 0; a gamma as steep as 20 near black is zero in floating point for more than one level.
+        table = np.maximum(np.where(grey > 0, table, 0.0), np.arange(levels) * 1e-12)
+        log_sigma = self.log_response_sigma(grey)
+        support = (0.0, 1.0)
+        if observations is not None:
+            support = tuple(np.quantile(observations.grey, _SUPPORT_QUANTILES).tolist())
+        return Response.from_values(
+            table,
+            inverse_sigma=table / table[-1] * log_sigma,
+            log_sigma=log_sigma,
+            support=support,
+            model={
+                "name": "local gamma",
+                "functions": self.response_basis.functions,
+                "knots": self.response_basis.knots.tolist(),
+                "coefficients": self.response_parameters.tolist(),
+                "prior_walk": self.hyperparameters.walk,
+                "prior_drift": self.hyperparameters.drift,
+            },
+        )
+
+    def vignette(self, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
+        """Return the vignette for images of a size; beyond the usable radius it keeps its last value."""
+        return self.vignette_basis.vignette(self.vignette_parameters, size, usable_radius)
 
     def log_response_sigma(self, grey: FloatArray) -> FloatArray:
         """Return the standard deviation of ln g at grey levels, given g(1) = 1, shape (n,) -> (n,)."""

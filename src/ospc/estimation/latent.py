@@ -18,7 +18,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.noisy_mean import mean_shift
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.observations import Observations
+from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
     DARKEST_GREY,
@@ -94,7 +94,7 @@ class LatentModel:
     noise: NoiseModel | None
     trusted: bool
 
-    def __call__(self, observations: Observations, log_vignette: FloatArray, weight: FloatArray) -> Latent:
+    def __call__(self, observations: ExposedObservations, log_vignette: FloatArray, weight: FloatArray) -> Latent:
         """Return the linearised observations.
 
         Parameters
@@ -159,7 +159,7 @@ class LatentModel:
         grey: FloatArray,
         offset: FloatArray,
         weight: FloatArray,
-        observations: Observations,
+        observations: ExposedObservations,
     ) -> _Linearised:
         # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
@@ -186,7 +186,7 @@ class _Linearised:
 
 
 def weighted_means(
-    values: FloatArray, weights: FloatArray, observations: Observations
+    values: FloatArray, weights: FloatArray, observations: ExposedObservations
 ) -> tuple[FloatArray, FloatArray]:
     """Return each point's sum of weights and weighted mean of values, repeated for its observations.
 

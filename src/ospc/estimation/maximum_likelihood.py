@@ -24,7 +24,7 @@ from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.robust import robust_scale
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.observations import Observations
+from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
     CHUNK_OBSERVATIONS,
@@ -64,7 +64,7 @@ class MaximumLikelihoodEstimator:
     noise: NoiseModel | None = None
     rounds: int = 8
 
-    def fit(self, observations: Observations, start: Fit | None = None) -> Fit:
+    def fit(self, observations: ExposedObservations, start: Fit | None = None) -> Fit:
         """Fit the models, on one core: many small matrix products, which threads only slow down.
 
         Parameters
@@ -77,7 +77,7 @@ class MaximumLikelihoodEstimator:
         with threadpool_limits(1, user_api="blas"):
             return self._fit(observations, start)
 
-    def _fit(self, observations: Observations, start: Fit | None) -> Fit:
+    def _fit(self, observations: ExposedObservations, start: Fit | None) -> Fit:
         parameters = self._first_parameters(start)
         errors = start.errors if start else ErrorModel()
         weight = np.ones(len(observations))
@@ -118,7 +118,7 @@ class MaximumLikelihoodEstimator:
             len(np.unique(observations.group)),
         )
 
-    def information(self, observations: Observations, fit: Fit, about: FloatArray) -> NormalEquations:
+    def information(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> NormalEquations:
         """Return what the observations say about the parameters of these models, without any prior.
 
         Parameters
@@ -191,7 +191,7 @@ class MaximumLikelihoodEstimator:
         return weight, max(sandwich_factor, MIN_SANDWICH_FACTOR)
 
     def _refitted(
-        self, errors: ErrorModel, latent: Latent, parameters: FloatArray, observations: Observations
+        self, errors: ErrorModel, latent: Latent, parameters: FloatArray, observations: ExposedObservations
     ) -> ErrorModel:
         log_response = self.response_basis.log_of(parameters[: len(self.response_basis)])
         return errors.refitted(
@@ -203,7 +203,7 @@ class MaximumLikelihoodEstimator:
         )
 
     def _equations(
-        self, observations: Observations, latent: Latent, weight: FloatArray, parameters: FloatArray
+        self, observations: ExposedObservations, latent: Latent, weight: FloatArray, parameters: FloatArray
     ) -> NormalEquations:
         p = len(parameters)
         block = _blocks_of(observations.group)
@@ -221,7 +221,12 @@ class MaximumLikelihoodEstimator:
         return NormalEquations(matrix, vector, square, scores.T @ scores)
 
     def _free_of_radiance(
-        self, observations: Observations, latent: Latent, weight: FloatArray, part: slice, parameters: FloatArray
+        self,
+        observations: ExposedObservations,
+        latent: Latent,
+        weight: FloatArray,
+        part: slice,
+        parameters: FloatArray,
     ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
         """Return rows, right-hand sides, weights, and whose they are, with each point's radiance eliminated."""
         seen = observations.where(part)
@@ -236,7 +241,7 @@ class MaximumLikelihoodEstimator:
         return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
     def _rows(
-        self, seen: Observations, latent: Latent, part: slice, parameters: FloatArray
+        self, seen: ExposedObservations, latent: Latent, part: slice, parameters: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return rows and right-hand sides of h(M) − ln V − u = ln e, linear in all parameters."""
         vignette = parameters[len(self.response_basis) :]
@@ -263,7 +268,7 @@ def _blocks_of(group: IntArray) -> IntArray:
     return np.asarray(number // size)
 
 
-def _chunks(observations: Observations) -> Iterator[slice]:
+def _chunks(observations: ExposedObservations) -> Iterator[slice]:
     """Give slices of bounded length that do not cut a point's observations apart."""
     starts = np.append(observations.starts, len(observations))
     begin = 0

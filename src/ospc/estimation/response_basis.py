@@ -7,17 +7,21 @@ knots,
     γ(M) = Σ cⱼ Bⱼ(M),     ln g(M) = −∫_M^1 γ(m)/m dm = Σ cⱼ Hⱼ(M),
 
 so ln g is linear in c, g(0) = 0 and g(1) = 1 hold by construction, and g increases strictly if all c are positive.
+
+To use other functions Bⱼ, write a class that satisfies :class:`LocalFunctions`, and name it in :data:`FUNCTIONS`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.errors import SettingError
 from ospc.settings.estimation import (
     FIRST_GRID_STEP_BEGINS,
     QUADRATURE_POINTS,
@@ -27,17 +31,63 @@ from ospc.settings.estimation import (
 )
 
 
+class LocalFunctions(Protocol):
+    """The functions Bⱼ of grey level that the local gamma is a sum of.
+
+    The estimator and its prior rely on three properties: no function is negative, they sum to one everywhere, and
+    each is one at its own knot. So a coefficient is the local gamma at its knot.
+    """
+
+    def knots(self, intervals: int) -> FloatArray:
+        """Return increasing grey levels from 0 to 1, shape (intervals + 1,)."""
+        ...
+
+    def values(self, grey: FloatArray, intervals: int) -> FloatArray:
+        """Return every function at grey levels in [0, 1], shape (...) -> (..., intervals + 1)."""
+        ...
+
+
+class Hats:
+    """Hat functions on knots equidistant in grey level."""
+
+    def knots(self, intervals: int) -> FloatArray:
+        """Return the grey levels of the peaks, shape (intervals + 1,)."""
+        return np.linspace(0.0, 1.0, intervals + 1)
+
+    def values(self, grey: FloatArray, intervals: int) -> FloatArray:
+        """Return every function at grey levels in [0, 1], shape (...) -> (..., intervals + 1)."""
+        at = np.asarray(grey) * intervals
+        return np.asarray(np.clip(1 - np.abs(at[..., None] - np.arange(intervals + 1)), 0, None))
+
+
+FUNCTIONS: dict[str, LocalFunctions] = {"hats": Hats()}
+"""Every kind of functions by its name in settings."""
+
+
 @dataclass(frozen=True)
 class ResponseBasis:
-    """Hat functions for the local gamma and their integrals.
+    """Functions for the local gamma, and their integrals for ln g.
 
     Attributes
     ----------
     intervals
-        Number of intervals between knots, which are equidistant in grey level.
+        Number of intervals between the knots.
+    functions
+        Name of the functions in :data:`FUNCTIONS`.
+
+    Raises
+    ------
+    SettingError
+        If no functions have that name.
     """
 
     intervals: int
+    functions: str = "hats"
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        if self.functions not in FUNCTIONS:
+            raise SettingError(f"no response functions are called '{self.functions}'; known: {', '.join(FUNCTIONS)}")
 
     def __len__(self) -> int:
         """Return the number of coefficients."""
@@ -46,7 +96,7 @@ class ResponseBasis:
     @cached_property
     def knots(self) -> FloatArray:
         """Grey levels of the knots, shape (len,)."""
-        return np.linspace(0.0, 1.0, self.intervals + 1)
+        return FUNCTIONS[self.functions].knots(self.intervals)
 
     @cached_property
     def grid(self) -> FloatArray:
@@ -56,7 +106,7 @@ class ResponseBasis:
     @cached_property
     def gamma_table(self) -> FloatArray:
         """Bⱼ on the grid, shape (4097, len)."""
-        return self._hats(self.grid)
+        return self._values(self.grid)
 
     @cached_property
     def log_table(self) -> FloatArray:
@@ -65,12 +115,12 @@ class ResponseBasis:
         ln g tends to −∞ at M = 0, so the first value is taken a quarter of a step above black, below any measurement.
         """
         edges = np.concatenate([[FIRST_GRID_STEP_BEGINS / RESPONSE_GRID_STEPS], self.grid[1:]])
-        # Gauss–Legendre quadrature on each step in ln m: the 1/m drops out and the integrand is the hat function.
+        # Gauss–Legendre quadrature on each step in ln m: the 1/m drops out and the integrand is the function.
         nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
         log_edges = np.log(edges)
         half = np.diff(log_edges)[:, None] / 2
         places = np.exp((log_edges[:-1] + log_edges[1:])[:, None] / 2 + half * nodes)
-        steps = np.einsum("sq,sqj->sj", half * weights, self._hats(places))
+        steps = np.einsum("sq,sqj->sj", half * weights, self._values(places))
         table = np.zeros((RESPONSE_GRID_STEPS + 1, len(self)))
         table[:-1] = -steps[::-1].cumsum(axis=0)[::-1]
         return table
@@ -95,9 +145,8 @@ class ResponseBasis:
         part = (at - lower)[:, None]
         return np.asarray(self.log_table[lower] * (1 - part) + self.log_table[lower + 1] * part)
 
-    def _hats(self, grey: FloatArray) -> FloatArray:
-        at = np.asarray(grey) * self.intervals
-        return np.asarray(np.clip(1 - np.abs(at[..., None] - np.arange(self.intervals + 1)), 0, None))
+    def _values(self, grey: FloatArray) -> FloatArray:
+        return FUNCTIONS[self.functions].values(grey, self.intervals)
 
 
 def typical_gamma(grey: npt.ArrayLike) -> FloatArray:

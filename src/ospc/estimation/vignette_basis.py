@@ -53,7 +53,7 @@ class VignetteBasis:
 
     def log_value(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return ln V at positions in half diagonals from the image centre, shape (n, 2) -> (n,)."""
-        return np.asarray(np.log(self._model(parameters, (1, 1)).at_normalised(position)))
+        return self._model(parameters, (1, 1)).log_at_normalised(position)
 
     def jacobian(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of ln V by the parameters, shape (n, 2) -> (n, len)."""

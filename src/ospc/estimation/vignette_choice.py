@@ -10,13 +10,17 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.observations import Observations
+from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import ASYMMETRY_SIGMA, FIRST_FIT_POINTS
 
 
 def fit_with_chosen_vignette(
-    observations: Observations, response: ResponseBasis, widest: VignetteBasis, noise: NoiseModel | None, rounds: int
+    observations: ExposedObservations,
+    response: ResponseBasis,
+    widest: VignetteBasis,
+    noise: NoiseModel | None,
+    rounds: int,
 ) -> Fit:
     """Fit response and vignette, with no more vignette parameters than the data support.
 

@@ -1,1 +1,1 @@
-"""What is known of the exposures of frames."""
+"""What the images say about the exposures: lag, stale metadata, hidden gain, flicker, tone mapping."""

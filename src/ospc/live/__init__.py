@@ -1,8 +1,7 @@
-"""Cameras that do not wait: calibrating in the background, and watching over what was found."""
+"""Cameras that do not wait: the engine beside a camera, in a thread of its own."""
 
 from __future__ import annotations
 
 from ospc.live.calibrator import LiveCalibrator, LiveStatus
-from ospc.live.watch import Watch
 
-__all__ = ["LiveCalibrator", "LiveStatus", "Watch"]
+__all__ = ["LiveCalibrator", "LiveStatus"]

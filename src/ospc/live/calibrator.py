@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import os
 import threading
+from collections import deque
 from collections.abc import AsyncIterable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from types import TracebackType
 
-from ospc.errors import FrameError, OspcError
-from ospc.live.watch import Watch
+from ospc.calibrator import OnlineCalibrator
+from ospc.engine_state import Epoch
+from ospc.errors import FrameError, OspcError, SettingError, said_by
+from ospc.exposures.findings import LagChoice
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame
 from ospc.recording.stream import Item, frames_of
-from ospc.settings import Settings
+from ospc.settings import DefaultSettings, Settings
+
+QUEUE_BYTES = 64 * 2**20
+"""Images that wait for the background, in bytes: they cover the time of a fit. Beyond, frames are dropped."""
+
+FIRST_ESTIMATE, ESTIMATE_GROWTH = 48, 2
+"""Frames processed before the first estimate that nobody asked for, and how many times as many before each next."""
 
 
 @dataclass(frozen=True)
@@ -24,48 +34,53 @@ class LiveStatus:
     Attributes
     ----------
     frames
-        Frames taken so far.
-    looked
-        Frames that the background has looked at.
-    busy
-        Frames that would have been worth a look, but the background was busy.
+        Frames pushed so far.
+    processed
+        Frames that the background has processed.
+    dropped
+        Frames that should have been processed, but too many images were waiting.
     unusable
         Frames that could not be used.
     reasons
-        Why frames could not be used, the most recent last.
+        Why frames could not be used, the latest last.
     converged
-        Whether response and vignette are known.
+        Whether response and vignette were identifiable at the latest estimate.
     converged_after
-        Frames taken when they first were; None before.
+        Frames pushed when they first were; None before.
     notes
-        When they were known, and whether and how the camera changed since.
+        When they became known, and whether and how the camera changed since.
+    epochs
+        The epochs of the camera, one more than it changed. Those that ended hold their calibration.
     progress
         The method's own figures.
     """
 
     frames: int
-    looked: int
-    busy: int
+    processed: int
+    dropped: int
     unusable: int
     reasons: tuple[str, ...]
     converged: bool
     converged_after: int | None
     notes: tuple[str, ...]
+    epochs: tuple[Epoch, ...]
     progress: Progress
 
 
 class LiveCalibrator:
-    """Calibrates a camera while it runs: frames are taken at once, and looked at by one thread in the background.
+    """Calibrates a camera while it runs: frames are taken at once, and processed by one thread in the background.
 
-    The background holds one frame at a time. While it is busy, or has no need of more, frames are counted and let go:
-    they are skipped, not queued. :meth:`push` may be called by any thread, by a callback, or within a coroutine.
-    Which frames are looked at depends on time; for repeatable results use
-    :class:`~ospc.calibrator.OnlineCalibrator`.
+    It drives the same engine as :class:`~ospc.calibrator.OnlineCalibrator`: where no frame is dropped, the result is
+    the same to the last bit. Images wait in a bounded queue while the background is busy; beyond it they are dropped,
+    and only their exposures are kept. :meth:`push` may be called by any thread, by a callback, or within a coroutine.
 
     Parameters
     ----------
     settings
         Settings of the default method, or the name of a preset of it.
+    correct_lag
+        What to do where exposures are written beside other frames than their own, as for
+        :func:`~ospc.calibrator.calibrate`.
 
     Raises
     ------
@@ -80,52 +95,44 @@ class LiveCalibrator:
     ...     live.calibration().save("calibration.json")
     """
 
-    def __init__(self, settings: Settings | str = "default") -> None:
-        self._watch = Watch(settings)
+    def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
+        self._engine = OnlineCalibrator(settings, correct_lag=correct_lag)
+        if not isinstance(self._engine.settings, DefaultSettings):
+            raise SettingError(f"preset {self._engine.settings.name} cannot keep up with a camera; use the default")
+        self._process = os.getpid()
         self._changed = threading.Condition()
-        self._waiting: Frame | None = None
+        self._queue: deque[_Entry] = deque()
+        self._waiting_bytes = 0
         self._asked: list[Future[Calibration]] = []
-        self._working = False
         self._closed = False
         self._failure: BaseException | None = None
-        self._pause = 0
-        self._frames = self._looked = self._busy = self._unusable = 0
-        self._status = self._watch.status
+        self._frames = self._dropped = self._unusable = 0
+        self._next_estimate = FIRST_ESTIMATE
+        self._known_epochs = 1
+        self._latest: Calibration | None = None
         self._converged_after: int | None = None
+        self._notes: list[str] = []
         self._worker = threading.Thread(target=self._work, name="ospc-live", daemon=True)
         self._worker.start()
 
     def push(self, frame: Frame) -> bool:
-        """Take the next frame, without waiting for any work on it, and return whether it will be looked at.
+        """Take the next frame, without waiting for any work on it, and return whether it will be processed.
 
-        Images in memory are copied if they will be looked at: a driver may fill its buffer anew.
+        Images in memory are copied if they will be processed: a driver may fill its buffer anew.
 
         Raises
         ------
         OspcError
-            If it was closed, or the background failed.
+            If it was closed, the background failed, or the process was forked.
         """
         with self._changed:
             self._check()
+            entry = self._entry(frame, self._engine.may_need(self._frames))
             self._frames += 1
-            if self._pause > 0:
-                self._pause -= 1
-                return False
-            if self._working:
-                self._busy += 1
-                return False
-            self._working = True
-        try:
-            own = _own(frame, self._frames - 1)
-        except FrameError:
-            with self._changed:
-                self._working = False
-                self._unusable += 1
-            return False
-        with self._changed:
-            self._waiting = own
+            self._queue.append(entry)
+            self._waiting_bytes += entry.bytes
             self._changed.notify_all()
-        return True
+            return entry.frame is not None
 
     def follow(self, source: Iterable[Item]) -> None:
         """Push whatever an iterable gives, until it ends; see :func:`~ospc.recording.stream.frames_of`."""
@@ -141,31 +148,32 @@ class LiveCalibrator:
     def status(self) -> LiveStatus:
         """Where it stands."""
         with self._changed:
-            latest = self._watch.latest
+            status, latest = self._engine.status, self._latest
             return LiveStatus(
                 self._frames,
-                self._looked,
-                self._busy,
+                self._engine.processed,
+                self._dropped,
                 self._unusable,
-                self._status.skipped,
-                self._watch.watching,
+                status.skipped,
+                latest is not None and latest.converged,
                 self._converged_after,
-                self._watch.notes,
-                replace(self._status.progress) if latest is None or not self._watch.watching else _spreads(latest),
+                tuple(self._notes),
+                self._engine.epochs,
+                status.progress,
             )
 
     @property
     def latest(self) -> Calibration | None:
         """The calibration last estimated, without waiting; None before the first."""
-        return self._watch.latest
+        return self._latest
 
     def calibration(self) -> Calibration:
-        """Return what is known now; waits until the background has estimated it.
+        """Return what is known from all frames pushed so far; waits until the background has estimated it.
 
         Raises
         ------
         OspcError
-            If no frame could be used, it was closed, or the background failed.
+            If no frame could be used, it was closed, the background failed, or the process was forked.
         """
         with self._changed:
             self._check()
@@ -179,7 +187,7 @@ class LiveCalibrator:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-        if threading.current_thread() is not self._worker:
+        if threading.current_thread() is not self._worker and self._process == os.getpid():
             self._worker.join()
 
     def __enter__(self) -> LiveCalibrator:
@@ -193,10 +201,29 @@ class LiveCalibrator:
         self.close()
 
     def _check(self) -> None:
+        if self._process != os.getpid():
+            raise OspcError("this live calibrator belongs to the process that made it; make a new one after a fork")
         if self._failure is not None:
-            raise OspcError(f"the background failed: {self._failure}") from self._failure
+            raise OspcError(f"the background failed: {said_by(self._failure)}") from self._failure
         if self._closed:
             raise OspcError("this live calibrator was closed; make a new one")
+
+    def _entry(self, frame: Frame, wanted: bool) -> _Entry:
+        """Return what is kept of a frame until the background takes it."""
+        if not wanted:
+            return _Entry(frame.exposure_ms)
+        if self._waiting_bytes >= QUEUE_BYTES:
+            self._dropped += 1
+            return _Entry(frame.exposure_ms)
+        if frame.threads:
+            return _Entry(frame.exposure_ms, frame)
+        try:
+            image = frame.image.copy()
+        except FrameError:
+            self._unusable += 1
+            return _Entry(frame.exposure_ms)
+        own = replace(frame, load=lambda: image, verify=None, threads=True)
+        return _Entry(frame.exposure_ms, own, image.nbytes)
 
     # The background.
 
@@ -216,45 +243,68 @@ class LiveCalibrator:
     def _step(self) -> bool:
         """Do one piece of work; return whether there may be more."""
         with self._changed:
-            self._changed.wait_for(lambda: self._waiting is not None or self._asked or self._closed)
-            frame, self._waiting = self._waiting, None
-            asked, self._asked = self._asked, []
-            if frame is None and not asked:
+            self._changed.wait_for(lambda: self._queue or self._asked or self._closed)
+            if self._closed and not self._asked:
                 return False
-        if frame is not None:
-            self._look(frame)
+            entry = self._queue[0] if self._queue else None
+            asked = [] if self._queue else self._asked[:]
+        if entry is not None:
+            self._take(entry)
         for answer in asked:
             try:
-                answer.set_result(self._watch.estimate())
+                answer.set_result(self._estimate())
             except OspcError as error:
                 answer.set_exception(error)
+        with self._changed:
+            self._asked = [answer for answer in self._asked if answer not in asked]
         return True
 
-    def _look(self, frame: Frame) -> None:
-        used = self._watch.look(frame)
-        with self._changed:
-            self._looked += 1
+    def _take(self, entry: _Entry) -> None:
+        if entry.frame is None:
+            self._engine.note(entry.exposure_ms)
+        else:
+            used = self._engine.push(entry.frame)
             self._unusable += not used
-            self._status = self._watch.status
-            self._pause = self._watch.pause
-            if self._watch.watching and self._converged_after is None:
-                self._converged_after = self._frames
-            self._working = False
+        with self._changed:
+            self._queue.popleft()
+            self._waiting_bytes -= entry.bytes
+        self._note_changes()
+        if self._engine.processed >= self._next_estimate:
+            self._next_estimate = ESTIMATE_GROWTH * self._engine.processed
+            self._estimate()
+
+    def _note_changes(self) -> None:
+        epochs = self._engine.epochs
+        if len(epochs) > self._known_epochs:
+            self._known_epochs = len(epochs)
+            change = epochs[-2].change
+            if change is not None:
+                self._note(change.text)
+            self._next_estimate = self._engine.processed + FIRST_ESTIMATE
+            if self._latest is not None:
+                self._latest = replace(self._latest, converged=False)
+
+    def _estimate(self) -> Calibration:
+        found = self._engine.calibration()
+        if found.converged and (self._latest is None or not self._latest.converged):
+            self._note(f"response and vignette are known after {self._frames} frames")
+            self._converged_after = self._converged_after or self._frames
+        self._latest = found
+        return found
+
+    def _note(self, text: str) -> None:
+        with self._changed:
+            self._notes = [*self._notes, text][-MOST_NOTES:]
 
 
-def _own(frame: Frame, index: int) -> Frame:
-    """Return a frame that nobody else can change, numbered by its place in the stream."""
-    if frame.threads:
-        return replace(frame, index=index)
-    image = frame.image.copy()
-    return replace(frame, index=index, load=lambda: image, verify=None, threads=True)
+MOST_NOTES = 20
+"""Latest notes that are kept."""
 
 
-def _spreads(known: Calibration) -> Progress:
-    sigma = None if known.response is None else known.response.inverse_sigma
-    return Progress(
-        known.counts.get("pairs", 0),
-        known.counts.get("samples", 0),
-        None if sigma is None else float(sigma.max()),
-        None if known.vignette_sigma is None else float(known.vignette_sigma[-1]),
-    )
+@dataclass(frozen=True)
+class _Entry:
+    """A frame that waits for the background: only its exposure where its image is not needed, or was dropped."""
+
+    exposure_ms: float
+    frame: Frame | None = None
+    bytes: int = 0

@@ -6,7 +6,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.estimation.fit import Fit
-from ospc.observations import Observations
+from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import QUANTILES, Coverage
 from ospc.photometry.geometry import half_diagonal
 
@@ -16,7 +16,7 @@ _FEWEST = 10
 _BLACK, _WHITE = 1.5 / 255, 253.5 / 255
 
 
-def coverage_of(observations: Observations, fit: Fit | None, size: ImageSize) -> Coverage:
+def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageSize) -> Coverage:
     """Return the tables of a report: counts of observations and, where there is a fit, their residuals.
 
     Parameters
@@ -64,7 +64,7 @@ def _counts(first: IntArray, second: IntArray, shape: tuple[int, int]) -> IntArr
     return np.bincount(first * shape[1] + second, minlength=shape[0] * shape[1]).reshape(shape)
 
 
-def _residuals(observations: Observations, fit: Fit) -> FloatArray:
+def _residuals(observations: ExposedObservations, fit: Fit) -> FloatArray:
     """Return the residual of each observation; NaN where it is clipped, or alone."""
     log_g = np.interp(observations.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters))
     log_radiance = (
@@ -79,7 +79,7 @@ def _residuals(observations: Observations, fit: Fit) -> FloatArray:
     return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 
 
-def _place(observations: Observations, size: ImageSize, rows: int) -> IntArray:
+def _place(observations: ExposedObservations, size: ImageSize, rows: int) -> IntArray:
     pixel = observations.position * half_diagonal(size) + (np.array(size) - 1) / 2
     cell = np.clip((pixel / np.array(size) * (_COLUMNS, rows)).astype(np.int64), 0, (_COLUMNS - 1, rows - 1))
     return np.asarray(cell[:, 1] * _COLUMNS + cell[:, 0])

@@ -1,84 +1,68 @@
-"""The default method: compare the frames worth comparing, fit everything at once, say how sure that is."""
+"""The default method: register pairs of frames, sample flat places, fit response and vignette at once."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-
 import numpy as np
 
-from ospc.arrays import ImageSize
+from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.flat_sampling import FlatSampler, Samples
 from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
 from ospc.correspondence.noise_estimation import NoiseEstimator
-from ospc.correspondence.preprocessing import PreprocessedFrame, Preprocessor
-from ospc.correspondence.registration import DenseRegistration, ExposureNormalizer
+from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.correspondence.registration import ExposureNormalizer, make_registrar
 from ospc.correspondence.reservoir import Reservoir
+from ospc.correspondence.second_thread import SecondThread
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.table import ExposureTable
+from ospc.methods.change_detection import Change, ChangeDetector
+from ospc.methods.inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Progress, check_size
 from ospc.methods.preview import Preview, preview_of
-from ospc.methods.summary import Evidence, response_of, summarise
-from ospc.observations import Observations
+from ospc.methods.summary import summarise
+from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.noise import NoiseModel
 from ospc.recording.frame import Frame
 from ospc.settings import DefaultSettings
 
 _FIRST_REFINEMENT = 16
+"""Pairs before the first quick fit; the next follow whenever their number has doubled."""
+
+_TRUSTED_PAIRS = 64
+"""Pairs after which a quick fit predicts new pairs well enough to notice a change of the camera."""
+
 _LAST_FORGOTTEN = 32
+"""The first so many pairs are dropped in the end: they were registered before the vignette was known."""
+
 _REFINEMENT_POINTS = 5000
+"""Scene points of a quick fit: enough for registration, which needs the vignette to a few per cent."""
+
 _REFINEMENT_ROUNDS = 3
+"""Rounds of a quick fit that starts from the one before."""
 
+_RELIABLE_SIGMA = 0.05
+"""Standard deviation of the vignette at the corner up to which frames are registered without it."""
 
-@dataclass
-class Schedule:
-    """Decides which frames are looked at: all at first, fewer the more has been seen.
+_MOVING_PAIRS, _MOVING_FACTOR = 8, 4.0
+"""Pairs, and times the displacement of a still camera, after which a camera counts as moving for good."""
 
-    Attributes
-    ----------
-    frames_per_slowdown
-        After so many looks, one more frame is passed over between looks.
-    enough
-        Beyond so many looks, pauses grow faster: with the fourth power of their number.
-    """
+_UNDECIDED_PAIRS = 60
+"""Pairs after which a camera that does not stand still counts as moving. Dark frames register badly at first."""
 
-    frames_per_slowdown: int
-    enough: int = 10**9
-    _wait: int = 0
-    _looks: int = 0
-
-    @property
-    def wants_next(self) -> bool:
-        """Whether the next frame is worth looking at."""
-        return self._wait == 0
-
-    def wants(self, places: int) -> bool:
-        """Whether the frame so many places on (1 for the next) is worth looking at."""
-        ahead = replace(self)
-        for _ in range(places - 1):
-            ahead.advance()
-        return ahead.wants_next
-
-    def advance(self) -> None:
-        """Go on to the frame after the next one, which was looked at if it was wanted."""
-        if self._wait > 0:
-            self._wait -= 1
-        else:
-            self._wait = self._looks // self.frames_per_slowdown
-            if self._looks > self.enough:
-                self._wait = self._wait * self._looks**3 // self.enough**3
-            self._looks += 1
+_REMEMBERED_MOTIONS = 200
+"""Latest displacements that tell whether the camera stands still."""
 
 
 class MaximumLikelihoodMethod:
-    """The preset ``default``.
+    """The presets ``default`` and ``fast``.
 
     Parameters
     ----------
@@ -95,12 +79,14 @@ class MaximumLikelihoodMethod:
         self._settings = settings
         self._size = size
         self._max_grey = max_grey
-        self._schedule = Schedule(settings.frames_per_slowdown, settings.dense_frames)
-        self._make_view = Preprocessor(settings.longest_side_px, settings.smoothing_px)
-        self._partners = KeyframeSelector(settings.views, settings.max_log_ratio)
-        self._second = ThreadPoolExecutor(1, "ospc-second")
-        self._register = DenseRegistration(self._second)
-        self._normalizer = ExposureNormalizer()
+        self._second = SecondThread()
+        self._noise = NoiseEstimator(max_grey)
+        self._changes = ChangeDetector()
+        self._circle = ImageCircle()
+        self._series: StaticSeries | None = StaticSeries(points=settings.series_points)
+        self._select_keyframe = KeyframeSelector(settings.keyframes, settings.max_log_ratio)
+        self._register = make_registrar(settings.registration, self._second)
+        self._normalize = ExposureNormalizer()
         self._sample = FlatSampler(
             spacing_px=settings.grid_spacing_px,
             max_gradient=settings.max_gradient,
@@ -108,73 +94,120 @@ class MaximumLikelihoodMethod:
             max_points=settings.points_per_pair,
         )
         self._reservoir = Reservoir(settings.max_points)
-        self._series: StaticSeries | None = StaticSeries(points=settings.series_pixels)
-        self._noise = NoiseEstimator(max_grey)
-        self._circle = ImageCircle()
-        self._basis = ResponseBasis(settings.response_intervals)
+        self._basis = ResponseBasis(settings.response_intervals, settings.response_functions)
+        self._series_basis = ResponseBasis(settings.series_intervals, settings.response_functions)
         self._fit: Fit | None = None
         self._latest: Observations | None = None
         self._motions: list[float] = []
-        self._response_spread: float | None = None
+        self._trusts_stated = False
+        self._response_sigma: float | None = None
         self._pairs = 0
-        self._log_exposures = (np.inf, -np.inf)
-        self._evidence: Evidence | None = None
-        self._to_recall: KeyframeSelectorState | None = None
+        self._recalled: KeyframeSelectorState | None = None
+        self._inputs: tuple[tuple[int, int, int], FitInputs] | None = None
 
-    def push(self, frame: Frame) -> None:
-        """Take the next frame; most often it is not even decoded."""
-        # Nothing is noted before the image has been read: a frame that cannot be leaves no trace.
-        view = self._look_at(frame) if self._schedule.wants_next else None
-        self._evidence = self._to_recall = None
-        self._watch_standing_still(frame)
-        self._note_exposure(frame)
-        self._schedule.advance()
-        if view is not None:
-            self._compare(view)
+    def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
+        """Take the next processed frame, and return the change of the camera that it proves, if any."""
+        self._recalled = None
+        log_exposure = _log_exposure(exposures, prepared.number)
+        measured = self._second.submit(self._noise.observe, frame)
+        self._circle.observe(prepared, frame.mask)
+        self._observe_standing_still(frame)
+        keyframe = self._select_keyframe.select(prepared, log_exposure)
+        if keyframe is not None:
+            stated = _log_ratio(exposures, keyframe.number, prepared.number)
+            registration = self._register(keyframe, prepared, self._normalize, stated)
+            samples = self._sample(keyframe, prepared, registration, self._pairs)
+            self._select_keyframe.learn(keyframe, samples)
+            self._accumulate(samples)
+        self._select_keyframe.add(prepared, log_exposure)
+        measured.result()
+        if keyframe is None or self._latest is None:
+            return None
+        if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
+            self._refine(exposures)
+        return self._proven(self._latest, exposures)
 
-    def foresees(self, places: int) -> bool:
-        """Whether the frame so many places on (1 for the next) will most likely be looked at."""
-        return self._schedule.wants(places)
+    def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
+        """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""
+        return self._proven(brightness.samples.observations(brightness.frame0, brightness.frame1), exposures)
+
+    def _proven(self, observations: Observations, exposures: ExposureTable) -> Change | None:
+        if self._changes.observe(observations, exposures) is None:
+            return None
+        self._refine(exposures)
+        return self._changes.suggested(exposures)
+
+    def split(self, number: int) -> MaximumLikelihoodMethod:
+        """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""
+        later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
+        later._noise, later._circle = self._noise, self._circle
+        later._reservoir, later._pairs = self._reservoir.split(number)
+        later._select_keyframe = self._select_keyframe
+        later._select_keyframe.forget_before(number)
+        later._motions, later._series = self._motions[-later._pairs :], None
+        self._series = None if not self._series_stands_in else self._series
+        self._inputs = None
+        return later
 
     @property
-    def max_grey(self) -> int:
-        """Largest grey value of the frames."""
-        return self._max_grey
+    def wants_every_frame(self) -> bool:
+        """Whether the next frames are all to be processed: a series of a camera that stands still is short."""
+        return self._series_stands_in and self._series is not None and not self._series.full
 
     @property
     def progress(self) -> Progress:
         """How far it has come."""
         if self._fit is None:
             return Progress(self._pairs, self._reservoir.points)
-        return Progress(
-            self._pairs, self._reservoir.points, self._response_spread, self._fit.vignette_sigma_at_corner
-        )
+        sigma_at_corner = self._fit.vignette_sigma_at_corner
+        return Progress(self._pairs, self._reservoir.points, self._response_sigma, sigma_at_corner)
 
-    def preview(self) -> Preview | None:
-        """Return what is known without a new fit; None before anything was seen."""
+    def preview(self, exposures: ExposureTable) -> Preview | None:
+        """Return what is known without a new fit; None before anything was observed."""
         observations = self._observations()
         if observations is None:
             return None
-        return preview_of(
-            observations, self._latest, self._fit, size=self._size, max_grey=self._max_grey, pairs=self._pairs
+        exposed = observations.with_exposures(exposures)
+        latest = None if self._latest is None else self._latest.with_exposures(exposures)
+        if not len(exposed):
+            return None
+        return preview_of(exposed, latest, self._fit, size=self._size, max_grey=self._max_grey, pairs=self._pairs)
+
+    def inputs(self, exposures: ExposureTable) -> FitInputs:
+        """Return all that was observed, with the exposures as they are known now, and the fit to it.
+
+        Asked for again with the same exposures, it is not computed again.
+        """
+        key = (self._pairs, len(exposures), exposures.lag_frames)
+        if self._inputs is None or self._inputs[0] != key:
+            self._inputs = (key, self._new_inputs(exposures))
+        return self._inputs[1]
+
+    def _new_inputs(self, exposures: ExposureTable) -> FitInputs:
+        observations = self._observations()
+        exposed = None if observations is None else observations.with_exposures(exposures)
+        if exposed is not None and not len(exposed):
+            exposed = None
+        return FitInputs(
+            size=self._size,
+            max_grey=self._max_grey,
+            noise=self._noise.model(),
+            observations=exposed,
+            fit=None if exposed is None else self._fitted(exposed, exposures),
+            exposure_range_ms=exposures.range_ms(),
+            standing_still=self._standing_still,
+            pairs=self._pairs,
+            usable_radius=self._circle.usable_radius(),
         )
 
-    def calibration(self) -> Calibration:
-        """Return what all that was seen amounts to."""
-        return summarise(self.evidence(), self._settings)
-
-    def evidence(self) -> Evidence:
-        """Return all that was seen, and the fit to it; asked for again, without fitting again."""
-        if self._evidence is None:
-            self._evidence = self._new_evidence()
-        return self._evidence
+    def calibration(self, exposures: ExposureTable) -> Calibration:
+        """Return the calibration that everything observed amounts to."""
+        return summarise(self.inputs(exposures), self._settings)
 
     def state(self) -> MaximumLikelihoodState:
-        """Return all that was learned; to be used before the next frame is pushed."""
+        """Return all that was learned; to be taken before the next frame is pushed."""
         return MaximumLikelihoodState(
-            passed_over=self._schedule._wait,
-            looks=self._schedule._looks,
-            partners=self._partners.state() if self._to_recall is None else self._to_recall,
+            keyframes=self._select_keyframe.state() if self._recalled is None else self._recalled,
             reservoir=self._reservoir,
             series=self._series,
             noise=self._noise,
@@ -182,135 +215,83 @@ class MaximumLikelihoodMethod:
             motions=self._motions,
             pairs=self._pairs,
             circle=self._circle,
-            log_exposures=self._log_exposures,
+            changes=self._changes,
+            trusts_stated=self._trusts_stated,
         )
 
-    @classmethod
-    def from_state(
-        cls, settings: DefaultSettings, size: ImageSize, max_grey: int, state: MaximumLikelihoodState
-    ) -> MaximumLikelihoodMethod:
-        """Go on from a state; frames :attr:`wanted` should be given to :meth:`recall` before the next is pushed.
+    def restore(self, state: MaximumLikelihoodState) -> None:
+        """Go on from a state; frames :attr:`wanted` are to be given to :meth:`recall` before the next is pushed.
 
         Raises
         ------
         ValueError
-            If it is none that :meth:`state` returns.
+            If its parts do not fit each other.
         """
-        method = cls(settings, size, max_grey)
-        method._schedule = Schedule(
-            settings.frames_per_slowdown, settings.dense_frames, state.passed_over, state.looks
-        )
-        method._partners.restore(state.partners)
-        method._reservoir, method._series, method._noise = state.reservoir, state.series, state.noise
-        method._motions, method._pairs, method._log_exposures = state.motions, state.pairs, state.log_exposures
-        method._circle = state.circle
-        method._to_recall = state.partners
+        self._select_keyframe.restore(state.keyframes)
+        self._reservoir, self._series, self._noise = state.reservoir, state.series, state.noise
+        self._motions, self._pairs, self._circle = state.motions, state.pairs, state.circle
+        self._changes, self._trusts_stated = state.changes, state.trusts_stated
+        self._recalled = state.keyframes
         if state.fit is not None:
-            method._rely_on(state.fit)
-        return method
+            self._rely_on(state.fit)
 
     @property
     def wanted(self) -> frozenset[int]:
-        """Indices of the frames that the state it goes on from was comparing with."""
-        return frozenset() if self._to_recall is None else frozenset(self._to_recall.frames.tolist())
+        """Numbers of the keyframes of the state it goes on from."""
+        return frozenset() if self._recalled is None else frozenset(self._recalled.frames.tolist())
 
-    def recall(self, frame: Frame) -> None:
-        """Look again at a frame that new ones were being compared with."""
-        if self._to_recall is not None:
-            self._partners.recall(self._make_view(frame), self._to_recall)
+    def recall(self, prepared: PreprocessedFrame) -> None:
+        """Take a keyframe of the state it goes on from again."""
+        if self._recalled is not None:
+            self._select_keyframe.recall(prepared, self._recalled)
 
-    def _new_evidence(self) -> Evidence:
-        observations = self._observations()
-        changes = self._log_exposures[1] - self._log_exposures[0]
-        enough = observations is not None and len(observations.starts) >= self._settings.min_points
-        fit = None
-        if observations is not None and enough and changes >= self._settings.min_log_exposure_change:
-            fit = fit_with_chosen_vignette(
-                observations,
-                self._response_basis(),
-                self._widest_vignette(),
-                self._pixel_noise(),
-                self._settings.rounds,
-            )
-        return Evidence(
-            size=self._size,
-            max_grey=self._max_grey,
-            noise=self._noise.model(),
-            observations=observations,
-            fit=fit,
-            exposure_range_ms=(float(np.exp(self._log_exposures[0])), float(np.exp(self._log_exposures[1]))),
-            standing_still=self._standing_still,
-            pairs=self._pairs,
-            usable_radius=self._circle.usable_radius(),
-        )
+    # The steps of push.
 
-    # What push does besides comparing.
-
-    def _look_at(self, frame: Frame) -> PreprocessedFrame:
-        # Black pixels tell nothing about noise, and masked ones must not.
-        image = frame.image if frame.mask is None else np.where(frame.mask, frame.image, 0)
-        # Two looks at one image that do not need each other, and both leave the interpreter to others.
-        noted = self._second.submit(self._noise.watch, image)
-        view = self._make_view(frame)
-        noted.result()
-        self._circle.watch(view, frame.mask)
-        return view
-
-    def _compare(self, view: PreprocessedFrame) -> None:
-        partner = self._partners.choose(view)
-        if partner is not None:
-            registration = self._register(partner, view, self._normalizer)
-            samples = self._sample(partner, view, registration, self._pairs)
-            self._partners.learn(partner, samples)
-            self._keep(samples)
-        self._partners.add(view)
-
-    def _note_exposure(self, frame: Frame) -> None:
-        log_exposure = float(np.log(frame.exposure_ms))
-        self._log_exposures = (min(self._log_exposures[0], log_exposure), max(self._log_exposures[1], log_exposure))
-
-    def _watch_standing_still(self, frame: Frame) -> None:
-        if self._series is not None:
-            self._series.watch(frame)
-            # Dark frames register badly: only plain motion, or long evidence, rules out that the camera stands still.
-            plain = len(self._motions) >= 8 and float(np.median(self._motions)) > 4 * self._settings.still_px
-            if plain or (len(self._motions) >= 60 and not self._standing_still):
-                self._series = None
-
-    def _keep(self, samples: Samples) -> None:
+    def _accumulate(self, samples: Samples) -> None:
         self._pairs += 1
         if np.isfinite(samples.motion_px):
-            self._motions = [*self._motions, samples.motion_px][-200:]
+            self._motions = [*self._motions, samples.motion_px][-_REMEMBERED_MOTIONS:]
         self._reservoir.add(samples.observations)
         self._latest = samples.observations
-        if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
-            self._refine()
-            # Early pairs were registered with a vignette not yet known, which draws registration a little to where
-            # brightness agrees: once there are enough others they do more harm than good.
-            if self._pairs >= 4 * _FIRST_REFINEMENT:
-                self._reservoir.forget_before(min(self._pairs // 4, _LAST_FORGOTTEN))
 
-    def _refine(self) -> None:
-        """Improve the equalisation that registration relies on, with a quick fit to some of the observations."""
-        if self._reservoir.points < self._settings.min_points:
-            return
-        some = self._reservoir.some(_REFINEMENT_POINTS)
-        rounds = self._settings.rounds if self._fit is None else _REFINEMENT_ROUNDS
-        estimator = MaximumLikelihoodEstimator(
-            self._basis, VignetteBasis(self._settings.radial_terms), self._noise.model(), rounds
-        )
-        self._rely_on(estimator.fit(some, self._fit))
+    def _refine(self, exposures: ExposureTable) -> None:
+        """Improve what registration relies on, by a quick fit to some of the observations."""
+        if self._reservoir.points >= self._settings.min_points:
+            some = self._reservoir.some(_REFINEMENT_POINTS).with_exposures(exposures)
+            if len(some) and float(np.ptp(some.log_exposure)) >= self._settings.min_log_exposure_change:
+                rounds = self._settings.rounds if self._fit is None else _REFINEMENT_ROUNDS
+                vignette = VignetteBasis(self._settings.radial_terms)
+                estimator = MaximumLikelihoodEstimator(self._basis, vignette, self._noise.model(), rounds)
+                self._trusts_stated = exposures.trusted
+                self._rely_on(estimator.fit(some, self._fit))
+                if self._fit is not None and self._pairs >= _TRUSTED_PAIRS:
+                    self._changes.rely_on(self._fit)
+        # Early pairs were registered with the vignette still unknown, which draws registration a little to where
+        # brightness agrees: once there are enough others they do more harm than good.
+        if self._pairs >= 4 * _FIRST_REFINEMENT:
+            self._reservoir.forget_before(min(self._pairs // 4, _LAST_FORGOTTEN))
 
     def _rely_on(self, fit: Fit) -> None:
-        """Equalise frames by a fit from now on."""
+        """Bring frames to equal brightness by a fit from now on."""
         self._fit = fit
-        spread = response_of(fit, self._max_grey).inverse_sigma
-        self._response_spread = None if spread is None else float(spread.max())
-        reliable = fit.vignette_sigma_at_corner < 0.05
-        vignette = fit.vignette_basis.vignette(fit.vignette_parameters, self._size)
-        self._normalizer = ExposureNormalizer(response_of(fit, 255), vignette if reliable else None)
+        sigma = fit.response(self._max_grey).inverse_sigma
+        self._response_sigma = None if sigma is None else float(sigma.max())
+        reliable = fit.vignette_sigma_at_corner < _RELIABLE_SIGMA
+        vignette = fit.vignette(self._size)
+        self._normalize = ExposureNormalizer(
+            fit.response(255), vignette if reliable else None, trusts_stated=self._trusts_stated
+        )
 
-    # What the frames seen so far amount to.
+    def _observe_standing_still(self, frame: Frame) -> None:
+        if self._series is None:
+            return
+        self._series.observe(frame)
+        moving = float(np.median(self._motions)) if self._motions else 0.0
+        plainly = len(self._motions) >= _MOVING_PAIRS and moving > _MOVING_FACTOR * self._settings.still_px
+        if plainly or (len(self._motions) >= _UNDECIDED_PAIRS and not self._standing_still):
+            self._series = None
+
+    # What the frames so far amount to.
 
     @property
     def _standing_still(self) -> bool:
@@ -328,14 +309,19 @@ class MaximumLikelihoodMethod:
     def _lit(self, observations: Observations) -> Observations:
         """Return the observations without those of a surround that never sees light: it is alike in all frames."""
         seen = self._circle.sees(observations.position)
-        return (
-            observations
-            if seen is None
-            else observations.of_points(np.logical_and.reduceat(seen, observations.starts))
-        )
+        if seen is None:
+            return observations
+        return observations.of_points(np.logical_and.reduceat(seen, observations.starts))
 
-    def _response_basis(self) -> ResponseBasis:
-        return ResponseBasis(self._settings.series_intervals) if self._series_stands_in else self._basis
+    def _fitted(self, observations: ExposedObservations, exposures: ExposureTable) -> Fit | None:
+        settings = self._settings
+        low, high = exposures.range_ms()
+        if len(observations.starts) < settings.min_points or np.log(high / low) < settings.min_log_exposure_change:
+            return None
+        basis = self._series_basis if self._series_stands_in else self._basis
+        return fit_with_chosen_vignette(
+            observations, basis, self._widest_vignette(), self._pixel_noise(), settings.rounds
+        )
 
     def _pixel_noise(self) -> NoiseModel | None:
         return None if self._series_stands_in else self._noise.model()
@@ -344,3 +330,15 @@ class MaximumLikelihoodMethod:
         if self._standing_still:
             return VignetteBasis(0)
         return VignetteBasis(self._settings.radial_terms, free_centre=True, non_radial=True)
+
+
+def _log_exposure(exposures: ExposureTable, number: int) -> float:
+    """Return ln of a frame's exposure as far as it is known: one that comes late is not known yet."""
+    found: FloatArray = exposures.log_exposure_of(np.array([number]))
+    return float(found[0] if np.isfinite(found[0]) else exposures.written[number])
+
+
+def _log_ratio(exposures: ExposureTable, number0: int, number1: int) -> float:
+    """Return ln of the exposure of the second frame over that of the first, NaN where one is unknown."""
+    log_exposure = exposures.log_exposure_of(np.array([number0, number1]))
+    return float(log_exposure[1] - log_exposure[0])

@@ -10,6 +10,7 @@ from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
+from ospc.methods.change_detection import ChangeDetector
 
 
 @dataclass(frozen=True)
@@ -18,10 +19,8 @@ class MaximumLikelihoodState:
 
     Attributes
     ----------
-    passed_over, looks
-        Where the schedule of frames to look at stands.
-    partners
-        What is known of the views kept; the views themselves are made again of their frames.
+    keyframes
+        What is known of the keyframes; their images are read again.
     reservoir
         The observations.
     series
@@ -36,13 +35,13 @@ class MaximumLikelihoodState:
         Pairs of frames compared.
     circle
         Which part of the image ever sees light.
-    log_exposures
-        ln of the shortest and longest exposure in milliseconds.
+    changes
+        What is known of changes of the camera.
+    trusts_stated
+        Whether frames are brought to equal brightness by the exposures stated alone.
     """
 
-    passed_over: int
-    looks: int
-    partners: KeyframeSelectorState
+    keyframes: KeyframeSelectorState
     reservoir: Reservoir
     series: StaticSeries | None
     noise: NoiseEstimator
@@ -50,4 +49,5 @@ class MaximumLikelihoodState:
     motions: list[float]
     pairs: int
     circle: ImageCircle
-    log_exposures: tuple[float, float]
+    changes: ChangeDetector
+    trusts_stated: bool

@@ -1,16 +1,23 @@
-"""What every calibration method offers."""
+"""What every calibration method offers to the engine that drives it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from ospc.arrays import ImageSize
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.errors import FrameError
+from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.table import ExposureTable
+from ospc.methods.change_detection import Change
+from ospc.methods.inputs import FitInputs
+from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.recording.frame import Frame
 
 MIN_SIDE_PX = 32
+"""Shortest side of an image, in pixels, in which patches can be found again."""
 
 
 @dataclass(frozen=True)
@@ -23,16 +30,16 @@ class Progress:
         Pairs of frames compared so far.
     samples
         Correspondences kept so far.
-    response_spread
+    response_sigma
         Standard deviation of g, its largest over the greys; None before there is an estimate.
-    vignette_spread
+    vignette_sigma
         Standard deviation of V at the corner; None before there is an estimate.
     """
 
     pairs: int = 0
     samples: int = 0
-    response_spread: float | None = None
-    vignette_spread: float | None = None
+    response_sigma: float | None = None
+    vignette_sigma: float | None = None
 
 
 def check_size(size: ImageSize) -> None:
@@ -50,10 +57,15 @@ def check_size(size: ImageSize) -> None:
 
 
 class Method(Protocol):
-    """Takes frames as they arrive, and can be asked at any moment for what is known."""
+    """Takes processed frames as they arrive, and can be asked at any moment for what is known.
 
-    def push(self, frame: Frame) -> None:
-        """Take the next frame; what it holds in memory stays bounded.
+    Exposures are looked up in the table whenever an estimate is made: a lag found late applies to all frames.
+    """
+
+    def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
+        """Take the next processed frame, and return the change of the camera that it proves, if any.
+
+        What is held in memory stays bounded.
 
         Raises
         ------
@@ -62,11 +74,55 @@ class Method(Protocol):
         """
         ...
 
+    def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
+        """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""
+        ...
+
     @property
     def progress(self) -> Progress:
         """How far it has come."""
         ...
 
-    def calibration(self) -> Calibration:
+    @property
+    def wants_every_frame(self) -> bool:
+        """Whether no frame may be skipped now."""
+        ...
+
+    def split(self, number: int) -> Method:
+        """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""
+        ...
+
+    def calibration(self, exposures: ExposureTable) -> Calibration:
         """Return what is known now; pushing may go on afterwards."""
+        ...
+
+    def inputs(self, exposures: ExposureTable) -> FitInputs | None:
+        """Return the evidence that calibrations of several recordings can be merged by; None where it has none."""
+        ...
+
+    def preview(self, exposures: ExposureTable) -> Preview | None:
+        """Return quick estimates; None before there are any, or where it has none."""
+        ...
+
+    def state(self) -> Any:
+        """Return a dataclass from which :meth:`restore` goes on; None where it has none."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Go on from a state.
+
+        Raises
+        ------
+        ValueError
+            If its parts do not fit each other.
+        """
+        ...
+
+    @property
+    def wanted(self) -> frozenset[int]:
+        """Numbers of the frames that are to be given to :meth:`recall` after a state was restored."""
+        ...
+
+    def recall(self, prepared: PreprocessedFrame) -> None:
+        """Take a frame again that had been pushed before the state was saved."""
         ...

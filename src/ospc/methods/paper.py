@@ -20,9 +20,12 @@ from scipy.optimize import nnls
 
 from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.correspondence.features import Features, extract, make_extractor, match
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.estimation.robust import robust_scale
-from ospc.exposures.lookup import ExposureLookup
+from ospc.exposures.brightness import BrightnessChange
+from ospc.methods.change_detection import Change
 from ospc.methods.method import Progress, check_size
+from ospc.observations import ExposureLookup
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios, Verdict
 from ospc.photometry.geometry import normalised
 from ospc.photometry.response import Response
@@ -442,13 +445,18 @@ class PaperMethod:
         self._reach = 0.0
         self._progress = Progress()
 
-    def push(self, frame: Frame, exposures: ExposureLookup) -> None:
+    wants_every_frame = False
+    """Its sampler skips no frame anyway."""
+
+    def push(self, frame: Frame, prepared: PreprocessedFrame | None, exposures: ExposureLookup) -> Change | None:
         """Take the next frame: match it with earlier ones, and solve at the end of each window.
 
         Parameters
         ----------
         frame
             The frame; its ``index`` numbers it.
+        prepared
+            Not used: features are found in the image itself.
         exposures
             Knows the exposures of all frames up to this one.
 
@@ -460,7 +468,7 @@ class PaperMethod:
         features = self._matcher.features(frame)
         log_exposure = float(exposures.log_exposure_of(np.array([frame.index]))[0])
         low, high = self._log_exposure_range
-        self._log_exposure_range = (min(low, log_exposure), max(high, log_exposure))
+        self._log_exposure_range = (float(np.fmin(low, log_exposure)), float(np.fmax(high, log_exposure)))
         self._frames += 1
         for left in self._with_exposure_change(features, exposures):
             found = self._correspondences(left, features)
@@ -475,6 +483,15 @@ class PaperMethod:
             self._close_response_window(exposures)
         if self._frames % self._settings.vignette_window == 0:
             self._close_vignette_window(exposures)
+        return None
+
+    def compare(self, brightness: BrightnessChange, exposures: ExposureLookup) -> Change | None:
+        """Return None: the method notices no change of the camera."""
+        return None
+
+    def split(self, number: int) -> PaperMethod:
+        """Return itself: it notices no change of the camera, so nothing asks for it."""
+        return self
 
     @property
     def progress(self) -> Progress:
@@ -501,13 +518,16 @@ class PaperMethod:
     def state(self) -> None:
         """Return None: the features of hundreds of frames are too large for a state file."""
 
+    def restore(self, state: None) -> None:
+        """Do nothing: there is no state."""
+
     def inputs(self, exposures: ExposureLookup) -> None:
         """Return None: the method keeps no observations after a window is closed."""
 
     def preview(self, exposures: ExposureLookup) -> None:
         """Return None: there is no estimate between the ends of two windows."""
 
-    def recall(self, frame: Frame) -> None:
+    def recall(self, prepared: PreprocessedFrame) -> None:
         """Do nothing: no frame is :attr:`wanted`."""
 
     # The steps.

@@ -9,8 +9,8 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.fit import Fit
 from ospc.methods.coverage import coverage_of
-from ospc.methods.summary import response_of, vignette_of, vignette_sigma
-from ospc.observations import Observations
+from ospc.methods.summary import vignette_sigma
+from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
@@ -68,8 +68,8 @@ class Preview:
 
 
 def preview_of(
-    observations: Observations,
-    latest: Observations | None,
+    observations: ExposedObservations,
+    latest: ExposedObservations | None,
     fit: Fit | None,
     *,
     size: ImageSize,
@@ -96,11 +96,11 @@ def preview_of(
     coverage, matches = coverage_of(observations, None, size), matches_of(latest, fit, size)
     if fit is None:
         return Preview(pairs, coverage, matches=matches)
-    response, vignette = response_of(fit, max_grey, observations), vignette_of(fit, size)
+    response, vignette = fit.response(max_grey, observations), fit.vignette(size)
     return Preview(pairs, coverage, response, vignette, vignette_sigma(fit), matches)
 
 
-def matches_of(latest: Observations | None, fit: Fit | None, size: ImageSize) -> Matches | None:
+def matches_of(latest: ExposedObservations | None, fit: Fit | None, size: ImageSize) -> Matches | None:
     """Return the points of a pair of frames; None without any."""
     if latest is None or not len(latest):
         return None

@@ -2,120 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.methods.coverage import coverage_of
 from ospc.methods.identifiability import response_verdict, vignette_verdict
-from ospc.observations import Observations
+from ospc.methods.inputs import FitInputs
+from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
-from ospc.photometry.noise import NoiseModel
-from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette
 from ospc.settings import DefaultSettings
 
-_MAX_LEVELS = 4096
 _BLACK, _WHITE = 1.5 / 255, 253.5 / 255
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """All that a summary is drawn from.
-
-    Attributes
-    ----------
-    size, max_grey
-        Of the frames.
-    noise
-        Noise of single pixels.
-    observations
-        What was seen; None if nothing.
-    fit
-        Fit to the observations; None where they do not allow one.
-    exposure_range_ms
-        Shortest and longest exposure.
-    standing_still
-        Whether the camera did not move.
-    pairs
-        Pairs of frames compared.
-    usable_radius
-        Radius in half diagonals that the usable part of the image reaches: less than 1 in a fisheye's image.
-    """
-
-    size: ImageSize
-    max_grey: int
-    noise: NoiseModel
-    observations: Observations | None
-    fit: Fit | None
-    exposure_range_ms: tuple[float, float]
-    standing_still: bool
-    pairs: int
-    usable_radius: float = 1.0
-
-
-def summarise(evidence: Evidence, settings: DefaultSettings) -> Calibration:
-    """Return the calibration that the evidence amounts to; parts that it does not determine are None."""
-    fit, observations = evidence.fit, evidence.observations
+def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
+    """Return the calibration that the inputs amount to; parts that it does not determine are None."""
+    fit, observations = inputs.fit, inputs.observations
     ratios = ExposureRatios.none() if fit is None or observations is None else exposure_ratios(fit, observations)
-    reach = 0.0 if observations is None or evidence.standing_still else radial_reach(observations)
+    reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
     points = 0 if observations is None else len(observations.starts)
     verdicts = {
-        "response": response_verdict(settings, fit, evidence.exposure_range_ms, points, ratios),
-        "vignette": vignette_verdict(settings, fit, reach, evidence.standing_still, evidence.usable_radius),
+        "response": response_verdict(settings, fit, inputs.exposure_range_ms, points, ratios),
+        "vignette": vignette_verdict(settings, fit, reach, inputs.standing_still, inputs.usable_radius),
     }
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
     return Calibration(
-        size=evidence.size,
-        response=response_of(fit, evidence.max_grey, observations) if fit is not None and response_known else None,
-        vignette=vignette_of(fit, evidence.size, evidence.usable_radius)
-        if fit is not None and vignette_known
-        else None,
+        size=inputs.size,
+        response=fit.response(inputs.max_grey, observations) if fit is not None and response_known else None,
+        vignette=fit.vignette(inputs.size, inputs.usable_radius) if fit is not None and vignette_known else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if fit is not None and vignette_known else None,
-        noise=evidence.noise,
+        noise=inputs.noise,
         exposure_ratios=ratios,
         covariance={} if fit is None else covariance_of(fit, response_known, vignette_known),
-        max_grey=evidence.max_grey,
+        max_grey=inputs.max_grey,
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
-        counts={"pairs": evidence.pairs, "samples": points},
+        counts={"pairs": inputs.pairs, "samples": points},
         advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
-        coverage=None if observations is None else coverage_of(observations, fit, evidence.size),
+        coverage=None if observations is None else coverage_of(observations, fit, inputs.size),
     )
-
-
-def response_of(fit: Fit, max_grey: int, observations: Observations | None = None) -> Response:
-    """Return the response of a fit, one level for each grey value up to 12 bits, with ±1σ."""
-    levels = min(max_grey + 1, _MAX_LEVELS)
-    grey = np.linspace(0, 1, levels)
-    log_g = np.interp(grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters))
-    table = np.exp(log_g)
-    # g(0) = 0; a gamma as steep as 20 near black is zero in floating point for more than one level.
-    table = np.maximum(np.where(grey > 0, table, 0.0), np.arange(levels) * 1e-12)
-    log_sigma = fit.log_response_sigma(grey)
-    support = (0.0, 1.0)
-    if observations is not None:
-        support = tuple(np.quantile(observations.grey, [0.002, 0.998]).tolist())
-    return Response.from_values(
-        table,
-        inverse_sigma=table / table[-1] * log_sigma,
-        log_sigma=log_sigma,
-        support=support,
-        model={
-            "name": "local gamma",
-            "knots": fit.response_basis.knots.tolist(),
-            "coefficients": fit.response_parameters.tolist(),
-            "prior_walk": fit.hyperparameters.walk,
-            "prior_drift": fit.hyperparameters.drift,
-        },
-    )
-
-
-def vignette_of(fit: Fit, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
-    """Return the vignette of a fit, up to the radius that the usable part of the image reaches."""
-    return fit.vignette_basis.vignette(fit.vignette_parameters, size, usable_radius)
 
 
 def vignette_sigma(fit: Fit) -> FloatArray:
@@ -125,15 +51,7 @@ def vignette_sigma(fit: Fit) -> FloatArray:
     return np.asarray(value * fit.log_vignette_sigma(PROFILE_RADII))
 
 
-def radial_reach(observations: Observations) -> float:
-    """Return the radial displacement, in half diagonals, that a tenth of the scene points exceed."""
-    radius = np.linalg.norm(observations.position, axis=1)
-    starts = observations.starts
-    reach = np.maximum.reduceat(radius, starts) - np.minimum.reduceat(radius, starts)
-    return float(np.quantile(reach, 0.9))
-
-
-def exposure_ratios(fit: Fit, observations: Observations) -> ExposureRatios:
+def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:
     """Return the exposure ratio of every pair of frames: the median over its scene points."""
     log_g = np.interp(
         observations.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters)

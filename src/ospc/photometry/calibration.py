@@ -49,7 +49,8 @@ class Calibration:
     vignette
         The vignette; None if it is not identifiable.
     verdicts
-        For ``"response"`` and ``"vignette"``: whether it is identifiable, why, and what to record instead.
+        For ``"response"``, ``"vignette"`` and ``"exposures"``: identifiable, marginal or not, why, and what to
+        record instead.
     vignette_sigma
         Standard deviation of the radial profile at the 51 radii 0, 0.02, … 1, shape (51,).
     noise
@@ -74,6 +75,10 @@ class Calibration:
         Versions of the software used.
     advice
         What would reduce the uncertainty, most helpful first.
+    notes
+        What was found and done about the exposures.
+    warnings
+        Why the exposures cannot be relied on; empty where nothing speaks against them.
     coverage
         What the observations cover, and their residuals; None if the method keeps no tables.
     exponent_sigma
@@ -98,6 +103,8 @@ class Calibration:
     source: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     advice: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     coverage: Coverage | None = None
     exponent_sigma: float = 0.0
 
@@ -229,6 +236,13 @@ class Calibration:
             raise FormatError(f"{place}: damaged calibration ({error})") from None
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             raise FormatError(f"{place}: damaged calibration ({type(error).__name__}: {error})") from None
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Calibration:
+        """Return the calibration that :meth:`as_dict` made a content of."""
+        from ospc.photometry.calibration_content import from_dict
+
+        return from_dict(content, Path())
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as JSON-compatible values; the documented content of ``calibration.json``."""

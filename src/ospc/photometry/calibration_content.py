@@ -67,6 +67,8 @@ def to_dict(calibration: Calibration) -> dict[str, Any]:
         "coverage": None if calibration.coverage is None else calibration.coverage.as_dict(),
         "counts": calibration.counts,
         "advice": list(calibration.advice),
+        "notes": list(calibration.notes),
+        "warnings": list(calibration.warnings),
         "settings": calibration.settings,
         "source": calibration.source,
         "versions": calibration.versions,
@@ -136,7 +138,9 @@ def from_dict(content: dict[str, Any], place: Path) -> Calibration:
         settings=dict(content["settings"].items()),
         source=dict(content["source"].items()),
         versions={name: _text(version) for name, version in content["versions"].items()},
-        advice=tuple(_text(sentence) for sentence in content["advice"]),
+        advice=_sentences(content["advice"], "advice"),
+        notes=_sentences(content["notes"], "notes"),
+        warnings=_sentences(content["warnings"], "warnings"),
         coverage=None if coverage is None else Coverage.from_dict(coverage),
     )
 
@@ -243,6 +247,12 @@ def _integer(value: Any, name: str, low: int, high: int = 2**53) -> int:
     if not isinstance(value, int) or not low <= value <= high:
         raise FormatError(f"{name} is {str(value)[:30]}, not an integer between {low} and {high}")
     return int(value)
+
+
+def _sentences(values: Any, name: str) -> tuple[str, ...]:
+    if not isinstance(values, list):
+        raise FormatError(f"{name} is not a list of texts")
+    return tuple(_text(value) for value in values)
 
 
 def _text(value: Any) -> str:

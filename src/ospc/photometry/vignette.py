@@ -83,6 +83,14 @@ class PolynomialVignette:
         return {"name": "polynomial", "size": list(self.size), "coefficients": list(self.coefficients)}
 
 
+LARGEST_LOG = 50.0
+"""Largest |ln V| that is told from others: a fit to exposures that belong to no frame may reach any value."""
+
+
+def _exp(log_v: FloatArray) -> FloatArray:
+    return np.asarray(np.exp(np.clip(log_v, -LARGEST_LOG, LARGEST_LOG)))
+
+
 @dataclass(frozen=True)
 class LogVignette:
     """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre.
@@ -114,10 +122,14 @@ class LogVignette:
 
     def at_normalised(self, position: FloatArray) -> FloatArray:
         """Return the attenuation at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
-        return self._at_offsets(position[..., 0] - self.centre[0], position[..., 1] - self.centre[1])
+        return _exp(self.log_at_normalised(position))
 
-    def _at_offsets(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the attenuation at offsets from the vignette's centre, of shapes that broadcast."""
+    def log_at_normalised(self, position: FloatArray) -> FloatArray:
+        """Return ln V at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
+        return self._log_at_offsets(position[..., 0] - self.centre[0], position[..., 1] - self.centre[1])
+
+    def _log_at_offsets(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return ln V at places relative to the vignette's own centre, of any shapes that go together."""
         squared = x**2 + y**2
         if squared.size and squared.max() > self.limit**2:
             inwards = np.minimum(1.0, self.limit / np.sqrt(np.maximum(squared, 1e-300)))
@@ -126,7 +138,7 @@ class LogVignette:
         if self.non_radial:
             terms = (x * y, x**2 - y**2, x * squared, y * squared)
             log_v = log_v + sum(c * t for c, t in zip(self.non_radial, terms, strict=True))
-        return np.asarray(np.exp(log_v))
+        return np.asarray(log_v)
 
     def profile(self, radius: npt.ArrayLike) -> FloatArray:
         """Return the radial part of V at distances from its centre in half diagonals."""
@@ -139,7 +151,7 @@ class LogVignette:
         # x is the same in every column and y in every row: a row and a column broadcast to all pixels.
         diagonal = normalised(np.stack([np.arange(max(self.size))] * 2, axis=1).astype(np.float64), self.size)
         x, y = diagonal[:width, 0] - self.centre[0], diagonal[:height, 1, None] - self.centre[1]
-        return self._at_offsets(x, y).astype(np.float32)
+        return _exp(self._log_at_offsets(x, y)).astype(np.float32)
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""

@@ -12,14 +12,11 @@ from pathlib import Path
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
-from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
-from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
-from ospc.pooling.summary import Summary, summary_of
-from ospc.settings import DefaultSettings, preset, with_overrides
+from ospc.pooling.summary import Summary
 from ospc.state import container
 from ospc.state.container import Container
 from ospc.state.run import KIND as RUN_KIND
-from ospc.state.run import SavedRun, load_run
+from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
 
 KIND, VERSION = "pool", 1
@@ -106,7 +103,7 @@ class Pool:
         if place.is_dir():
             place = place / "state.ospc"
         if container.kind_of(place) == RUN_KIND:
-            return cls((_summary_of_run(load_run(place)),))
+            return cls((_summary_of(place),))
         found = container.load(place, KIND, VERSION)
         try:
             return cls.of(unpack(cls, found.content, found.arrays).summaries)
@@ -126,26 +123,11 @@ def _check_alike(one: Summary, other: Summary) -> None:
             )
 
 
-def _summary_of_run(saved: SavedRun) -> Summary:
-    found = saved.summary(Summary)
+def _summary_of(place: Path) -> Summary:
+    found = load_summary(place, Summary)
     if found is None:
-        found = _summary_of_checkpoint(saved)
-    if found is None:
-        raise FormatError(f"{saved.name}: nothing could be learned of this recording, so there is nothing to merge")
+        raise FormatError(
+            f"{place}: nothing could be learned of this recording, or its run did not come to an end: finish it with "
+            "ospc calibrate --resume"
+        )
     return found
-
-
-def _summary_of_checkpoint(saved: SavedRun) -> Summary | None:
-    """Return the summary of a run that was stopped before its end, which has none with it yet."""
-    run, state = saved.run, saved.method(MaximumLikelihoodState)
-    if state is None:
-        return None
-    try:
-        values = {name: str(value) for name, value in run.settings.items() if name != "preset"}
-        settings = with_overrides(preset(str(run.settings.get("preset"))), values)
-        if not isinstance(settings, DefaultSettings):
-            raise SettingError(f"preset {settings.name} has no state")
-        method = MaximumLikelihoodMethod.from_state(settings, run.size, run.max_grey, state)
-    except (SettingError, ValueError) as error:
-        raise FormatError(f"{saved.name}: was made by another version of this program ({error})") from None
-    return summary_of(method.evidence(), run.first_frames[0], run.source, run.frames)

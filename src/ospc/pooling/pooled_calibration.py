@@ -10,7 +10,7 @@ import numpy as np
 from ospc.errors import SettingError
 from ospc.estimation.fit import Fit
 from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
-from ospc.methods.summary import covariance_of, response_of, vignette_of, vignette_sigma
+from ospc.methods.summary import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.noise import NoiseModel
 from ospc.pooling.agreement import Agreement, Part, agreement
@@ -63,8 +63,8 @@ def merge(pool: Pool) -> Merged:
     support = (min(s.support[0] for s in used), max(s.support[1] for s in used)) if used else (0.0, 1.0)
     calibration = Calibration(
         size=pool.size,
-        response=replace(response_of(fit, pool.max_grey), support=support) if response else None,
-        vignette=vignette_of(fit, pool.size) if vignette else None,
+        response=replace(fit.response(pool.max_grey), support=support) if response else None,
+        vignette=fit.vignette(pool.size) if vignette else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if vignette else None,
         noise=_noise(used),

@@ -151,7 +151,8 @@ class PriorCalibration:
             response=together.response,
             vignette=together.vignette,
             vignette_sigma=together.vignette_sigma,
-            verdicts={
+            verdicts=own.verdicts
+            | {
                 part: replace(verdict, reason=f"{verdict.reason.partition(', from ')[0]}, starting from {self.name}")
                 for part, verdict in together.verdicts.items()
             },

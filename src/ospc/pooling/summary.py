@@ -19,8 +19,9 @@ from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.identifiability import unexplained_share
-from ospc.methods.summary import Evidence, exposure_ratios, radial_reach
-from ospc.observations import Observations
+from ospc.methods.inputs import FitInputs
+from ospc.methods.summary import exposure_ratios
+from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 
 RESPONSE = ResponseBasis(32)
@@ -111,13 +112,13 @@ class Summary:
         return self.frames, self.points, sha256(self.vector.tobytes() + self.triangle.tobytes()).hexdigest()
 
 
-def summary_of(evidence: Evidence, first_frames: str, source: dict[str, Any], frames: int) -> Summary | None:
+def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], frames: int) -> Summary | None:
     """Return the summary of a run; None where it allowed no fit.
 
     Parameters
     ----------
-    evidence
-        What was seen and the fit to it.
+    inputs
+        What was observed and the fit to it.
     first_frames
         Hash that tells its stream of frames from others, used where ``source`` does not.
     source
@@ -125,29 +126,29 @@ def summary_of(evidence: Evidence, first_frames: str, source: dict[str, Any], fr
     frames
         Frames pushed.
     """
-    fit, observations = evidence.fit, evidence.observations
+    fit, observations = inputs.fit, inputs.observations
     if fit is None or observations is None:
         return None
-    matrix, vector, estimate = _information(evidence, fit, observations)
+    matrix, vector, estimate = _information(inputs, fit, observations)
     support = np.quantile(observations.grey, _REACH_OF_SUPPORT)
     return Summary(
         key=_key(first_frames, source),
         name=str(source.get("name", "live")),
-        size=evidence.size,
-        max_grey=evidence.max_grey,
+        size=inputs.size,
+        max_grey=inputs.max_grey,
         frames=frames,
-        pairs=evidence.pairs,
+        pairs=inputs.pairs,
         points=fit.points,
         groups=fit.groups,
         estimate=estimate,
         triangle=triangle_of(matrix),
         vector=vector,
-        exposure_range_ms=evidence.exposure_range_ms,
-        reach=0.0 if evidence.standing_still else radial_reach(observations),
-        standing_still=evidence.standing_still,
+        exposure_range_ms=inputs.exposure_range_ms,
+        reach=0.0 if inputs.standing_still else observations.radial_reach,
+        standing_still=inputs.standing_still,
         support=(float(support[0]), float(support[1])),
         unexplained=unexplained_share(exposure_ratios(fit, observations)),
-        noise=evidence.noise,
+        noise=inputs.noise,
     )
 
 
@@ -162,10 +163,10 @@ def _key(first_frames: str, source: dict[str, Any]) -> str:
 
 
 def _information(
-    evidence: Evidence, fit: Fit, observations: Observations
+    inputs: FitInputs, fit: Fit, observations: ExposedObservations
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return A, b and the estimate in the common parameters."""
-    noise = None if observations.pixels_averaged.max() <= 1 else evidence.noise
+    noise = None if observations.pixels_averaged.max() <= 1 else inputs.noise
     estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise)
     estimate = np.concatenate([_response_in_common(fit), _vignette_in_common(fit)])
     equations = estimator.information(observations, fit, estimate)
@@ -173,7 +174,7 @@ def _information(
 
 
 def _response_in_common(fit: Fit) -> FloatArray:
-    return np.interp(RESPONSE.knots, fit.response_basis.knots, fit.response_parameters)
+    return np.interp(RESPONSE.knots, fit.response_basis.grid, fit.response_basis.gamma_of(fit.response_parameters))
 
 
 def _vignette_in_common(fit: Fit) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.diagnosis.pixel_statistics import GREY_CELLS, RADIUS_CELLS
+from ospc.correspondence.pixel_statistics import GREY_CELLS, RADIUS_CELLS
 from ospc.diagnosis.report import RecordingReport
 from ospc.report.curves import RADIUS_LABEL, logarithmic
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, printable, rules, save
@@ -39,7 +39,7 @@ def plot_report(report: RecordingReport, path: str | Path) -> Path:
     """
     lag = report.exposure_lag_frames
     title = (
-        f"{report.name}: {len(report.looked_at)} of {report.frames} frames, exposure lag "
+        f"{report.name}: {report.processed} of {report.frames} frames, exposure lag "
         f"{'not determined' if lag is None else f'{lag} frames'}"
     )
     with rules():
@@ -60,7 +60,7 @@ def _draw_brightness(report: RecordingReport, axes: Any) -> None:
         xlabel="frame (runs side by side, each with the number of its first frame)",
         ylabel="ln grey level, relative to the start of the run",
     )
-    fit, frame = report.lag.fit, report.lag.frame
+    fit, frame = report.exposures.lag.fit, report.exposures.lag.frame
     if fit is None or not len(frame):
         axes.text(0.5, 0.5, "too few frames could be compared", ha="center", transform=axes.transAxes)
         return
@@ -83,7 +83,7 @@ def _draw_brightness(report: RecordingReport, axes: Any) -> None:
 def _draw_score(report: RecordingReport, axes: Any) -> None:
     from matplotlib.ticker import FuncFormatter
 
-    lag = report.lag
+    lag = report.exposures.lag
     axes.set(
         title=f"Lag of the exposures: {lag.state}", xlabel="lag in frames", ylabel="log likelihood below the best"
     )

@@ -11,8 +11,9 @@ from ospc.correspondence.features import EXTRACTORS
 from ospc.errors import SettingError
 
 if TYPE_CHECKING:
+    from ospc.correspondence.frame_sampling import FrameSampler
+    from ospc.correspondence.preprocessing import Preprocessor
     from ospc.methods.method import Method
-    from ospc.methods.paper import PaperMethod
 
 
 def _check_numbers(settings: Settings) -> None:
@@ -91,6 +92,7 @@ class PaperSettings:
     min_samples: int = 100
 
     name = "paper"
+    keeps_state = False
 
     def __post_init__(self) -> None:
         """Check every setting."""
@@ -101,7 +103,19 @@ class PaperSettings:
         if not self.exposure_ratio_low < 1 < self.exposure_ratio_high:
             raise SettingError("exposure_ratio_low must be below 1 and exposure_ratio_high above")
 
-    def build(self, size: ImageSize, max_grey: int) -> PaperMethod:
+    def sampler(self) -> FrameSampler:
+        """Return what chooses the frames that are processed: all."""
+        from ospc.correspondence.frame_sampling import FrameSampler
+
+        return FrameSampler.every_frame()
+
+    def preprocessor(self) -> Preprocessor:
+        """Return what reduces frames for the check of exposures."""
+        from ospc.correspondence.preprocessing import Preprocessor
+
+        return Preprocessor()
+
+    def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for images of a size and bit depth."""
         from ospc.methods.paper import PaperMethod
 
@@ -115,12 +129,18 @@ class DefaultSettings:
     Attributes
     ----------
     frames_per_slowdown
-        Number of compared pairs after which one more frame is skipped between processed frames: the work then grows
-        with the square root of a recording's length.
+        After so many processed frames, one more is skipped between two of them: the work grows with the square root
+        of a recording's length.
     dense_frames
-        Number of processed frames beyond which the pauses grow with the fourth power of that number: errors that all
-        comparisons share, which further ones do not reduce, then dominate.
-    views
+        Beyond so many processed frames, pauses grow with the fourth power of their number: the errors that all pairs
+        have in common, and no further one reduces, are then the larger ones.
+    longest_pause_frames
+        Most frames skipped between two processed ones: ten seconds of film at 20 frames/s then hold twelve of them,
+        enough to notice a change of the camera.
+    comparison_period_frames, comparison_run_frames
+        Of each period, the first so many consecutive frames are compared in brightness with their neighbours: four
+        runs in ten seconds at 20 frames/s show whether exposures still belong to their frames.
+    keyframes
         Most keyframes kept to compare with.
     max_log_ratio
         Change of exposure, in ln, beyond which a pair has no more information on the response.
@@ -138,6 +158,10 @@ class DefaultSettings:
         Most scene points taken from a pair of frames.
     max_points
         Most scene points kept in all.
+    registration
+        How frames are registered: a name in :data:`ospc.correspondence.registration.REGISTRARS`.
+    response_functions
+        Functions that the response is composed of: a name in :data:`ospc.estimation.response_basis.FUNCTIONS`.
     response_intervals, series_intervals
         Intervals between the knots of the response, for a moving camera and for one that stands still, whose many
         observations of each point resolve more.
@@ -147,7 +171,7 @@ class DefaultSettings:
         Most rounds of the final fit after the first, convex one.
     still_px
         Median displacement in pixels up to which a camera counts as standing still.
-    series_pixels
+    series_points
         Most scene points, each a pixel, taken from a camera that stands still.
     min_points
         Fewest scene points from which an estimate is made.
@@ -159,7 +183,10 @@ class DefaultSettings:
 
     frames_per_slowdown: int = 60
     dense_frames: int = 150
-    views: int = 20
+    longest_pause_frames: int = 16
+    comparison_period_frames: int = 48
+    comparison_run_frames: int = 8
+    keyframes: int = 20
     max_log_ratio: float = 1.2
     longest_side_px: int = 800
     smoothing_px: float = 1.5
@@ -168,21 +195,42 @@ class DefaultSettings:
     max_forward_backward_error_px: float = 2.0
     points_per_pair: int = 400
     max_points: int = 60_000
+    registration: str = "dense"
+    response_functions: str = "hats"
     response_intervals: int = 32
     series_intervals: int = 64
     radial_terms: int = 5
     rounds: int = 8
     still_px: float = 0.7
-    series_pixels: int = 1_500
+    series_points: int = 1_500
     min_points: int = 200
     min_log_exposure_change: float = 0.05
     min_radial_reach: float = 0.06
 
     name = "default"
+    keeps_state = True
 
     def __post_init__(self) -> None:
         """Check every setting."""
         _check_numbers(self)
+
+    def sampler(self) -> FrameSampler:
+        """Return what chooses the frames that are processed."""
+        from ospc.correspondence.frame_sampling import FrameSampler
+
+        return FrameSampler(
+            self.frames_per_slowdown,
+            self.dense_frames,
+            self.longest_pause_frames,
+            self.comparison_period_frames,
+            self.comparison_run_frames,
+        )
+
+    def preprocessor(self) -> Preprocessor:
+        """Return what reduces frames to the size at which they are compared."""
+        from ospc.correspondence.preprocessing import Preprocessor
+
+        return Preprocessor(self.longest_side_px, self.smoothing_px)
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for images of a size and bit depth."""

@@ -1,13 +1,12 @@
-"""The state of a run over a recording: one file to resume from, and to merge with others."""
+"""The state of a run over a recording: one file from which it goes on, and from which it can be merged."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
-from ospc.arrays import ImageSize
 from ospc.errors import FormatError
 from ospc.state import container
 from ospc.state.container import Array, Container
@@ -17,91 +16,49 @@ KIND, VERSION = "calibrator", 3
 """What the files claim to hold."""
 
 T = TypeVar("T")
+Run = TypeVar("Run")
 
 
 @dataclass(frozen=True)
-class RunState:
-    """What a run knows besides the state of its method.
-
-    Attributes
-    ----------
-    settings
-        Name of the preset and all settings.
-    size, max_grey
-        Size of the frames in pixels, and their largest grey value; (0, 0) and 0 before the first.
-    frames
-        Frames pushed.
-    skipped, reasons
-        Number of frames that could not be used, and why the last of them could not.
-    first_reasons
-        Why the first of them could not.
-    first_frames
-        Hash over the first usable frames, and how many it covers; it tells live streams apart.
-    source
-        Identification of the recording, empty for a live stream.
-    versions
-        Versions of the software that wrote the state.
-    """
-
-    settings: dict[str, Any]
-    size: ImageSize
-    max_grey: int
-    frames: int
-    skipped: int
-    reasons: list[str]
-    first_reasons: list[str]
-    first_frames: tuple[str, int]
-    source: dict[str, Any]
-    versions: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class SavedRun:
-    """The content of a file; its larger parts are unpacked on demand.
+class SavedRun(Generic[Run]):
+    """A file's content, of which the larger parts are unpacked when asked for.
 
     Attributes
     ----------
     name
-        Name of the file for messages.
+        What to call the file in messages.
     run
-        All but the method's state.
+        What the run knows beside its method.
+    version
+        Version of ospc that wrote it.
     """
 
     name: str
-    run: RunState
+    run: Run
+    version: str
     _content: dict[str, Any] = field(repr=False)
     _arrays: Mapping[str, Array] = field(repr=False)
 
     def method(self, kind: type[T]) -> T | None:
-        """Return the state of the method; None where there was no usable frame.
+        """Return the state of the method, None where no frame had been usable.
 
         Raises
         ------
         FormatError
-            If another version of the method wrote it.
+            If another version of the method made it.
         """
         if self._content.get("method") is None:
             return None
         if self._content.get("layout") != layout(kind):
-            made = self.run.versions.get("ospc")
             raise FormatError(
-                f"{self.name}: was made by another version of the method (ospc {made}) and cannot be continued; "
-                "start anew from the recording"
+                f"{self.name}: was made by another version of the method (ospc {self.version}) and cannot be "
+                "continued; start anew from the recording"
             )
-        return self._part("method", kind)
 
-    def summary(self, kind: type[T]) -> T | None:
-        """Return what the run can be merged by; None in a checkpoint of a run that had not ended."""
-        return None if self._content.get("summary") is None else self._part("summary", kind)
-
-    def _part(self, part: str, kind: type[T]) -> T:
-        try:
-            return unpack(kind, self._content[part], self._arrays)
-        except FormatError as error:
-            raise FormatError(f"{self.name}: not readable as a state, {error}") from None
+        return _part(self.name, self._content["method"], kind, self._arrays)
 
 
-def save_run(path: str | Path, run: RunState, method: object | None, summary: object | None = None) -> Path:
+def save_run(path: str | Path, run: object, method: object | None, summary: object | None = None) -> Path:
     """Write a state, whole or not at all, and return its path.
 
     Raises
@@ -109,9 +66,9 @@ def save_run(path: str | Path, run: RunState, method: object | None, summary: ob
     FormatError
         If it cannot be written; an earlier file is unchanged then.
     """
-    content: dict[str, Any] = {"run": pack(run)[0], "method": None, "layout": "", "summary": None}
+    content: dict[str, Any] = {"method": None, "layout": "", "summary": None}
     arrays: dict[str, Array] = {}
-    for part, value in (("method", method), ("summary", summary)):
+    for part, value in (("run", run), ("method", method), ("summary", summary)):
         if value is not None:
             content[part], found = pack(value, part)
             arrays |= found
@@ -120,7 +77,7 @@ def save_run(path: str | Path, run: RunState, method: object | None, summary: ob
     return container.save(Container(KIND, VERSION, content, arrays), path)
 
 
-def load_run(path: str | Path) -> SavedRun:
+def load_run(path: str | Path, kind: type[Run]) -> SavedRun[Run]:
     """Read what :func:`save_run` wrote.
 
     Raises
@@ -129,8 +86,26 @@ def load_run(path: str | Path) -> SavedRun:
         If there is no such file, or it is torn, damaged, none of this kind, or of another version.
     """
     found = container.load(path, KIND, VERSION)
+    run = _part(str(path), found.content.get("run"), kind, found.arrays)
+    version = str(getattr(run, "versions", {}).get("ospc", "unknown"))
+    return SavedRun(str(path), run, version, found.content, found.arrays)
+
+
+def load_summary(path: str | Path, kind: type[T]) -> T | None:
+    """Read what a run can be merged by; None where there is none, as in a checkpoint of a run that did not end.
+
+    Raises
+    ------
+    FormatError
+        If there is no such file, or it is torn, damaged, none of this kind, or of another version.
+    """
+    found = container.load(path, KIND, VERSION)
+    content = found.content.get("summary")
+    return None if content is None else _part(str(path), content, kind, found.arrays)
+
+
+def _part(name: str, content: Any, kind: type[T], arrays: Mapping[str, Array]) -> T:
     try:
-        run = unpack(RunState, found.content.get("run"), found.arrays)
+        return unpack(kind, content, arrays)
     except FormatError as error:
-        raise FormatError(f"{path}: not readable as a state, {error}") from None
-    return SavedRun(str(path), run, found.content, found.arrays)
+        raise FormatError(f"{name}: not readable as a state, {error}") from None

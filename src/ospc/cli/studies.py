@@ -1,0 +1,205 @@
+"""What the commands of studies share: their options, their progress, and how they print tables and files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from ospc.errors import SettingError
+
+if TYPE_CHECKING:
+    from ospc.formats.opening import Photometry
+    from ospc.research.runner import Finished, Task
+    from ospc.research.tables import Table, Written
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_Item = TypeVar("_Item")
+OnStep = Callable[[str, float], None]
+"""Called with what is under way and the share of it that is done."""
+
+INTERRUPTED = 130
+_WIDTH = 400
+"""Columns of tables: the terminal wraps lines that are longer; cells that were cut would be lost."""
+
+_LEAST_SIDE, _LARGEST_SIDE = 16, 8192
+
+
+def out_option(folder: str) -> Callable[[_Command], _Command]:
+    """Give a command the option for the folder of its results."""
+    return click.option(
+        "-o",
+        "--out",
+        type=click.Path(path_type=Path),
+        default=Path(folder),
+        show_default=True,
+        help="Folder of the results.",
+    )
+
+
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Number of processes."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print results as JSON.")
+calibration_option = click.option(
+    "--calibration",
+    "given",
+    multiple=True,
+    metavar="NAME=FILES",
+    help="Calibration of another program to be compared, such as theirs=pcalib.txt,vignette.png; repeatable.",
+)
+
+
+def presets_option(default: str) -> Callable[[_Command], _Command]:
+    """Give a command the option for presets."""
+    return click.option(
+        "--presets", default=default, show_default=True, help="Presets, separated by commas.", callback=_presets
+    )
+
+
+def _folder(_ctx: click.Context, _param: click.Parameter, value: Path | None) -> Path | None:
+    if value is not None and not value.is_dir():
+        raise SettingError(f"{value}: is not a folder; give the folder of real data, or leave --data out")
+    return value
+
+
+data_option = click.option(
+    "--data", type=click.Path(path_type=Path), envvar="OSPC_DATA", callback=_folder, help="Folder of real data."
+)
+
+
+def _presets(_ctx: click.Context, _param: click.Parameter, value: str) -> tuple[str, ...]:
+    from ospc.settings import preset
+
+    names = words(value)
+    if not names:
+        raise SettingError("--presets names no preset; give default, paper, or both")
+    for name in names:
+        preset(name)
+    return names
+
+
+def words(text: str) -> tuple[str, ...]:
+    """Return the words of a list that is separated by commas."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """Return width and height.
+
+    Raises
+    ------
+    SettingError
+        If the text is no size of images.
+    """
+    width, _, height = text.lower().replace("×", "x").partition("x")
+    if width.isdecimal() and height.isdecimal():
+        size = int(width), int(height)
+        if all(_LEAST_SIDE <= side <= _LARGEST_SIDE for side in size):
+            return size
+    raise SettingError(f"'{text}' is no size such as 640x480, of {_LEAST_SIDE} to {_LARGEST_SIDE} pixels a side")
+
+
+def named(entries: Iterable[str]) -> dict[str, str]:
+    """Return entries NAME=FILES as a dictionary.
+
+    Raises
+    ------
+    SettingError
+        If an entry has another form.
+    """
+    found: dict[str, str] = {}
+    for entry in entries:
+        name, equals, files = entry.partition("=")
+        if not (name and equals and files):
+            raise SettingError(f"'{entry}' is not NAME=FILES, such as theirs=pcalib.txt,vignette.png")
+        found[name] = files
+    return found
+
+
+def given_calibrations(entries: Iterable[str]) -> dict[str, Photometry]:
+    """Open the calibrations of other programs."""
+    from ospc.formats.opening import open_photometry
+
+    return {name: open_photometry(files) for name, files in named(entries).items()}
+
+
+@contextmanager
+def progress_of(total: int) -> Iterator[tuple[OnStep, Callable[[], None]]]:
+    """Show a progress bar on standard error; give a function for steps, and one for finished tasks."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    done = 0
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        line = bar.add_task("starting", total=total)
+
+        def on_step(what: str, share: float) -> None:
+            bar.update(line, completed=done + share, description=what)
+
+        def finish() -> None:
+            nonlocal done
+            done += 1
+            bar.update(line, completed=done)
+
+        yield on_step, finish
+
+
+def run_tasks(tasks: Sequence[Task], cache: Path, jobs: int, take: Callable[[Finished], None]) -> bool:
+    """Run tasks with a progress bar and take their results; return whether that was not interrupted."""
+    from ospc.research.runner import run
+    from ospc.research.store import ResultStore
+
+    with progress_of(len(tasks)) as (on_step, finish):
+        results = run(tasks, ResultStore(cache), jobs, lambda task, share: on_step(task.name, share))
+        return until_interrupted(results, finish, take)
+
+
+def until_interrupted(items: Iterable[_Item], finish: Callable[[], None], take: Callable[[_Item], None]) -> bool:
+    """Take all items; return whether that was not interrupted from the keyboard."""
+    try:
+        for item in items:
+            take(item)
+            finish()
+    except KeyboardInterrupt:
+        return False
+    return True
+
+
+def print_tables(tables: Iterable[Table]) -> None:
+    """Print tables, with marked cells in bold."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table as RichTable
+
+    console = Console(highlight=False, width=_WIDTH)
+    for table in tables:
+        shown = RichTable(title=escape(table.title), title_justify="left")
+        for number, head in enumerate(table.header):
+            shown.add_column(escape(head), justify="left" if number < table.names else "right", no_wrap=True)
+        for i, row in enumerate(table.rows):
+            cells = enumerate(map(escape, row))
+            shown.add_row(*(f"[bold]{cell}[/bold]" if (i, j) in table.best else cell for j, cell in cells))
+        console.print(shown, soft_wrap=True)
+        console.print()
+
+
+def finish_study(written: Written, notes: Iterable[str] = (), *, as_json: Any = None, complete: bool = True) -> None:
+    """Print results as JSON if given, then notes, problems and files; exit if the study was interrupted."""
+    if as_json is not None:
+        click.echo(json.dumps(as_json, indent=1, allow_nan=False))
+    for line in notes:
+        click.echo(line, err=as_json is not None)
+    for line in written.problems:
+        click.echo(line, err=True)
+    if written.files:
+        names = ", ".join(path.name for path in written.files)
+        click.echo(f"written to {written.files[0].parent}: {names}", err=as_json is not None)
+    if not complete:
+        click.echo("interrupted: the same command continues where it stopped", err=True)
+        sys.exit(INTERRUPTED)

@@ -1,0 +1,84 @@
+"""Which frames are processed: all at first, then ever fewer; and which are compared with their neighbours."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+
+
+@dataclass
+class FrameSampler:
+    """Decides what is done with a frame: nothing, comparing its brightness with its neighbours', or processing it.
+
+    Pauses between processed frames grow with their number. In between, short runs of consecutive frames are compared:
+    they tell whether exposures still belong to their frames, and cost little.
+
+    Attributes
+    ----------
+    frames_per_slowdown
+        After so many processed frames, one more frame is skipped between two of them.
+    dense_frames
+        Beyond so many processed frames, pauses grow faster: with the fourth power of their number.
+    longest_pause_frames
+        Most frames skipped between two processed ones.
+    comparison_period_frames, comparison_run_frames
+        Of each period, the first so many frames are compared.
+    processed
+        Frames processed so far.
+    number
+        Number of the next frame.
+    """
+
+    frames_per_slowdown: int
+    dense_frames: int
+    longest_pause_frames: int
+    comparison_period_frames: int
+    comparison_run_frames: int
+    processed: int = 0
+    number: int = 0
+    _pause: int = 0
+
+    @classmethod
+    def every_frame(cls) -> FrameSampler:
+        """Return a sampler that processes every frame."""
+        return cls(sys.maxsize, sys.maxsize, 0, 1, 1)
+
+    @property
+    def processes_next(self) -> bool:
+        """Whether the next frame is to be processed."""
+        return self._pause == 0
+
+    @property
+    def compares_next(self) -> bool:
+        """Whether the brightness of the next frame is to be compared with that of the one before."""
+        return self.processes_next or self.number % self.comparison_period_frames < self.comparison_run_frames
+
+    def wants(self, number: int) -> bool:
+        """Whether the image of the frame with this number, a later one, will be needed."""
+        ahead = replace(self)
+        while ahead.number < number:
+            ahead.advance()
+        return ahead.compares_next
+
+    def skip(self) -> None:
+        """Go on by one frame that could not be processed: where it was to be, the next one is."""
+        self.number += 1
+        self._pause = max(self._pause - 1, 0)
+
+    def advance(self, *, pauses: bool = True) -> None:
+        """Go on by one frame, which was processed if it was to be.
+
+        Parameters
+        ----------
+        pauses
+            Whether frames may be skipped now.
+        """
+        self.number += 1
+        if self._pause > 0:
+            self._pause -= 1
+            return
+        pause = self.processed // self.frames_per_slowdown if pauses else 0
+        if self.processed > self.dense_frames:
+            pause = pause * self.processed**3 // self.dense_frames**3
+        self._pause = min(pause, self.longest_pause_frames)
+        self.processed += 1

@@ -1,0 +1,186 @@
+"""What the grey values of a recording cover: levels, clipping, unused bits, places that never see anything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
+from ospc.correspondence.thumbnail import Thumbnail
+from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.recording.frame import Frame
+
+MOST_FRAMES = 1024
+"""Frames whose own shares are kept; beyond, every second is dropped."""
+
+GREY_CELLS = 32
+RADIUS_CELLS = 10
+_EVERY = 2
+_COVERED_SHARE = 0.001
+_BLACK_PLACE = 0.045
+_LIT_PLACE = 0.15
+_MIN_BORDER_SHARE = 0.002
+_CORNERS = 4
+_RECTANGLE = 0.95
+_PILE_SHARE = 0.005
+_COMB_GAPS = 0.05
+
+
+@dataclass(frozen=True)
+class PixelReport:
+    """Grey values of the frames looked at.
+
+    Attributes
+    ----------
+    grey_share
+        Share of the pixels of each frame in 32 equal ranges of grey, shape (frames, 32).
+    log_exposure
+        ln of the exposure in milliseconds of these frames, shape (frames,).
+    radius_share
+        Share of the places of each frame that are well exposed, in 10 equal ranges of R from 0 to 1 (the corner),
+        shape (frames, 10); NaN where there are no places.
+    saturated_share, black_share
+        Share of all pixels at the upper and the lower end.
+    lowest_grey, highest_grey
+        Extreme grey values, of a full scale of ``max_grey``.
+    max_grey
+        Largest grey value the sensor delivers.
+    empty_low_bits
+        Lowest bits that are zero in every grey value.
+    missing_levels_share
+        Share of the grey values between the extremes that never occur; of 8-bit images only, else 0.
+    piled_low, piled_high
+        Whether many pixels share the lowest or highest value though it is not the end of the scale.
+    lit
+        Small image of the places that show the scene, shape (h, w).
+    surround
+        Kind of the black surround: ``"none"``, ``"disc"`` (fisheye, all corners black) or ``"border"``.
+    """
+
+    grey_share: FloatArray
+    log_exposure: FloatArray
+    radius_share: FloatArray
+    saturated_share: float
+    black_share: float
+    lowest_grey: int
+    highest_grey: int
+    max_grey: int
+    empty_low_bits: int
+    missing_levels_share: float
+    piled_low: bool
+    piled_high: bool
+    lit: BoolArray
+    surround: str
+
+    @property
+    def covered_grey(self) -> BoolArray:
+        """Which of the 32 ranges of grey hold at least a thousandth of all pixels, shape (32,)."""
+        return np.asarray(self.grey_share.mean(axis=0) >= _COVERED_SHARE)
+
+    @property
+    def mean_radius_share(self) -> FloatArray:
+        """Mean share of well exposed places in the 10 ranges of R, shape (10,); NaN where there are no places."""
+        return np.asarray(self.radius_share.mean(axis=0))
+
+    @property
+    def surround_share(self) -> float:
+        """Share of the image that is black surround."""
+        return float(1 - self.lit.mean())
+
+
+@dataclass
+class PixelStatistics:
+    """Gathers the grey values of frames one by one."""
+
+    _histogram: IntArray | None = None
+    _grey_share: list[FloatArray] = field(default_factory=list)
+    _radius_share: list[FloatArray] = field(default_factory=list)
+    _log_exposure: list[float] = field(default_factory=list)
+    _brightest: Float32Array | None = None
+    _bits: int = 0
+    _max_grey: int = 255
+
+    def observe(self, frame: Frame, small: Thumbnail) -> None:
+        """Take a frame, its image decoded already, with its thumbnail."""
+        image = frame.image[::_EVERY, ::_EVERY]
+        if frame.mask is not None:
+            image = frame.image[frame.mask][:: _EVERY**2]
+        self._max_grey = frame.max_grey
+        counts = _counts(image, frame.max_grey)
+        self._histogram = counts if self._histogram is None else self._histogram + counts
+        self._bits |= int(np.bitwise_or.reduce(image, axis=None))
+        level = np.arange(len(counts)) * GREY_CELLS // len(counts)
+        self._grey_share.append(np.bincount(level, weights=counts, minlength=GREY_CELLS) / counts.sum())
+        height, width = small.grey.shape
+        radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)
+        cell = np.minimum((radius * RADIUS_CELLS).astype(int), RADIUS_CELLS - 1).ravel()
+        places = np.bincount(cell, minlength=RADIUS_CELLS)
+        exposed = np.bincount(cell, weights=small.exposed.ravel(), minlength=RADIUS_CELLS)
+        with np.errstate(invalid="ignore"):
+            self._radius_share.append(exposed / places)
+        self._log_exposure.append(float(np.log(frame.exposure_ms)))
+        self._brightest = small.grey if self._brightest is None else np.maximum(self._brightest, small.grey)
+        if len(self._grey_share) > MOST_FRAMES:
+            self._grey_share, self._radius_share = self._grey_share[::2], self._radius_share[::2]
+            self._log_exposure = self._log_exposure[::2]
+
+    def report(self) -> PixelReport | None:
+        """Return what was gathered; None if no frame was."""
+        if self._histogram is None or self._brightest is None:
+            return None
+        counts, white = self._histogram, self._max_grey
+        share = counts / counts.sum()
+        level = np.arange(len(counts)) * (white + 1) // len(counts)
+        margin = white // 255
+        found = np.flatnonzero(counts)
+        low, high = int(found[0]), int(found[-1])
+        gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > 32 else 0.0
+        lit, surround = _lit_places(self._brightest)
+        return PixelReport(
+            np.array(self._grey_share),
+            np.array(self._log_exposure),
+            np.array(self._radius_share),
+            float(share[level >= white - margin].sum()),
+            float(share[level <= margin].sum()),
+            int(level[low]),
+            int(level[high]),
+            white,
+            (self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
+            gaps if gaps >= _COMB_GAPS else 0.0,
+            bool(level[low] > 0.02 * white and share[low] > _PILE_SHARE),
+            bool(level[high] < 0.98 * white and share[high] > _PILE_SHARE),
+            lit,
+            surround,
+        )
+
+
+_MAX_COUNTED_BITS = 12
+
+
+def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
+    """Return how often each grey value occurs; of more than 12 bits, each value of the upper 12."""
+    shift = max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)
+    levels = (max_grey >> shift) + 1
+    values = np.minimum(image >> shift, levels - 1) if image.dtype != np.uint8 or shift else image
+    return np.bincount(values.ravel(), minlength=levels).astype(np.int64)[:levels]
+
+
+def _lit_places(brightest: Float32Array) -> tuple[BoolArray, str]:
+    """Return the places that are bright at least once, and what the dark ones along the border look like."""
+    everything = np.ones(brightest.shape, bool)
+    dark = (brightest < _BLACK_PLACE).astype(np.uint8)
+    if np.median(brightest) < _LIT_PLACE or not dark.any():
+        return everything, "none"
+    _, label = cv2.connectedComponents(dark, connectivity=4)
+    edge = np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])
+    surround = np.isin(label, np.setdiff1d(edge, [0]))
+    if surround.mean() < _MIN_BORDER_SHARE:
+        return everything, "none"
+    lit = ~surround
+    corners = sum(bool(surround[y, x]) for y in (0, -1) for x in (0, -1))
+    rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
+    filled = lit[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].mean()
+    return lit, "disc" if corners == _CORNERS and filled < _RECTANGLE else "border"

@@ -1,0 +1,74 @@
+"""Where every place of one thumbnail is in another, whatever the exposures and the response are."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ospc.arrays import BoolArray, Float32Array, ImageSize
+from ospc.correspondence.thumbnail import Thumbnail
+from ospc.photometry.geometry import pixel_grid
+
+_MARGIN_PX = 2
+"""Places nearer to the border of the second thumbnail are not used, in its pixels."""
+
+_MAX_FORWARD_BACKWARD_ERROR_PX = 1.0
+"""Largest distance between a place and where registration there and back ends, in thumbnail pixels."""
+
+_SMALLEST_SIDE_PX = 32
+"""Dense inverse search needs a few patches along each side; smaller images are taken to stand still."""
+
+_OUTSIDE_PX = 1e3
+"""Displacement on the way back from outside the image: so far that no place comes back from there."""
+
+
+class ThumbnailRegistration:
+    """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on images with equalized histograms."""
+
+    def __init__(self) -> None:
+        self._there, self._back = _flow(finest_scale=0), _flow(finest_scale=1)
+        # The way back only tells whether the way there was right.
+        self._there.setVariationalRefinementIterations(0)
+
+    def __call__(self, first: Thumbnail, second: Thumbnail) -> tuple[Float32Array, BoolArray]:
+        """Return where every place of the first is in the second, (h, w, 2), and whether it was found, (h, w)."""
+        height, width = first.grey.shape
+        places = thumbnail_places((width, height))
+        if min(width, height) < _SMALLEST_SIDE_PX:
+            return places, np.ones((height, width), bool)
+        forward = self._there.calc(first.equalized, second.equalized, None)
+        backward = self._back.calc(second.equalized, first.equalized, None)
+        there = places + forward
+        away = (_OUTSIDE_PX, _OUTSIDE_PX, 0.0, 0.0)
+        back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
+        far = np.array([width, height]) - 1 - _MARGIN_PX
+        inside = np.all((there >= _MARGIN_PX) & (there <= far), axis=-1)
+        error = np.hypot(*np.moveaxis(forward + back, -1, 0))
+        return there, np.asarray(inside & (error < _MAX_FORWARD_BACKWARD_ERROR_PX))
+
+
+def values_at(image: Float32Array, places: Float32Array) -> Float32Array:
+    """Return the values of an image, (h, w), at places (x, y), (..., 2), interpolated."""
+    values = cv2.remap(image, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(values, dtype=np.float32)
+
+
+@cache
+def thumbnail_places(size: ImageSize) -> Float32Array:
+    """Return the coordinates (x, y) of every place of a thumbnail of a size, shape (h, w, 2)."""
+    places = pixel_grid(size).astype(np.float32)
+    places.setflags(write=False)
+    return places
+
+
+def _flow(finest_scale: int) -> Any:
+    flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    flow.setFinestScale(finest_scale)
+    # Constancy of brightness would pull flat places to where the brightness agrees, which is the very thing that is
+    # to be measured.
+    flow.setVariationalRefinementDelta(0.0)
+    flow.setVariationalRefinementGamma(20.0)
+    return flow

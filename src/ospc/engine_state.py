@@ -1,0 +1,109 @@
+"""What an engine knows, as values: the epochs of the camera, and all that a run goes on from."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.correspondence.frame_sampling import FrameSampler
+from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.exposures.evidence import EvidenceState
+from ospc.methods.change_detection import Change
+from ospc.photometry.calibration import Calibration
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """A time in which the camera stayed the same.
+
+    Attributes
+    ----------
+    first_frame, last_frame
+        Numbers of its frames.
+    calibration
+        What was known at its end; None for the present epoch, whose calibration is the engine's.
+    change
+        What changed at its end; None for the present epoch.
+    """
+
+    first_frame: int
+    last_frame: int
+    calibration: Calibration | None
+    change: Change | None
+
+
+@dataclass(frozen=True)
+class EngineState:
+    """All that an engine knows beside its method.
+
+    Attributes
+    ----------
+    settings
+        Name of the preset and all settings.
+    correct_lag
+        What is done about a lag of the exposures, as text.
+    size, max_grey
+        Of the frames; (0, 0) and 0 before there was one.
+    log_exposure
+        ln of the exposures as written, shape (frames,).
+    lag_frames
+        The lag they are corrected by during the run.
+    exposures_are_trusted
+        Whether the images were found to agree with them.
+    sampler
+        Where the choice of frames stands.
+    pixels
+        Statistics of grey values.
+    evidence
+        Changes of brightness; None before the first usable frame.
+    next_assessment
+        Changes of brightness at which the exposures are assessed next.
+    lag_is_known
+        Whether the lag was certain at the latest assessment.
+    epochs
+        The epochs that ended, as JSON-compatible values.
+    skipped, reasons
+        Frames that could not be used, and why the latest could not.
+    first_reasons
+        Why the first ones could not.
+    first_frames
+        Hash over the first usable frames, and how many it covers: tells streams apart.
+    source
+        Identification of the recording; empty for a live camera.
+    versions
+        Versions of the software that made it.
+    """
+
+    settings: dict[str, Any]
+    correct_lag: str
+    size: ImageSize
+    max_grey: int
+    log_exposure: FloatArray
+    lag_frames: int
+    exposures_are_trusted: bool
+    sampler: FrameSampler
+    pixels: PixelStatistics
+    evidence: EvidenceState | None
+    next_assessment: int
+    lag_is_known: bool
+    epochs: list[dict[str, Any]]
+    skipped: int
+    reasons: list[str]
+    first_reasons: list[str]
+    first_frames: tuple[str, int]
+    source: dict[str, Any]
+    versions: dict[str, Any]
+
+
+def epoch_content(epoch: Epoch) -> dict[str, Any]:
+    """Return an epoch as JSON-compatible values."""
+    content = asdict(replace(epoch, calibration=None))
+    return content | {"calibration": None if epoch.calibration is None else epoch.calibration.as_dict()}
+
+
+def epoch_of(content: dict[str, Any]) -> Epoch:
+    """Return the epoch that :func:`epoch_content` made values of."""
+    change = None if content["change"] is None else Change(**content["change"])
+    calibration = None if content["calibration"] is None else Calibration.from_dict(content["calibration"])
+    return Epoch(int(content["first_frame"]), int(content["last_frame"]), calibration, change)

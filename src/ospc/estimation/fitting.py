@@ -1,0 +1,116 @@
+"""Response and vignette from observations that were made elsewhere: by another tracker, or by a SLAM program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.errors import NotObservableError, SettingError
+from ospc.estimation.fit import Fit
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.observations import ExposedObservations, Observations
+from ospc.photometry.noise import NoiseModel
+from ospc.settings import DefaultSettings
+
+
+def fit(
+    observations: Observations,
+    exposures_ms: npt.ArrayLike,
+    *,
+    noise: NoiseModel | None = None,
+    vignette: bool = True,
+    settings: DefaultSettings | None = None,
+) -> Fit:
+    """Fit response and vignette to your own correspondences, as the default method does to those it makes.
+
+    Parameters
+    ----------
+    observations
+        Scene points, each with its grey level in two or more frames; :meth:`Observations.of_pairs
+        <ospc.observations.Observations.of_pairs>` makes them from pairs.
+    exposures_ms
+        Exposure time in milliseconds times linear gain by frame number, NaN where it is unknown, shape (frames,).
+        Scene points with an unknown exposure are left out.
+    noise
+        Noise of single pixels, if the grey levels are means of several; None if they are single pixels.
+    vignette
+        Whether to estimate the vignette; False for a camera that stood still.
+    settings
+        Settings of the method; by default those of the preset "default".
+
+    Returns
+    -------
+    Fit
+        :meth:`Fit.response <ospc.estimation.fit.Fit.response>` and :meth:`Fit.vignette
+        <ospc.estimation.fit.Fit.vignette>` are the results.
+
+    Raises
+    ------
+    SettingError
+        If shapes do not fit each other, values are out of range, or a frame has no entry in the exposures.
+    NotObservableError
+        If there are too few scene points, their exposures hardly change, or their places hardly move radially.
+
+    Examples
+    --------
+    >>> import ospc
+    >>> pairs = ospc.Observations.of_pairs(grey0, grey1, position0, position1, frame0, frame1)  # doctest: +SKIP
+    >>> found = ospc.fit(pairs, exposures_ms)  # doctest: +SKIP
+    >>> response, vignette = found.response(), found.vignette((640, 480))  # doctest: +SKIP
+    """
+    known = settings or DefaultSettings()
+    observations.check()
+    exposed = observations.with_exposures(_Exposures.of(exposures_ms, observations))
+    _check_observable(exposed, known, vignette)
+    intervals = known.response_intervals if vignette else known.series_intervals
+    widest = VignetteBasis(known.radial_terms, free_centre=True, non_radial=True) if vignette else VignetteBasis(0)
+    response = ResponseBasis(intervals, known.response_functions)
+    return fit_with_chosen_vignette(exposed, response, widest, noise, known.rounds)
+
+
+@dataclass(frozen=True)
+class _Exposures:
+    """Exposures by frame number."""
+
+    log_exposure: FloatArray
+
+    @classmethod
+    def of(cls, exposures_ms: npt.ArrayLike, observations: Observations) -> _Exposures:
+        values = np.asarray(exposures_ms, dtype=np.float64)
+        if values.ndim != 1:
+            raise SettingError(f"exposures_ms must have one value for each frame, not shape {values.shape}")
+        last = int(observations.frame.max(initial=-1))
+        if last >= len(values):
+            raise SettingError(f"frame {last} has no exposure: exposures_ms ends at frame {len(values) - 1}")
+        if np.any(values <= 0) or np.any(np.isinf(values)):
+            raise SettingError("exposures must be positive numbers of milliseconds, or NaN where they are unknown")
+        return cls(np.log(values))
+
+    def log_exposure_of(self, frames: IntArray) -> FloatArray:
+        return np.asarray(self.log_exposure[frames])
+
+
+def _check_observable(observations: ExposedObservations, settings: DefaultSettings, vignette: bool) -> None:
+    points = len(observations.starts)
+    if points < settings.min_points:
+        raise NotObservableError(
+            f"only {points} scene points have known exposures; at least {settings.min_points} are needed"
+        )
+    log_exposure, starts = observations.log_exposure, observations.starts
+    change = np.maximum.reduceat(log_exposure, starts) - np.minimum.reduceat(log_exposure, starts)
+    if float(change.max()) < settings.min_log_exposure_change:
+        raise NotObservableError(
+            "every scene point has nearly the same exposure in all its frames, so the response leaves no trace; "
+            "add pairs of frames whose exposures differ"
+        )
+    if vignette and observations.radial_reach < settings.min_radial_reach:
+        raise NotObservableError(
+            f"nine in ten scene points move radially by less than {observations.radial_reach:.3f} of the half "
+            f"diagonal ({settings.min_radial_reach:g} is needed for the vignette); add pairs of frames between which "
+            "the camera turned, or pass vignette=False"
+        )

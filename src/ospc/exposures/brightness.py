@@ -1,0 +1,208 @@
+"""How much brighter the same things are in one frame than in another, whatever the response is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.correspondence.thumbnail import Thumbnail
+from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, thumbnail_places, values_at
+from ospc.observations import Observations
+from ospc.photometry.geometry import normalised, pixel_grid
+
+GREY_BINS = np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93])
+"""Edges of the grey levels that are kept apart: the same change of exposure moves them differently far."""
+GREY_BINS.setflags(write=False)
+
+_MIN_PIXELS = 40
+_MAX_WEIGHT = 5000.0
+_MAX_RELATIVE_GRADIENT = 0.04
+_OUTLIER_SIGMAS = 2.5
+_SAMPLES = 400
+_SPARSE = 5
+_MIN_STRUCTURE = 0.01
+
+
+@dataclass(frozen=True)
+class PixelSamples:
+    """Some of the places that two frames share.
+
+    Attributes
+    ----------
+    log_ratio
+        ln M₁/M₀, shape (n,).
+    log_grey
+        Mean of ln M₀ and ln M₁, shape (n,).
+    log_surround
+        ln of the mean grey around the place over its own, mean of both frames, shape (n,).
+    position0, position1
+        Places relative to the image centre in half diagonals, shape (n, 2).
+    """
+
+    log_ratio: FloatArray
+    log_grey: FloatArray
+    log_surround: FloatArray
+    position0: FloatArray
+    position1: FloatArray
+
+    @classmethod
+    def none(cls) -> PixelSamples:
+        """Return no places at all."""
+        empty = np.empty(0)
+        return cls(empty, empty, empty, np.empty((0, 2)), np.empty((0, 2)))
+
+    def observations(self, frame0: int, frame1: int) -> Observations:
+        """Return the places as scene points that the two frames observe."""
+        n = len(self.log_ratio)
+        log_grey = np.stack([self.log_grey - self.log_ratio / 2, self.log_grey + self.log_ratio / 2], axis=1)
+        return Observations(
+            grey=np.exp(log_grey).ravel(),
+            position=np.stack([self.position0, self.position1], axis=1).reshape(2 * n, 2),
+            gradient=np.zeros(2 * n),
+            pixels_averaged=np.ones(2 * n),
+            frame=np.tile(np.array([frame0, frame1], dtype=np.int64), n),
+            point=np.repeat(np.arange(n), 2),
+            group=np.zeros(2 * n, dtype=np.int64),
+        )
+
+
+@dataclass(frozen=True)
+class BrightnessChange:
+    """What comparing two frames gave.
+
+    Attributes
+    ----------
+    frame0, frame1
+        Indices of the frames.
+    log_ratio
+        Robust mean of ln M₁/M₀ over the flat places of each grey bin, shape (bins,); 0 where there are too few.
+    weight
+        Number of those places, limited; 0 where there are too few, shape (bins,).
+    moved
+        Mean changes of R² and R⁴ over them, R in half diagonals: what a vignette acts through, shape (bins, 2).
+    found
+        Share of the first frame that is well exposed and was found again in the second.
+    radial_motion
+        Change of R that a tenth of these places exceed, in half diagonals.
+    motion_px
+        Median displacement of the structured places in pixels of the frame; NaN where there are none.
+    samples
+        Some of the flat places.
+    """
+
+    frame0: int
+    frame1: int
+    log_ratio: FloatArray
+    weight: FloatArray
+    moved: FloatArray
+    found: float
+    radial_motion: float
+    motion_px: float
+    samples: PixelSamples
+
+
+class BrightnessComparer:
+    """Compares the brightness of two frames by their thumbnails.
+
+    Parameters
+    ----------
+    size
+        Width and height of the frames in pixels.
+    """
+
+    def __init__(self, size: ImageSize) -> None:
+        self._size = size
+        self._register = ThumbnailRegistration()
+
+    def __call__(self, first: Thumbnail, second: Thumbnail) -> BrightnessChange:
+        """Compare two frames."""
+        there, found = self._register(first, second)
+        grey1 = values_at(second.grey, there)
+        mean = np.sqrt(np.maximum(first.grey * grey1, 1e-6))
+        steep = np.maximum(first.gradient, values_at(second.gradient, there))
+        flat = (
+            found
+            & first.exposed
+            & (values_at(second.exposed.astype(np.float32), there) > 0.99)
+            & (steep < _MAX_RELATIVE_GRADIENT * np.maximum(mean, 0.02))
+            & (mean > GREY_BINS[0])
+            & (mean < GREY_BINS[-1])
+        )
+        height, width = first.grey.shape
+        places = thumbnail_places((width, height))
+        radius0 = _squared_radius((width, height))
+        radius1 = values_at(radius0, there)
+        squared0, squared1 = radius0[flat], radius1[flat]
+        moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2])
+        log_ratio, weight, mean_moved = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], moved)
+        # Black surrounds and burnt-out windows would seem to stand still.
+        visible = found & first.exposed
+        radial_motion = np.abs(np.sqrt(radius1[visible][::_SPARSE]) - np.sqrt(radius0[visible][::_SPARSE]))
+        structured = visible & (first.gradient > _MIN_STRUCTURE)
+        distance = _length((there - places)[structured][::_SPARSE])
+        return BrightnessChange(
+            first.frame,
+            second.frame,
+            log_ratio,
+            weight,
+            mean_moved,
+            float(visible.mean()),
+            float(np.quantile(radial_motion, 0.9)) if radial_motion.size else 0.0,
+            float(np.median(distance)) * self._size[0] / width if distance.size >= _MIN_PIXELS else float("nan"),
+            _samples(first, second, places[flat], there[flat], (width, height)),
+        )
+
+
+@cache
+def _squared_radius(size: ImageSize) -> Float32Array:
+    """Return R² at every place of a small image, shape (h, w)."""
+    offset = normalised(pixel_grid(size), size)
+    squared = np.sum(offset**2, axis=-1).astype(np.float32)
+    squared.setflags(write=False)
+    return np.asarray(squared)
+
+
+def _length(vectors: Float32Array) -> Float32Array:
+    return np.asarray(np.hypot(vectors[..., 0], vectors[..., 1]))
+
+
+def _binned(
+    log_ratio: Float32Array, grey: Float32Array, moved: Float32Array
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return robust means of the log ratio in the grey bins, their weights, and mean changes of place."""
+    bins = len(GREY_BINS) - 1
+    mean, weight, mean_moved = np.zeros(bins), np.zeros(bins), np.zeros((bins, moved.shape[1]))
+    number = np.digitize(grey, GREY_BINS) - 1
+    for b in range(bins):
+        inside = np.flatnonzero(number == b)
+        if len(inside) < _MIN_PIXELS:
+            continue
+        values = log_ratio[inside]
+        middle = np.median(values)
+        deviation = np.abs(values - middle)
+        kept = inside[deviation <= _OUTLIER_SIGMAS * (1.4826 * np.median(deviation) + 1e-4)]
+        mean[b] = log_ratio[kept].mean()
+        mean_moved[b] = moved[kept].mean(axis=0)
+        weight[b] = min(float(len(inside)), _MAX_WEIGHT)
+    return mean, weight, mean_moved
+
+
+def _samples(
+    first: Thumbnail, second: Thumbnail, places: Float32Array, there: Float32Array, size: ImageSize
+) -> PixelSamples:
+    step = max(1, len(places) // _SAMPLES)
+    at0, at1 = places[step // 2 :: step], there[step // 2 :: step]
+    if not len(at0):
+        return PixelSamples.none()
+
+    def read(image: Float32Array, where: Float32Array) -> FloatArray:
+        values = values_at(image, where.reshape(-1, 1, 2)).reshape(-1)
+        return np.log(np.maximum(values.astype(np.float64), 1e-3))
+
+    grey0, grey1 = read(first.grey, at0), read(second.grey, at1)
+    surround = (read(first.surround, at0) - grey0 + read(second.surround, at1) - grey1) / 2
+    position0, position1 = (normalised(at.astype(np.float64), size) for at in (at0, at1))
+    return PixelSamples(grey1 - grey0, (grey0 + grey1) / 2, surround, position0, position1)

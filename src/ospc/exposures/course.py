@@ -1,0 +1,172 @@
+"""What the metadata say about the exposure, and how much of the brightness that explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.exposures.flicker import Flicker, find_flicker, without_waves
+from ospc.exposures.jumps import Jump, find_jumps
+from ospc.exposures.lag_decision import LagEstimate, exposure_cycle
+
+_CHANGED = 0.01
+_UNCHANGED = 1e-4
+_STALE_RMS_LOG = 0.006
+_STALE_DRIFT_LOG = 0.12
+_RUN = 40
+_MIN_UNCHANGED_PAIRS = 12
+_REPORTED_SHARE = 0.6
+_LEAST_TOTAL_SHARE = 0.4
+
+
+@dataclass(frozen=True)
+class ExposureReport:
+    """The course of the exposures written, over all frames.
+
+    Attributes
+    ----------
+    lowest_ms, highest_ms
+        Extremes.
+    values
+        Number of different exposures.
+    changed_share
+        Share of the frames whose exposure differs from that of the frame before by 1 % or more.
+    cycle_frames
+        Number of frames after which they repeat; None if they do not.
+    """
+
+    lowest_ms: float
+    highest_ms: float
+    values: int
+    changed_share: float
+    cycle_frames: int | None
+
+    @classmethod
+    def of(cls, exposures_ms: FloatArray) -> ExposureReport:
+        """Describe exposures in milliseconds, shape (frames,)."""
+        log_exposure = np.log(exposures_ms)
+        change = np.abs(np.diff(log_exposure))
+        return cls(
+            float(exposures_ms.min()),
+            float(exposures_ms.max()),
+            len(np.unique(exposures_ms)),
+            float(np.mean(change >= _CHANGED)) if len(change) else 0.0,
+            exposure_cycle(log_exposure),
+        )
+
+    @property
+    def ratio(self) -> float:
+        """Longest over shortest exposure."""
+        return self.highest_ms / self.lowest_ms
+
+    def in_words(self) -> str:
+        """Return the range of exposures, such as "1 to 32 ms"."""
+        if self.values == 1:
+            return f"{self.lowest_ms:.4g} ms"
+        return f"{self.lowest_ms:.4g} to {self.highest_ms:.4g} ms"
+
+
+@dataclass(frozen=True)
+class BrightnessReport:
+    """How the brightness of the same things changes, and what explains it.
+
+    Attributes
+    ----------
+    change_rms_log
+        Root mean square change of ln grey from one frame to the next.
+    unexplained_rms_log
+        The same of what exposures (shifted by the lag) and flicker do not explain.
+    unexplained_share
+        Share of the energy of all changes that exposures do not explain; NaN where brightness does not change.
+    unexplained_drift_log
+        Most that unexplained changes add up to within about forty frames.
+    stale
+        Whether brightness changes while the exposures stay as they are.
+    flicker
+        Periodic changes that the exposures do not explain, strongest first.
+    jumps
+        Lasting jumps that the exposures do not explain, in the order of frames.
+    """
+
+    change_rms_log: float
+    unexplained_rms_log: float
+    unexplained_share: float
+    unexplained_drift_log: float
+    stale: bool
+    flicker: tuple[Flicker, ...]
+    jumps: tuple[Jump, ...] = ()
+
+
+def brightness_report(lag: LagEstimate, exposures_ms: FloatArray) -> BrightnessReport | None:
+    """Compare brightness with the exposures; None where too few frames could be compared.
+
+    Parameters
+    ----------
+    lag
+        Estimate of the lag, with the changes it was made from.
+    exposures_ms
+        Exposure of every frame, shape (frames,).
+    """
+    if lag.fit is None or not len(lag.frame):
+        return None
+    fit = lag.fit
+    flicker = _reported(lag, exposure_cycle(np.log(exposures_ms)))
+    unexplained = without_waves(lag.frame, fit.unexplained, flicker)
+    energy = float(np.sum(fit.observed**2))
+    log_exposure = np.log(exposures_ms)
+    shift = lag.candidates[0] if lag.candidates else 0
+    change = log_exposure[lag.frame + 1 + shift] - log_exposure[lag.frame + shift]
+    unchanged = unexplained[np.abs(change) < _UNCHANGED]
+    drift = _drift(unexplained, lag.frame)
+    constant = len(unchanged) == len(unexplained)
+    stale = len(unchanged) >= _MIN_UNCHANGED_PAIRS and _rms(unchanged) > _STALE_RMS_LOG
+    return BrightnessReport(
+        _rms(fit.observed),
+        _rms(unexplained),
+        float(np.sum(fit.unexplained**2)) / energy if energy > 0 else float("nan"),
+        drift,
+        bool(stale or (constant and drift > _STALE_DRIFT_LOG)),
+        flicker,
+        find_jumps(lag.frame, unexplained),
+    )
+
+
+def _reported(lag: LagEstimate, cycle: int | None) -> tuple[Flicker, ...]:
+    """Return the flicker worth telling of: clear lines that the exposures' own cycle does not have."""
+    found = lag.flicker
+    if not found and lag.fit is not None:
+        one = find_flicker(lag.frame, lag.fit.unexplained)
+        found = () if one is None else (one,)
+
+    def own(flicker: Flicker) -> bool:
+        if cycle is None:
+            return False
+        turns = flicker.cycles_per_frame * cycle
+        return abs(turns - round(turns)) < 0.1
+
+    told = tuple(f for f in found if f.share >= _REPORTED_SHARE and not own(f))
+    if not told or lag.fit is None:
+        return ()
+    # A control loop's slow swings have a strongest frequency, too, but it makes up little of them.
+    left = without_waves(lag.frame, lag.fit.unexplained, told)
+    return told if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(lag.fit.unexplained) else ()
+
+
+def _rms(values: FloatArray) -> float:
+    """Return the root mean square without the largest fiftieth: a scene cut is no change of brightness."""
+    squared = np.sort(values**2)
+    kept = squared[: max(1, int(0.98 * len(squared)))]
+    return float(np.sqrt(kept.mean())) if len(kept) else 0.0
+
+
+def _drift(change: FloatArray, frame: IntArray) -> float:
+    """Return the largest extent of the sum of changes over consecutive frames, within about forty of them."""
+    pieces = np.split(change, np.flatnonzero(np.diff(frame) != 1) + 1)
+    largest = 0.0
+    for piece in pieces:
+        total = np.concatenate([[0.0], np.cumsum(piece)])
+        for start in range(0, max(1, len(total) - _RUN), _RUN // 4):
+            largest = max(largest, float(np.ptp(total[start : start + _RUN + 1])))
+    return largest

@@ -1,0 +1,189 @@
+"""Evidence on exposures, as it streams: how brightness changes between consecutive frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize, IntArray
+from ospc.correspondence.thumbnail import Thumbnail
+from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, PixelSamples
+
+CAPACITY = 1200
+"""Most changes of brightness kept: the likelihood of a lag takes a tenth of a second then."""
+
+MOST_SAMPLED = 160
+"""Changes of brightness whose single places are kept: local tone mapping shows in fewer, and they take most room."""
+
+MOST_REPEATED = 1000
+"""Most repeated frames whose numbers are kept."""
+
+
+@dataclass(frozen=True)
+class EvidenceState:
+    """What :class:`ExposureEvidence` has collected, n changes of brightness in b grey bins, as arrays.
+
+    Attributes
+    ----------
+    frame0, log_ratio, weight, moved, found, radial_motion, motion_px
+        As in :class:`~ospc.exposures.brightness.BrightnessChange`; shapes (n,), (n, b), (n, b), (n, b, 2), (n,), (n,)
+        and (n,).
+    previous
+        Number of the last frame processed, -1 before the first.
+    compared, repeated
+        Frames compared, and the numbers of those that repeat the one before.
+    samples
+        Number of place samples of each change, shape (n,).
+    place_log_ratio, place_log_grey, place_log_surround, position0, position1
+        The place samples of all changes, shapes (m,), (m,), (m,), (m, 2) and (m, 2).
+    """
+
+    frame0: IntArray
+    log_ratio: FloatArray
+    weight: FloatArray
+    moved: FloatArray
+    found: FloatArray
+    radial_motion: FloatArray
+    motion_px: FloatArray
+    previous: int
+    compared: int
+    repeated: list[int]
+    samples: IntArray
+    place_log_ratio: FloatArray
+    place_log_grey: FloatArray
+    place_log_surround: FloatArray
+    position0: FloatArray
+    position1: FloatArray
+
+
+@dataclass
+class ExposureEvidence:
+    """Collects the changes of brightness from each processed frame to the next; bounded in memory.
+
+    Attributes
+    ----------
+    size
+        Width and height of the frames in pixels.
+    compared
+        Number of frames compared with the one before.
+    repeated
+        Numbers of the first frames whose image is that of the frame before.
+    """
+
+    size: ImageSize
+    _changes: list[BrightnessChange] = field(default_factory=list, repr=False)
+    _previous: Thumbnail | None = field(default=None, repr=False)
+    _last: int = -1
+    compared: int = 0
+    repeated: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Prepare the comparison of frames of this size."""
+        self._compare = BrightnessComparer(self.size)
+
+    def observe(self, frame: Thumbnail) -> BrightnessChange | None:
+        """Compare a frame with the one before, and return what that gave; None if the one before was not observed."""
+        previous, self._previous = self._previous, frame
+        if previous is None or frame.frame != previous.frame + 1:
+            return None
+        self.compared += 1
+        # A repeated image says that a frame was lost, not that the light stayed.
+        if np.array_equal(previous.grey, frame.grey) and np.ptp(frame.grey) > 0:
+            self.repeated = [*self.repeated, frame.frame][:MOST_REPEATED]
+            return None
+        change = self._compare(previous, frame)
+        kept = change if len(self._changes) < MOST_SAMPLED else replace(change, samples=PixelSamples.none())
+        self._changes.append(kept)
+        if len(self._changes) > CAPACITY:
+            self._thin_out()
+        return change
+
+    @property
+    def changes(self) -> tuple[BrightnessChange, ...]:
+        """The changes of brightness, in the order of frames."""
+        return tuple(self._changes)
+
+    def __len__(self) -> int:
+        """Return the number of changes."""
+        return len(self._changes)
+
+    def recall(self, frame: Thumbnail) -> None:
+        """Take the last frame processed before a state was saved, so that the next is compared with it."""
+        if frame.frame == self._last:
+            self._previous = frame
+
+    @property
+    def wanted(self) -> frozenset[int]:
+        """Number of the frame that is to be given to :meth:`recall` after a state was restored."""
+        return frozenset() if self._previous is not None or self._last < 0 else frozenset([self._last])
+
+    def state(self) -> EvidenceState:
+        """Return all that was collected."""
+        places = [change.samples for change in self._changes]
+        bins = len(self._changes[0].weight) if self._changes else 0
+
+        def stacked(name: str, *shape: int) -> FloatArray:
+            values = np.array([getattr(c, name) for c in self._changes], dtype=np.float64)
+            return values.reshape(len(self._changes), *shape)
+
+        def joined(name: str, *shape: int) -> FloatArray:
+            return np.concatenate([np.empty((0, *shape)), *(getattr(p, name) for p in places)])
+
+        return EvidenceState(
+            np.array([c.frame0 for c in self._changes], dtype=np.int64),
+            stacked("log_ratio", bins),
+            stacked("weight", bins),
+            stacked("moved", bins, 2),
+            stacked("found"),
+            stacked("radial_motion"),
+            stacked("motion_px"),
+            self._last if self._previous is None else self._previous.frame,
+            self.compared,
+            self.repeated,
+            np.array([len(p.log_ratio) for p in places], dtype=np.int64),
+            joined("log_ratio"),
+            joined("log_grey"),
+            joined("log_surround"),
+            joined("position0", 2),
+            joined("position1", 2),
+        )
+
+    @classmethod
+    def from_state(cls, size: ImageSize, state: EvidenceState) -> ExposureEvidence:
+        """Go on from a state."""
+        cuts = np.cumsum(state.samples)[:-1]
+        columns = (state.place_log_ratio, state.place_log_grey, state.place_log_surround)
+        parts = [np.split(column, cuts) for column in (*columns, state.position0, state.position1)]
+        places = [PixelSamples(*part) for part in zip(*parts, strict=True)]
+        changes = [
+            BrightnessChange(
+                int(frame0),
+                int(frame0) + 1,
+                state.log_ratio[i],
+                state.weight[i],
+                state.moved[i],
+                float(state.found[i]),
+                float(state.radial_motion[i]),
+                float(state.motion_px[i]),
+                places[i],
+            )
+            for i, frame0 in enumerate(state.frame0)
+        ]
+        return cls(size, changes, None, state.previous, state.compared, state.repeated)
+
+    def split(self, number: int) -> ExposureEvidence:
+        """Return the evidence that goes on from a frame; this one keeps the changes before it."""
+        later = replace(self, _changes=[change for change in self._changes if change.frame0 >= number])
+        self._changes = [change for change in self._changes if change.frame1 < number]
+        return later
+
+    def _thin_out(self) -> None:
+        """Drop every second run of consecutive changes; of a single run, its older half."""
+        frames = np.array([change.frame0 for change in self._changes])
+        run = np.cumsum(np.diff(frames, prepend=frames[0]) > 1)
+        if run[-1] == 0:
+            self._changes = self._changes[len(self._changes) // 2 :]
+        else:
+            # The latest run is still growing: it stays.
+            self._changes = [c for c, r in zip(self._changes, run, strict=True) if (run[-1] - r) % 2 == 0]

@@ -1,0 +1,266 @@
+"""What the images say about the exposures: the lag, what exposures leave unexplained, and whether to rely on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import SettingError
+from ospc.exposures.course import BrightnessReport, ExposureReport, brightness_report
+from ospc.exposures.evidence import ExposureEvidence
+from ospc.exposures.lag import MAX_LAG, LagEstimate, estimate_lag
+from ospc.exposures.lag_likelihood import BrightnessChanges
+from ospc.photometry.verdict import Verdict
+
+LagChoice = int | Literal["auto", "never", "trusted"]
+"""What to do about a lag of the exposures: correct it where it is certain, never, or by so many frames. ``"trusted"``
+is for exposures that were estimated from the images, which cannot disagree with them."""
+
+_UNEXPLAINED_SHARE = 0.25
+"""Share of the energy of brightness changes that exposures may leave unexplained before they are doubted."""
+
+_NOTABLE_RMS_LOG = 0.006
+"""Unexplained change of ln brightness a frame below which nothing is doubted: registration alone leaves as much."""
+
+_FEW_FRAMES = 40
+"""Recordings with fewer frames, such as a series of photographs, cannot be checked and are not doubted for it."""
+
+CHANGE_IRREGULARLY = (
+    "record a minute in which the exposure changes abruptly and irregularly: cover the lens for a moment, point at a "
+    "window, switch a lamp"
+)
+FIX_METADATA = (
+    "read exposure and gain from each frame's own metadata, not from the driver's settings, and switch off tone "
+    "mapping"
+)
+SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
+_MORE_FRAMES = "record sixty consecutive frames or more"
+
+
+@dataclass(frozen=True)
+class ExposureFindings:
+    """What the images say about the exposures.
+
+    Attributes
+    ----------
+    course
+        The exposures as written.
+    lag
+        By how many frames they are written late, before any correction.
+    corrected_frames
+        The lag they are corrected by; 0 for none.
+    brightness
+        How much of the changes of brightness they explain; None where too few frames could be compared.
+    verdict
+        Whether exposures and images agree.
+    notes
+        What was found and done.
+    warnings
+        Why the exposures, as they are used, cannot be relied on; empty where nothing speaks against them.
+    """
+
+    course: ExposureReport
+    lag: LagEstimate
+    corrected_frames: int
+    brightness: BrightnessReport | None
+    verdict: Verdict
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def lag_frames(self) -> int | None:
+        """By how many frames the exposures are written late; None where that cannot be determined."""
+        return self.lag.frames
+
+    def judged(self, verdict: Verdict) -> Verdict:
+        """Return the verdict on response or vignette: marginal at best where exposures cannot be relied on."""
+        if not self.warnings or not verdict.known:
+            return verdict
+        return Verdict("marginal", f"{verdict.reason}, but {'; '.join(self.warnings)}", self.verdict.remedy)
+
+
+def assess_exposures(
+    evidence: ExposureEvidence,
+    log_exposure: FloatArray,
+    choice: LagChoice = "auto",
+    *,
+    since: int = 0,
+    max_lag: int = MAX_LAG,
+) -> ExposureFindings:
+    """Compare the changes of brightness with the exposures written.
+
+    Parameters
+    ----------
+    evidence
+        Changes of brightness between consecutive frames.
+    log_exposure
+        ln of the exposure written beside every frame, NaN where there is none, shape (frames,).
+    choice
+        What to do about a lag.
+    since
+        Number of the first frame that counts.
+    max_lag
+        Largest lag tried, either way, in frames.
+    """
+    written = _filled(log_exposure[since:])
+    changes = BrightnessChanges.of(evidence.changes)
+    found = _assess_choice(replace(changes, frame=changes.frame - since), written, choice, max_lag)
+    brightness = found.brightness
+    if brightness is not None:
+        jumps = tuple(replace(jump, frame=jump.frame + since) for jump in brightness.jumps)
+        brightness = replace(brightness, jumps=jumps)
+    return replace(found, lag=replace(found.lag, frame=found.lag.frame + since), brightness=brightness)
+
+
+def _assess_choice(
+    changes: BrightnessChanges, written: FloatArray, choice: LagChoice, max_lag: int
+) -> ExposureFindings:
+    if isinstance(choice, int):
+        found = _assess_shifted(changes, written, choice, max_lag)
+        return replace(found, corrected_frames=choice)
+    found = _assess(changes, written, max_lag)
+    if choice == "trusted":
+        reason = "the exposures were estimated from the images"
+        return replace(found, verdict=Verdict("marginal", reason), notes=(), warnings=())
+    certain = found.lag.correction(found.course.cycle_frames)
+    if not certain or choice == "never":
+        return found
+    corrected = _assess_shifted(changes, written, certain, max_lag)
+    note = (
+        f"exposures are written {lag_in_words(certain)}, as {found.lag.pairs} pairs of frames show, and were moved "
+        "to the frames they belong to; --correct-lag never leaves them"
+    )
+    return replace(corrected, lag=found.lag, corrected_frames=certain, notes=(note,))
+
+
+def check_lag(choice: LagChoice, frames: int) -> None:
+    """Refuse a lag that leaves hardly any of the frames.
+
+    Raises
+    ------
+    SettingError
+        If fewer than two frames have an exposure of their own.
+    """
+    if isinstance(choice, int) and frames - abs(choice) < 2:
+        raise SettingError(f"a lag of {choice} frames leaves nothing of the {frames} frames; give a smaller one")
+
+
+def _filled(log_exposure: FloatArray) -> FloatArray:
+    """Return the exposures with missing ones interpolated, so that their neighbours can still be compared."""
+    known = np.isfinite(log_exposure)
+    if known.all() or not known.any():
+        return np.where(known, log_exposure, 0.0)
+    frames = np.arange(len(log_exposure))
+    return np.interp(frames, frames[known], log_exposure[known])
+
+
+def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int, max_lag: int) -> ExposureFindings:
+    """Assess the exposures as if they were written beside frames earlier by a lag; the lag found is the whole one."""
+    check_lag(lag, len(written))
+    first, last = max(0, -lag), len(written) - max(0, lag)
+    inside = changes.where((changes.frame >= first) & (changes.frame + 1 < last))
+    inside = replace(inside, frame=inside.frame - first)
+    found = _assess(inside, written[first + lag : last + lag], max_lag)
+    left = found.lag.frames
+    estimate = replace(
+        found.lag,
+        frames=None if left is None else left + lag,
+        candidates=tuple(candidate + lag for candidate in found.lag.candidates),
+        frame=found.lag.frame + first,
+    )
+    return replace(found, lag=estimate)
+
+
+def _assess(changes: BrightnessChanges, written: FloatArray, max_lag: int) -> ExposureFindings:
+    exposures_ms = np.exp(written)
+    course = ExposureReport.of(exposures_ms)
+    lag = estimate_lag(changes, exposures_ms, max_lag)
+    brightness = brightness_report(lag, exposures_ms)
+    few = brightness is None and len(written) < _FEW_FRAMES
+    verdict = next(_verdicts(course, lag, brightness, len(written)))
+    late = bool(lag.candidates) and 0 not in lag.candidates
+    contradicted = not verdict.known or late or _unlike(brightness, lag)
+    warnings = (verdict.reason,) if contradicted and not few else ()
+    open_question = lag.frames is None and verdict.state == "marginal" and not few and not warnings
+    notes = (f"whether exposures belong to their frames is not certain: {verdict.reason}",) if open_question else ()
+    return ExposureFindings(course, lag, 0, brightness, verdict, notes, warnings)
+
+
+def _unlike(brightness: BrightnessReport | None, lag: LagEstimate) -> bool:
+    """Return whether exposures that do belong to their frames leave much of the brightness unexplained."""
+    if brightness is None or lag.frames is None:
+        return False
+    return brightness.unexplained_share > _UNEXPLAINED_SHARE and brightness.unexplained_rms_log > _NOTABLE_RMS_LOG
+
+
+def _verdicts(
+    course: ExposureReport, lag: LagEstimate, brightness: BrightnessReport | None, frames: int
+) -> Iterator[Verdict]:
+    """Give the verdicts that hold, the one that matters most first."""
+    if brightness is None and frames < _FEW_FRAMES:
+        few = f"the recording has only {frames} frames, too few to check whether exposures belong to them"
+        yield Verdict("marginal", few, _MORE_FRAMES)
+        return
+    if brightness is None:
+        few = f"only {lag.pairs} pairs of consecutive frames could be compared, too few to check the exposures"
+        yield Verdict("marginal", few, SLOWER)
+        return
+    if brightness.stale:
+        course_of = "stay as they are" if course.values == 1 else "often stay as they are"
+        yield Verdict(
+            "not identifiable",
+            f"the exposures written {course_of} while the same things change in brightness, by "
+            f"{_percent(brightness.unexplained_drift_log)} within 40 frames: the metadata are stale, or a gain is "
+            f"missing in them",
+            FIX_METADATA,
+        )
+    if lag.state == "constant exposure":
+        yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
+    if lag.state == "no response to exposure":
+        silent = f"exposures range over {course.in_words()}, but the brightness of things does not follow them"
+        yield Verdict("not identifiable", silent, FIX_METADATA)
+    if lag.frames is None:
+        yield _unknown_lag(course, lag)
+        return
+    figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
+    if lag.frames != 0:
+        yield Verdict(
+            "marginal",
+            f"exposures are written {lag_in_words(lag.frames)}; moved back, {figure}",
+            f"leave --correct-lag at auto, or set it to {lag.frames}",
+        )
+    if _unlike(brightness, lag):
+        rest = _percent(brightness.unexplained_rms_log)
+        yield Verdict(
+            "marginal", f"exposures fit badly: only {figure}; the rest changes by {rest} a frame", FIX_METADATA
+        )
+    yield Verdict("identifiable", f"exposures belong to their frames: {figure}")
+
+
+def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
+    either = " or ".join(str(frames) for frames in sorted(lag.candidates))
+    reasons = {
+        "changes too small": "the exposures change too little, where they could be compared, to check them",
+        "too few pairs": f"only {lag.pairs} pairs of consecutive frames could be compared",
+        "follows flicker": "the exposures follow a flickering light, which hides by how many frames they are late",
+        "between frames": f"the exposures fit best between two frames ({lag.fraction_frames:+.1f})",
+        "out of range": f"the exposures fit best with a lag of {either} frames, the largest tried, which is unlikely",
+        "changing": "the exposures belong to other frames in one half of the recording than in the other",
+    }
+    reason = reasons.get(lag.state, f"the exposures fit with a lag of {either} frames alike")
+    if lag.state == "ambiguous" and course.cycle_frames is not None:
+        reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {either} look the same"
+    return Verdict("marginal", reason, CHANGE_IRREGULARLY)
+
+
+def lag_in_words(lag: int) -> str:
+    """Return a lag as words, such as "2 frames late"."""
+    return f"{abs(lag)} frame{'' if abs(lag) == 1 else 's'} {'late' if lag > 0 else 'early'}"
+
+
+def _percent(log_change: float) -> str:
+    return f"{np.expm1(log_change):.1%}" if log_change < 0.1 else f"{np.expm1(log_change):.0%}"

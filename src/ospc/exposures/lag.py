@@ -1,0 +1,214 @@
+"""Which frame an exposure belongs to: by how many frames the metadata come late."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.exposures.flicker import Flicker, find_flicker, main_line, without_waves
+from ospc.exposures.lag_decision import (
+    SILENT,
+    LagEstimate,
+    LagState,
+    Trial,
+    decide,
+    exposure_cycle,
+    flicker_columns,
+)
+from ospc.exposures.lag_likelihood import BrightnessChanges, LagFit, fit_exposures
+
+__all__ = ["MAX_LAG", "LagEstimate", "LagState", "estimate_lag"]
+
+MAX_LAG = 5
+"""Largest lag tried, either way: one to three frames are common."""
+
+_MIN_PAIRS = 20
+_MIN_LOG_CHANGE = 0.005
+_MAX_FLICKERS = 2
+_MAX_LINES = 3
+_SAME_LINE = 0.01
+_MIN_FLICKER_LEAD = 15.0
+_LONGER_STEPS = (4, 8)
+_AGREED_SIGMAS = 2.4
+_OPPOSED_SIGMAS = 4.0
+_SMALL_LEAD = 3.0
+_WEAK_SLOPE = 0.25
+_SCATTERS = (2.0, 8.0)
+_CHASING_SHARE = 0.5
+_LARGEST_CHASE_LOG = 0.1
+
+
+def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
+    """Estimate by how many frames exposures come late.
+
+    Every lag is fitted to the same pairs of frames (those whose exposure is known for all lags). The most likely lag
+    is accepted if it beats every other clearly, both in likelihood and against the scatter of its lead from pair to
+    pair (Vuong 1989), on several pairs, in the whole recording, and not by lying half way to a neighbour.
+
+    Parameters
+    ----------
+    seen
+        Changes of brightness between consecutive frames.
+    exposures_ms
+        Exposure of every frame of the recording, shape (frames,).
+    max_lag
+        Largest lag tried, either way.
+    """
+    lags = np.arange(-max_lag, max_lag + 1)
+    log_exposure = np.log(exposures_ms)
+    last = len(exposures_ms) - 1
+    inner = seen.where((seen.frame - max_lag >= 0) & (seen.frame + 1 + max_lag <= last))
+    constant = float(np.ptp(log_exposure)) < _MIN_LOG_CHANGE
+    if len(inner.driven) < _MIN_PAIRS:
+        return _unknown("constant exposure" if constant else "too few pairs", lags, inner)
+    changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
+    if constant or np.abs(changes).max() < _MIN_LOG_CHANGE / 10:
+        steady, flickers = _fit_with_flicker(inner, changes[max_lag : max_lag + 1])
+        return _unknown("constant exposure", lags, inner, steady[0], flickers)
+    fits, flickers = _fit_with_flicker(inner, changes)
+    trial = Trial(inner, log_exposure, lags, changes, tuple(fits), flickers)
+    first = decide(trial)
+    doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _WEAK_SLOPE
+    settled = first.state not in ("ambiguous", *SILENT)
+    if settled and not doubtful:
+        return first if _survives_chasing(first, trial) else replace(first, state="follows flicker", frames=None)
+    scattered = None if flickers else _with_scatter(inner, log_exposure, lags, changes)
+    if scattered is not None:
+        return replace(scattered, fit=fits[int(np.flatnonzero(lags == scattered.frames)[0])])
+    return first if settled else _over_longer(first, trial, seen)
+
+
+def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
+    """Return whether a lag holds even if the light swings with the main period of the exposures.
+
+    An exposure control that chases a swinging light leaves swings of brightness, which exposures of another time fit
+    as well as their own. Its exposures swing a little, and with one period; none that are programmed are so small.
+    """
+    if first.frames is None or trial.flickers or exposure_cycle(trial.log_exposure) is not None:
+        return True
+    change = trial.changes[trial.best]
+    found = main_line(trial.seen.frame, change)
+    if found is None:
+        return True
+    line, share = found
+    if share < _CHASING_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > _LARGEST_CHASE_LOG:
+        return True
+    flicker = (Flicker(line, float(np.sqrt(2) * np.std(change)), share),)
+    columns = flicker_columns(trial.seen, flicker)
+    fits = tuple(fit_exposures(trial.seen, each, columns) for each in trial.changes)
+    return decide(replace(trial, fits=fits, flickers=flicker)).frames == first.frames
+
+
+def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> LagEstimate:
+    """Return what changes over several frames say where those from frame to frame settle nothing."""
+    tried = (_over(step, seen, trial.log_exposure, trial.lags, trial.flickers) for step in _LONGER_STEPS)
+    overs = [over for over in tried if over is not None]
+    agreed = next((over for over in overs if _agree(first, over)), None)
+    chosen = agreed or (next((over for over in overs if over.state not in SILENT), None) if first.silent else None)
+    if chosen is None:
+        return first
+    # Pictures and figures stay those of changes from frame to frame.
+    at = int(np.flatnonzero(trial.lags == chosen.candidates[0])[0])
+    shown = replace(chosen, pairs=first.pairs, fit=trial.fits[at], frame=trial.seen.frame)
+    return shown if agreed else replace(shown, state="ambiguous", frames=None)
+
+
+def _unknown(
+    state: LagState,
+    lags: IntArray,
+    seen: BrightnessChanges,
+    fit: LagFit | None = None,
+    flicker: tuple[Flicker, ...] = (),
+) -> LagEstimate:
+    nothing = np.zeros(len(lags))
+    return LagEstimate(
+        state, None, (), lags, nothing, nothing, pairs=len(seen), fit=fit, frame=seen.frame, flicker=flicker
+    )
+
+
+def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
+    """Return whether changes over several frames settle what those from frame to frame leave open.
+
+    They overlap, and slow errors weigh more in them. So what they say must be clearer the less the others agree.
+    """
+    if longer.frames is None or longer.frames not in first.candidates:
+        return False
+    at = int(np.flatnonzero(longer.lags == longer.frames)[0])
+    needed = _AGREED_SIGMAS if longer.frames == first.candidates[0] else _OPPOSED_SIGMAS
+    sure = np.delete(longer.sigmas, at).min() >= needed
+    return bool(sure and first.score[at] > -_SMALL_LEAD)
+
+
+def _with_scatter(
+    seen: BrightnessChanges, log_exposure: FloatArray, lags: IntArray, changes: FloatArray
+) -> LagEstimate | None:
+    """Return the estimate that takes single exposures to be inexact; None where it is not clear, however inexact.
+
+    Where errors of the metadata outweigh most changes of exposure, a model without them finds that brightness hardly
+    follows, and prefers whatever lag has nothing to say.
+    """
+    found: list[LagEstimate] = []
+    for scatter in _SCATTERS:
+        inexact = replace(seen, scatter=scatter)
+        fits = tuple(fit_exposures(inexact, change) for change in changes)
+        found.append(decide(Trial(inexact, log_exposure, lags, changes, fits, ())))
+    agreed = len({estimate.candidates[:1] for estimate in found}) == 1
+    possible = all(estimate.state in ("determined", "ambiguous") for estimate in found)
+    return next((e for e in found if e.frames is not None), None) if agreed and possible else None
+
+
+def _over(
+    step: int, seen: BrightnessChanges, log_exposure: FloatArray, lags: IntArray, flickers: tuple[Flicker, ...]
+) -> LagEstimate | None:
+    """Return the estimate from changes over several frames; None where there are too few.
+
+    Errors of single exposures (they are often rounded) weigh less against a change over several frames.
+    """
+    longer = seen.summed(step)
+    fits_in = (longer.frame + lags[0] >= 0) & (longer.frame + step + lags[-1] < len(log_exposure))
+    longer = longer.where(fits_in)
+    if len(longer.driven) < _MIN_PAIRS:
+        return None
+    changes = np.stack([longer.log_change(log_exposure, lag) for lag in lags.tolist()])
+    columns = flicker_columns(longer, flickers)
+    fits = tuple(fit_exposures(longer, change, columns) for change in changes)
+    return decide(Trial(longer, log_exposure, lags, changes, fits, flickers))
+
+
+def _fit_with_flicker(seen: BrightnessChanges, changes: FloatArray) -> tuple[list[LagFit], tuple[Flicker, ...]]:
+    """LagFit every lag; where periodic changes beside the exposures make them much more likely, fit all beside these.
+
+    An exposure control that follows the flicker of a lamp is as periodic as the lamp, and a frame late. What it does
+    at that frequency says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the
+    lines that any lag leaves are tried.
+    """
+    flickers: tuple[Flicker, ...] = ()
+    fits = [fit_exposures(seen, change) for change in changes]
+    for _ in range(_MAX_FLICKERS):
+        trials = []
+        for line in _lines(seen, fits, flickers):
+            columns = flicker_columns(seen, (*flickers, line))
+            trials.append((line, [fit_exposures(seen, change, columns) for change in changes]))
+        if not trials:
+            break
+        line, better = max(trials, key=lambda trial: _likeliest(trial[1]))
+        if _likeliest(better) - _likeliest(fits) < _MIN_FLICKER_LEAD:
+            break
+        flickers, fits = (*flickers, line), better
+    return fits, flickers
+
+
+def _likeliest(fits: list[LagFit]) -> float:
+    return max(fit.total for fit in fits)
+
+
+def _lines(seen: BrightnessChanges, fits: list[LagFit], flickers: tuple[Flicker, ...]) -> list[Flicker]:
+    """Return the different frequencies that stand out in what the lags leave unexplained."""
+    lines: list[Flicker] = []
+    for fit in sorted(fits, key=lambda fit: -fit.total):
+        line = find_flicker(seen.frame, without_waves(seen.frame, fit.unexplained, flickers))
+        if line is not None and all(abs(line.cycles_per_frame - f.cycles_per_frame) > _SAME_LINE for f in lines):
+            lines.append(line)
+    return lines[:_MAX_LINES]

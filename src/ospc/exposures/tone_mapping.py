@@ -1,0 +1,153 @@
+"""Signs that the camera treats places of an image differently, as local tone mapping does.
+
+With one response for the whole image, the same change of exposure moves the same grey level equally far, wherever it
+is and whatever is around it, and without a change of exposure nothing but the vignette moves it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.exposures.brightness import GREY_BINS, BrightnessChange
+
+_MIN_PAIRS = 10
+_MAX_PAIRS = 120
+_MIN_SAMPLES = 2000
+_MAX_LOG_CHANGE = 1.5
+_TELLING_LOG_CHANGE = 0.1
+_CELLS = (4, 3)
+_MIN_CELL_SAMPLES = 8
+_ROUNDS = 4
+_TUNING = 2.0
+_MIN_SLOPE = 0.05
+
+
+@dataclass(frozen=True)
+class LocalTone:
+    """How much brightness changes depend on place and surroundings.
+
+    Attributes
+    ----------
+    place_spread_log
+        By how much, in ln of the grey level, parts of the image (twelve cells) change differently from the rest
+        within one frame: 1.48 times the median, beyond what grey level, exposure and vignette explain.
+    surround_effect
+        Change of d ln M/d ln e, relative to its mean, from a place one standard deviation darker than its
+        surroundings to one as much brighter; None where exposures change too little to tell.
+    surround_sigmas
+        The same over its standard error.
+    pairs
+        Number of pairs of frames behind it.
+    """
+
+    place_spread_log: float
+    surround_effect: float | None
+    surround_sigmas: float | None
+    pairs: int
+
+
+def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> LocalTone | None:
+    """Measure how much changes of brightness depend on place and surroundings.
+
+    Parameters
+    ----------
+    changes
+        Changes of brightness between consecutive frames.
+    log_change
+        Change of ln exposure of each, from metadata that belong to the frames, shape (pairs,).
+
+    Returns
+    -------
+    LocalTone or None
+        None where too few places could be compared.
+    """
+    usable = [
+        i
+        for i, change in enumerate(changes)
+        if abs(log_change[i]) <= _MAX_LOG_CHANGE and len(change.samples.log_ratio) >= _MIN_CELL_SAMPLES
+    ]
+    usable = usable[:: max(1, -(-len(usable) // _MAX_PAIRS))]
+    counts = [len(changes[i].samples.log_ratio) for i in usable]
+    if len(usable) < _MIN_PAIRS or sum(counts) < _MIN_SAMPLES:
+        return None
+    pair = np.repeat(np.arange(len(usable)), counts)
+    target = np.concatenate([changes[i].samples.log_ratio for i in usable])
+    expected = np.concatenate([_global_columns(changes[i], float(log_change[i])) for i in usable])
+    left = target - expected @ _fit(expected, target)[0]
+    place = np.concatenate([changes[i].samples.position0 for i in usable])
+    surround = np.concatenate([changes[i].samples.log_surround for i in usable])
+    exposure = np.repeat(log_change[usable], counts)
+    effect = _surround_effect(expected, target, surround * exposure, pair, np.abs(exposure) >= _TELLING_LOG_CHANGE)
+    return LocalTone(
+        _spread_over_places(left, place, pair),
+        None if effect is None else 2 * float(surround.std()) * effect[0],
+        None if effect is None else effect[1],
+        len(usable),
+    )
+
+
+def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
+    """Return what a log ratio may depend on: grey level times exposure, and a vignette that may be decentred."""
+    samples = change.samples
+    knots = np.log(GREY_BINS)
+    grey = np.stack([np.interp(samples.log_grey, knots, row) for row in np.eye(len(knots))], axis=1)
+    squared0, squared1 = (np.sum(p**2, axis=1) for p in (samples.position0, samples.position1))
+    moved = samples.position1 - samples.position0
+    return np.column_stack([grey * log_change, squared1 - squared0, squared1**2 - squared0**2, moved])
+
+
+def _fit(columns: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """LagFit robustly; return the solution, the normal matrix and the weights."""
+    weight = np.ones(len(target))
+    size: FloatArray = np.zeros(columns.shape[1])
+    normal: FloatArray = np.eye(columns.shape[1])
+    for _ in range(_ROUNDS):
+        normal = np.asarray((columns * weight[:, None]).T @ columns)
+        normal[np.diag_indices_from(normal)] += 1e-6 * np.trace(normal) / len(normal) + 1e-12
+        size = np.asarray(np.linalg.solve(normal, columns.T @ (weight * target)))
+        left = np.abs(target - columns @ size)
+        weight = 1 / np.maximum(left / (_TUNING * 1.4826 * float(np.median(left)) + 1e-6), 1)
+    return size, normal, weight
+
+
+def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> float:
+    """Return the typical difference between what cells of the image leave unexplained in one pair of frames."""
+    across, down = _CELLS
+    extent = np.maximum(np.abs(place).max(axis=0), 1e-6)
+    x, y = (np.clip((place[:, k] / extent[k] + 1) / 2 * n, 0, n - 1).astype(int) for k, n in ((0, across), (1, down)))
+    cell = pair * across * down + y * across + x
+    order = np.argsort(cell, kind="stable")
+    number, start, count = np.unique(cell[order], return_index=True, return_counts=True)
+    full = count >= _MIN_CELL_SAMPLES
+    middle = np.array([np.median(left[order[s : s + c]]) for s, c in zip(start[full], count[full], strict=True)])
+    of_pair = number[full] // (across * down)
+    apart = [middle[of_pair == p] - np.median(middle[of_pair == p]) for p in np.unique(of_pair)]
+    different = np.concatenate([np.abs(values) for values in apart if len(values) >= 3] or [np.zeros(1)])
+    return float(1.4826 * np.median(different))
+
+
+def _surround_effect(
+    expected: FloatArray, target: FloatArray, surround: FloatArray, pair: IntArray, telling: BoolArray
+) -> tuple[float, float] | None:
+    """Return the relative effect of ln surround on d ln M/d ln e, and the same over its standard error.
+
+    Samples of one pair may err together (Liang, Zeger 1986).
+    """
+    if len(np.unique(pair[telling])) < _MIN_PAIRS or np.count_nonzero(telling) < _MIN_SAMPLES:
+        return None
+    columns = np.column_stack([expected, surround])[telling]
+    size, normal, weight = _fit(columns, target[telling])
+    knots = len(GREY_BINS)
+    often = np.abs(columns[:, :knots]).sum(axis=0)
+    slope = float(size[:knots] @ often / max(often.sum(), 1e-12))
+    if slope < _MIN_SLOPE:
+        return None
+    score = columns * (weight * (target[telling] - columns @ size))[:, None]
+    by_pair = np.stack([np.bincount(pair[telling], weights=column) for column in score.T], axis=1)
+    inverse = np.linalg.inv(normal)
+    sigma = float(np.sqrt(max((inverse @ (by_pair.T @ by_pair) @ inverse)[-1, -1], 1e-18)))
+    return float(size[-1]) / slope, float(abs(size[-1])) / sigma

@@ -1,0 +1,1 @@
+"""The accuracy benchmark: a fixed set of recordings with known truth."""

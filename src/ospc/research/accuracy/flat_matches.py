@@ -1,0 +1,142 @@
+"""Grey levels of the same scene points in two real frames, read in another way than any method here reads them.
+
+SIFT on frames of equal histograms, a homography to sort out wrong matches, and then not the features themselves but
+flat ground beside them: with the displacement of its nearest feature, a flat place is read well even if that is a
+pixel off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial import KDTree
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image
+from ospc.photometry.geometry import normalised
+from ospc.recording.frame import Frame
+from ospc.research.held_out import HeldOutPair
+
+_FEATURES = 3000
+_RATIO = 0.8
+_OUTLIER_PX = 4.0
+_FEWEST_MATCHES = 20
+_NEAREST_PX = 24.0
+_SPACING_PX = 4
+_SMOOTHING_PX = 2.0
+_FLAT = 0.004
+
+
+@dataclass(frozen=True)
+class SampledFrame:
+    """A frame with its features and what tells flat places.
+
+    Attributes
+    ----------
+    exposure_ms
+        Its exposure.
+    points, descriptors
+        SIFT features, shapes (n, 2) and (n, 128).
+    grey
+        Smoothed grey levels in [0, 1], shape (height, width).
+    gradient
+        Their gradient per pixel, shape (height, width).
+    """
+
+    exposure_ms: float
+    points: FloatArray
+    descriptors: Float32Array
+    grey: Float32Array
+    gradient: Float32Array
+
+    @classmethod
+    def of(cls, frame: Frame) -> SampledFrame:
+        """Find the features and flat places of a frame.
+
+        Raises
+        ------
+        FrameError
+            If its image cannot be read.
+        """
+        grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
+        sift = cv2.SIFT_create(nfeatures=_FEATURES)
+        key_points, descriptors = sift.detectAndCompute(_equalised(grey), None)
+        found = np.array([point.pt for point in key_points], dtype=np.float64).reshape(-1, 2)
+        smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX)
+        gradient = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)) / 8
+        return cls(
+            frame.exposure_ms,
+            found,
+            np.zeros((0, 128), np.float32) if descriptors is None else descriptors.astype(np.float32),
+            np.asarray(smooth, dtype=np.float32),
+            np.asarray(gradient, dtype=np.float32),
+        )
+
+
+def flat_pair(
+    first: SampledFrame, second: SampledFrame, greys: tuple[float, float], max_radial_displacement: float
+) -> HeldOutPair | None:
+    """Return the grey levels of flat places in both frames; None where the frames do not match.
+
+    Parameters
+    ----------
+    first, second
+        The frames.
+    greys
+        Lowest and highest grey level, in [0, 1], of what is returned. Smoothing leaves so little noise that choosing
+        by grey level does not choose by noise.
+    max_radial_displacement
+        Largest |R₀ − R₁| of what is returned: none that the vignette could be seen in.
+    """
+    points0, points1 = _matches(first, second)
+    if len(points0) < _FEWEST_MATCHES:
+        return None
+    height, width = first.grey.shape
+    x, y = np.meshgrid(np.arange(0, width, _SPACING_PX), np.arange(0, height, _SPACING_PX))
+    places0 = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+    distance, nearest = KDTree(points0).query(places0)
+    places1 = places0 + (points1 - points0)[nearest]
+    margin = 4 * _SMOOTHING_PX
+    far = np.array([width, height]) - 1 - margin
+    near = (distance < _NEAREST_PX) & _within(places0, margin, far) & _within(places1, margin, far)
+    places0, places1 = places0[near], places1[near]
+    grey0, grey1 = _read(first.grey, places0), _read(second.grey, places1)
+    flat = (_read(first.gradient, places0) < _FLAT) & (_read(second.gradient, places1) < _FLAT)
+    exposed = (np.minimum(grey0, grey1) > greys[0]) & (np.maximum(grey0, grey1) < greys[1])
+    radius0, radius1 = (np.linalg.norm(normalised(p, (width, height)), axis=1) for p in (places0, places1))
+    kept = flat & exposed & (np.abs(radius0 - radius1) < max_radial_displacement)
+    ratio = first.exposure_ms / second.exposure_ms
+    return HeldOutPair(grey0[kept], grey1[kept], places0[kept], places1[kept], ratio)
+
+
+def _matches(first: SampledFrame, second: SampledFrame) -> tuple[FloatArray, FloatArray]:
+    none = np.empty((0, 2)), np.empty((0, 2))
+    if min(len(first.points), len(second.points)) < 2:
+        return none
+    found = cv2.BFMatcher(cv2.NORM_L2).knnMatch(first.descriptors, second.descriptors, k=2)
+    good = [(m.queryIdx, m.trainIdx) for m, n in found if m.distance < _RATIO * n.distance]
+    if len(good) < _FEWEST_MATCHES:
+        return none
+    index0, index1 = np.array(good).T
+    points0, points1 = first.points[index0], second.points[index1]
+    # A scene with depth is no plane; the tolerance takes in what lies near the dominant one.
+    cv2.setRNGSeed(0)
+    _, mask = cv2.findHomography(points0, points1, cv2.RANSAC, _OUTLIER_PX)
+    agree = np.zeros(len(points0), bool) if mask is None else mask.ravel() > 0
+    return points0[agree], points1[agree]
+
+
+def _equalised(grey: Float32Array) -> Image:
+    return np.asarray(cv2.equalizeHist(np.rint(grey * 255).astype(np.uint8)))
+
+
+def _within(places: FloatArray, margin: float, far: FloatArray) -> BoolArray:
+    return np.asarray(np.all((places >= margin) & (places <= far), axis=1))
+
+
+def _read(image: Float32Array, places: FloatArray) -> FloatArray:
+    if len(places) == 0:
+        return np.empty(0)
+    where = places.astype(np.float32).reshape(-1, 1, 2)
+    return np.asarray(cv2.remap(image, where, None, cv2.INTER_LINEAR), dtype=np.float64).reshape(-1)

@@ -1,0 +1,165 @@
+"""The tables and files of the accuracy benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ospc.research.measurement import Measurement, metrics
+from ospc.research.pictures import Comparison, draw_errors
+from ospc.research.store import source_hash
+from ospc.research.summary import Spread, contest, groups_of, known_metrics, methods_of, spread
+from ospc.research.tables import Table, Written, as_json, measurements_csv, write
+from ospc.settings import as_dict, preset
+from ospc.versions import versions
+
+SCHEMA = "ospc-benchmark-accuracy/2"
+
+_TITLES = {
+    "simulated": "Simulated recordings, camera in motion",
+    "static": "Simulated sweeps of the exposure, camera at rest",
+    "video": "Real hand-held video, judged on frames that were not fitted",
+    "charts": "Real cameras, response of each colour channel from four exposures of a chart",
+}
+_MAIN = metrics("response_shape_rmse", "log_ratio_error", "vignette_rmse", "ratio_median_abs")
+"""The metrics of the picture and of the table by factor."""
+
+_NOTE = (
+    "g(0) = 0, g(255) = 1, V = 1 at the centre; nothing is aligned by an exponent, and only the shape by a scale. "
+    "Typical is the median; for shares within ±σ, the mean over all points. A dash: the method gives no result."
+)
+_Outcome = TypeVar("_Outcome", bound=Hashable)
+
+
+def write_accuracy(
+    folder: Path, rows: Sequence[Measurement], presets: Sequence[str], notes: Sequence[str]
+) -> Written:
+    """Write ``results.json``, ``results.csv``, ``table.md`` and ``errors.png``.
+
+    Raises
+    ------
+    SettingError
+        If they cannot be written.
+    """
+    made = ", ".join(f"{name} {version}" for name, version in versions().items())
+    heading = ["# Accuracy\n", _NOTE + "\n", *(f"- {note}\n" for note in notes)]
+    heading.append(f"- Made with {made}; source {source_hash()[:12]}; ospc bench accuracy.\n")
+    texts = {
+        "results.json": as_json(content_of(rows, presets, notes)),
+        "results.csv": measurements_csv(rows),
+        "table.md": "\n".join([*heading, *(table.as_markdown() for table in accuracy_tables(rows))]),
+    }
+    comparison = Comparison("Errors of all recordings", _MAIN)
+    return write(folder, texts, {"errors.png": partial(draw_errors, comparison, rows)})
+
+
+def content_of(rows: Sequence[Measurement], presets: Sequence[str], notes: Sequence[str]) -> dict[str, Any]:
+    """Return the content of ``results.json``."""
+    return {
+        "schema": SCHEMA,
+        "versions": versions(),
+        "source_sha256": source_hash(),
+        "presets": {name: as_dict(preset(name)) for name in presets},
+        "notes": list(notes),
+        "summary": {group: _spreads(members) for group, members in groups_of(rows).items()},
+        "measurements": [row.summary() for row in rows],
+    }
+
+
+def _spreads(rows: Sequence[Measurement]) -> dict[str, dict[str, Any]]:
+    return {
+        method: {m.figure: vars(found) for m in known_metrics(rows) if (found := spread(rows, method, m)) is not None}
+        for method in methods_of(rows)
+    }
+
+
+def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:
+    """Return for each group: a summary, how often a method is nearer, medians by factor, and every measurement."""
+    tables: list[Table] = []
+    for group, members in groups_of(rows).items():
+        title = _TITLES.get(group, group)
+        tables.append(_summary(title, members))
+        if len({row.recording for row in members}) > 1:
+            tables.append(_contests(f"{title}: how often the first came nearer", members))
+            tables.append(_by_factor(f"{title}: medians by factor", members))
+        tables.append(_every(f"{title}: every recording", members))
+    return [table for table in tables if table.rows]
+
+
+def _summary(title: str, members: Sequence[Measurement]) -> Table:
+    """Return a line for each metric, with typical and worst value of each method."""
+    several = len({row.recording for row in members}) > 1
+    header = ["metric"]
+    for method in methods_of(members):
+        header += [f"{method}: typical", "worst"] if several else [method]
+    lines = []
+    for metric in known_metrics(members):
+        line = [metric.label]
+        for method in methods_of(members):
+            found = spread(members, method, metric)
+            typical = metric.text(None if found is None else found.typical)
+            if found is not None and found.known < found.cases:
+                typical += f" ({found.known} of {found.cases})"
+            line += [typical, metric.text(None if found is None else found.worst)] if several else [typical]
+        lines.append(tuple(line))
+    return Table(title, tuple(header), tuple(lines))
+
+
+def _contests(title: str, members: Sequence[Measurement]) -> Table:
+    first, *others = methods_of(members)
+    lines = []
+    for metric in known_metrics(members):
+        if metric.kind != "error":
+            continue
+        found = {other: contest(members, first, other, metric.figure) for other in others}
+        for outcome, names in _alike(found).items():
+            if outcome.both + outcome.only_first + outcome.only_second:
+                counts = (f"{outcome.nearer} of {outcome.both}", str(outcome.only_first), str(outcome.only_second))
+                lines.append((metric.label, f"{first} against {names}", *counts))
+    header = ("metric", "methods", "nearer", "result of the first only", "of the second only")
+    return Table(title, header, tuple(lines), names=2)
+
+
+def _by_factor(title: str, members: Sequence[Measurement]) -> Table:
+    shown = [metric for metric in known_metrics(members) if metric in _MAIN]
+    levels = list(dict.fromkeys(level for row in members for level in row.factors.items()))
+    levels.sort(key=lambda level: list(members[0].factors).index(level[0]))
+    lines = []
+    for factor, level in levels:
+        there = [row for row in members if row.factors.get(factor) == level]
+        texts = {
+            method: tuple(m.text(_typical(spread(there, method, m))) for m in shown) for method in methods_of(members)
+        }
+        lines += [(f"{factor} = {level}", names, *figures) for figures, names in _alike(texts).items()]
+    return Table(title, ("level", "method", *(m.short for m in shown)), tuple(lines), names=2)
+
+
+def _every(title: str, members: Sequence[Measurement]) -> Table:
+    shown = known_metrics(members)
+    limits = list(dict.fromkeys(name for row in members for name in row.limits))
+    order = list(dict.fromkeys(row.recording for row in members))
+    lines = [
+        (
+            row.recording,
+            row.method + (" (failed)" if row.failure else ""),
+            *(m.text(row.figures.get(m.figure)) for m in shown),
+            *(f"{row.limits[name]:.4f}" if name in row.limits else "–" for name in limits),
+        )
+        for row in sorted(members, key=lambda row: order.index(row.recording))
+    ]
+    header = ("recording", "method", *(m.short for m in shown), *(name.replace("_", " ") for name in limits))
+    return Table(title, header, tuple(lines), names=2)
+
+
+def _alike(found: Mapping[str, _Outcome]) -> dict[_Outcome, str]:
+    """Return every outcome once, with the names of the methods that share it."""
+    members: dict[_Outcome, list[str]] = {}
+    for name, outcome in found.items():
+        members.setdefault(outcome, []).append(name)
+    return {outcome: ", ".join(names) for outcome, names in members.items()}
+
+
+def _typical(found: Spread | None) -> float | None:
+    return None if found is None else found.typical

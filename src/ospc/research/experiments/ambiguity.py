@@ -1,0 +1,218 @@
+"""The exponential ambiguity: without exposures every exponent explains a recording as well as the true one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import BoolArray, FloatArray
+from ospc.errors import FormatError, NotObservableError
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette, radial_profile
+from ospc.report.style import BLUE, GREY, ORANGE, new_figure, rules, save
+from ospc.research.runner import OnProgress
+from ospc.research.source import Source
+from ospc.research.store import made_with
+from ospc.research.tables import Written, as_csv, write
+from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
+from ospc.unknown_exposures.response_model import learned_model
+from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
+
+EXPONENTS = np.geomspace(0.5, 2.0, 25)
+STARTS = (0.6, 0.8, 1.0, 1.25, 1.6)
+_ITERATIONS = 60
+_EXPOSED = (0.04, 0.96)
+"""Grey levels that are used: neither dark noise nor saturation."""
+
+_FEWEST_VIEWS = 3
+"""Observations of a point that residuals are counted of: with fewer its radiance fits too well."""
+
+_MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """How well powers of the truth explain a recording.
+
+    Attributes
+    ----------
+    exponents
+        γ, n values.
+    free, known
+        Robust standard deviation of the grey levels that g^γ and V^γ leave unexplained, in full scale, n values:
+        with exposures e^γ, and with those of the metadata.
+    starts, reached
+        Exponent at which joint estimation was started, and the exponent of its result, m values.
+    costs
+        Mean robust residual of the result, m values.
+    """
+
+    exponents: Sequence[float]
+    free: Sequence[float]
+    known: Sequence[float]
+    starts: Sequence[float]
+    reached: Sequence[float]
+    costs: Sequence[float]
+
+
+@dataclass(frozen=True)
+class AmbiguityTask:
+    """The ambiguity to be measured on a recording."""
+
+    source: Source
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        return f"{self.source.name} (ambiguity)"
+
+    def describe(self) -> dict[str, Any]:
+        """Return the recording, and the source of this package."""
+        return {"recording": self.source.describe(), "study": "ambiguity", "made_with": made_with()}
+
+    def run(self, progress: OnProgress) -> dict[str, Any]:
+        """Return the fields of an :class:`Ambiguity`."""
+        return asdict(measure_ambiguity(self.source, progress))
+
+
+def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None) -> Ambiguity:
+    """Measure the ambiguity on a recording.
+
+    Raises
+    ------
+    FormatError
+        If the truth lacks the response or the vignette.
+    NotObservableError
+        If too little can be tracked.
+    """
+    truth = source.truth()
+    if truth.response is None or truth.vignette is None:
+        raise FormatError(f"{source.name}: the ambiguity is shown with the true response and vignette; give both")
+    tracker = GainRobustTracker()
+    exposures = np.empty(source.count)
+    for done, frame in enumerate(source.frames(), start=1):
+        tracker.push(frame)
+        exposures[frame.index] = frame.exposure_ms
+        progress(done / source.count)
+    tracks = tracker.observations()
+    if not tracks.grey.size:
+        raise NotObservableError(f"{source.name}: no point could be tracked")
+    log_e = np.log(exposures[tracks.frames])
+    residuals = [_residuals(tracks, truth.response, truth.vignette, float(gamma), log_e) for gamma in EXPONENTS]
+    free, known = zip(*residuals, strict=True)
+    ends = [_estimate_from(tracks, start) for start in STARTS]
+    reached = [_exponent_of(end, truth.response) for end in ends]
+    return Ambiguity(EXPONENTS.tolist(), free, known, STARTS, reached, [end.cost for end in ends])
+
+
+def _residuals(
+    tracks: TrackObservations, response: Response, vignette: Vignette, gamma: float, log_e: FloatArray
+) -> tuple[float, float]:
+    """Return unexplained grey levels with exposures e^γ and with exposures e, each with its best radiances.
+
+    Radiances are means of ln g^γ − ln V^γ − ln e over the observations of a point.
+    """
+    profile = np.asarray(radial_profile(vignette))
+    log_v = np.log(np.interp(tracks.radius, (np.arange(profile.size) + 0.5) / profile.size, profile))
+    log_g = np.log(np.maximum(response.inverse(tracks.grey), 1e-6))
+    inside = (tracks.grey > _EXPOSED[0]) & (tracks.grey < _EXPOSED[1])
+    log_e = log_e[tracks.frame]
+    free = _unexplained(tracks, inside, gamma * log_g, gamma * (log_v + log_e), response, gamma)
+    known = _unexplained(tracks, inside, gamma * log_g, gamma * log_v + log_e, response, gamma)
+    return free, known
+
+
+def _unexplained(  # noqa: PLR0917 - one formula
+    tracks: TrackObservations,
+    inside: BoolArray,
+    log_g: FloatArray,
+    log_ev: FloatArray,
+    response: Response,
+    gamma: float,
+) -> float:
+    counts = np.maximum(np.bincount(tracks.point, weights=inside), 1)
+    log_l = np.bincount(tracks.point, weights=inside * (log_g - log_ev)) / counts
+    predicted = response(np.exp((log_ev + log_l[tracks.point]) / gamma))
+    several = inside & (counts[tracks.point] >= _FEWEST_VIEWS)
+    # The median, because a few tracks have left their points.
+    return float(_MAD_TO_SIGMA * np.median(np.abs((tracks.grey - predicted)[several])))
+
+
+def _estimate_from(tracks: TrackObservations, exponent: float) -> JointEstimate:
+    """Return the joint estimate that starts at the model's response nearest to a power of its mean."""
+    model = learned_model()
+    powered = Response.from_values(model.response(np.zeros(len(model.components))).inverse_table ** exponent)
+    start = JointEstimate(
+        tracks.size, model, model.coefficients_of(powered), np.zeros(3), tracks.frames, np.zeros(tracks.frames.size)
+    )
+    return estimate_jointly(tracks, model, start, _ITERATIONS)
+
+
+def _exponent_of(found: JointEstimate, truth: Response) -> float:
+    """Return γ with g ≈ G^γ over the middle grey levels, by least squares of logarithms."""
+    greys = np.linspace(0.15, 0.9, 60)
+    estimate, true = np.log(found.response.inverse(greys)), np.log(truth.inverse(greys))
+    return float(estimate @ true / (true @ true))
+
+
+def write_ambiguity(found: Ambiguity, name: str, folder: Path) -> Written:
+    """Write ``ambiguity.csv``, ``starts.csv`` and ``ambiguity.png``.
+
+    Raises
+    ------
+    SettingError
+        If they cannot be written.
+    """
+    by_exponent = zip(found.exponents, found.free, found.known, strict=True)
+    by_start = zip(found.starts, found.reached, found.costs, strict=True)
+    texts = {
+        "ambiguity.csv": as_csv(
+            ["exponent", "residual_exposures_free", "residual_exposures_known"], map(_rounded, by_exponent)
+        ),
+        "starts.csv": as_csv(["start_exponent", "end_exponent", "cost"], map(_rounded, by_start)),
+    }
+    return write(folder, texts, {"ambiguity.png": partial(_draw, found, name)})
+
+
+def _rounded(values: Sequence[float]) -> list[str]:
+    return [f"{value:.6g}" for value in values]
+
+
+def _draw(found: Ambiguity, name: str, path: Path) -> Path:
+    """Draw what powers of the truth leave unexplained, and where joint estimation ends by where it starts."""
+    figure = new_figure(11.0, 4.4)
+    with rules():
+        figure.suptitle(name)
+        left, right = figure.subplots(1, 2)
+        left.plot(found.exponents, 255 * np.array(found.free), color=ORANGE, lw=2, label="exposures free: e^γ")
+        left.plot(found.exponents, 255 * np.array(found.known), color=BLUE, ls="--", lw=2, label="exposures known: e")
+        left.axvline(1, color=GREY, lw=1)
+        left.set(
+            xscale="log",
+            xlabel="exponent γ of response and vignette",
+            ylabel="unexplained, grey levels",
+            title="All exponents fit equally well, unless e is known",
+            ylim=(0, None),
+        )
+        right.plot(found.starts, found.reached, "o-", color=ORANGE, label="joint estimation")
+        right.axhline(1, color=GREY, lw=1, label="truth")
+        right.set(
+            xscale="log",
+            yscale="log",
+            xlabel="exponent of the start",
+            ylabel="exponent of the result",
+            title="The result of joint estimation depends on its start",
+        )
+        ticks = [0.35, 0.5, 0.7, 1, 1.4, 2, 2.8]
+        right.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        for axes in (left, right):
+            axes.set_xticks(ticks[1:-1], [f"{tick:g}" for tick in ticks[1:-1]])
+            axes.minorticks_off()
+            axes.legend(loc="best")
+        return save(figure, path)

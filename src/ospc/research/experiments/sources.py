@@ -1,0 +1,147 @@
+"""The recordings of experiments: simulated stand-ins for the paper's, and sweeps of the exposure.
+
+Where a folder of reference data is given, stand-ins have the response and the vignette of the data set's narrow
+camera and the exposures of a real recording; otherwise an analytic approximation of both and a simulated exposure
+control.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.errors import FormatError, SettingError
+from ospc.formats.dso import read_pcalib
+from ospc.formats.files import read_text
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette, Vignette
+from ospc.research.source import SimulatedSource
+from ospc.simulation import SimulationSettings
+
+RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narrow_radial_DIGITISED.csv"
+EXPOSURES = "params/tum_vi_times.txt"
+
+ANALYTIC_VIGNETTE = (-0.35, 0.05, -0.15)
+"""Coefficients of R², R⁴ and R⁶ without reference data."""
+
+STATIC_RESPONSES = ("linear", "srgb", "gamma2.2", "log", "filmic", "tum_narrow")
+"""Responses of the cameras at rest, in turn."""
+
+_SEED, _STATIC_SEED = 3000, 4000
+_FEWEST_RADII = 8
+"""Radii that a table of a vignette needs for its four coefficients, twice over."""
+
+_MOST_BYTES = 16_000_000
+
+
+def stand_ins(
+    count: int, frames: int, size: ImageSize, data: Path | None = None, *, speed: float = 1.0
+) -> list[SimulatedSource]:
+    """Return simulated recordings, each with its own scene, motion and course of exposures.
+
+    Parameters
+    ----------
+    count
+        Number of recordings.
+    frames
+        Frames of each.
+    size
+        Width and height of the images.
+    data
+        Folder of reference data; None for the analytic camera.
+    speed
+        Factor of the speed of the camera's motion.
+
+    Raises
+    ------
+    SettingError
+        If none are asked for.
+    FormatError
+        If a file of the folder does not hold what it should.
+    """
+    if count < 1 or frames < 2:
+        raise SettingError("an experiment needs at least one recording, of two frames or more")
+    response, vignette = _camera(size, data)
+    courses = _courses(count, frames, data)
+    common = SimulationSettings(
+        size=size,
+        frames=frames,
+        speed=speed,
+        response=response,
+        vignette=vignette,
+        vignette_coefficients=ANALYTIC_VIGNETTE,
+    )
+    return [_stand_in(number, common, courses) for number in range(count)]
+
+
+def _stand_in(number: int, common: SimulationSettings, courses: list[FloatArray] | None) -> SimulatedSource:
+    settings = replace(common, seed=_SEED + number)
+    if courses is not None:
+        middle = float(np.exp(np.mean(np.log(courses[number]))))
+        exposures = tuple(courses[number].tolist())
+        settings = replace(settings, exposure="file", exposures_ms=exposures, reference_exposure_ms=middle)
+    return SimulatedSource(f"simulated-{number}", settings)
+
+
+def sweeps(count: int, frames: int, size: ImageSize) -> list[SimulatedSource]:
+    """Return sweeps of the exposure by cameras at rest that differ in their response."""
+    found = []
+    for number in range(count):
+        settings = SimulationSettings(
+            size=size,
+            frames=frames,
+            seed=_STATIC_SEED + number,
+            response=STATIC_RESPONSES[number % len(STATIC_RESPONSES)],
+            motion="static",
+            exposure="sweep",
+            exposure_min_ms=1.0,
+            exposure_max_ms=60.0,
+        )
+        found.append(SimulatedSource(f"static-{settings.response}-{number}", settings))
+    return found
+
+
+def _camera(size: ImageSize, data: Path | None) -> tuple[str | Response, str | Vignette]:
+    """Return response and vignette of the narrow camera, or the names of analytic ones."""
+    if data is None or not (data / RESPONSE).is_file() or not (data / VIGNETTE).is_file():
+        return "tum_narrow", "polynomial"
+    return read_pcalib(data / RESPONSE), _radial(data / VIGNETTE, size)
+
+
+def _radial(path: Path, size: ImageSize) -> PolynomialVignette:
+    """Return the 1 + v₁R² + v₂R⁴ + v₃R⁶ nearest to a table 'radius,V'.
+
+    The table was digitised from a published picture, and its errors near the centre would be a dip that no lens has.
+    """
+    try:
+        rows = [line.split(",") for line in read_text(path, _MOST_BYTES).splitlines() if line[:1].isdigit()]
+        radius, value = np.array(rows, dtype=np.float64).T
+    except ValueError:
+        raise FormatError(f"{path}: is not a table 'radius,V' with one radius a line") from None
+    if radius.size < _FEWEST_RADII or not np.all(np.isfinite(value)) or np.any(np.diff(radius) <= 0):
+        raise FormatError(f"{path}: needs finite values at {_FEWEST_RADII} or more increasing radii")
+    scale, *terms = np.linalg.lstsq(radius[:, None] ** (2 * np.arange(4)), value, rcond=None)[0].tolist()
+    return PolynomialVignette(size, tuple(term / scale for term in terms))
+
+
+def _courses(count: int, frames: int, data: Path | None) -> list[FloatArray] | None:
+    """Return the parts of a real course of exposures that vary most; they overlap only where it is too short."""
+    if data is None or not (data / EXPOSURES).is_file():
+        return None
+    place = data / EXPOSURES
+    try:
+        lines = [line for line in read_text(place, _MOST_BYTES).splitlines() if not line.startswith("#")]
+        exposures = np.array([float(line.split()[-1]) for line in lines if line.strip()])
+    except ValueError:
+        raise FormatError(f"{place}: does not end every line with an exposure") from None
+    if exposures.size < frames or not np.all(np.isfinite(exposures) & (exposures > 0)):
+        raise FormatError(f"{place}: needs {frames} positive exposures; simulate fewer frames")
+    whole = exposures.size // frames
+    starts = np.arange(whole) * frames
+    if whole < count:
+        starts = np.linspace(0, exposures.size - frames, count).astype(int)
+    parts = [exposures[start : start + frames] for start in starts]
+    return sorted(parts, key=lambda part: -float(np.std(np.log(part))))[:count]

@@ -1,0 +1,128 @@
+"""What is measured: the errors of one method on one recording, and how each error is named and printed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+Kind = Literal["error", "bias", "share"]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """How a figure is named, summarised and printed.
+
+    Attributes
+    ----------
+    figure
+        Key in :attr:`Measurement.figures`.
+    label, short
+        Its name where there is room, and as the heading of a column.
+    kind
+        An "error" is best when small, a "bias" when near zero; a "share" is the coverage of an uncertainty.
+    digits
+        Digits after the point; of a share, in percent.
+    """
+
+    figure: str
+    label: str
+    short: str
+    kind: Kind = "error"
+    digits: int = 4
+
+    def text(self, value: float | None) -> str:
+        """Return a value as tables print it."""
+        if value is None or not np.isfinite(value):
+            return "–"
+        if self.kind == "share":
+            return f"{value:.{self.digits}%}"
+        return f"{value:{'+' if self.kind == 'bias' else ''}.{self.digits}f}"
+
+    def typical(self, values: Sequence[float]) -> float:
+        """Return the median; for shares the mean, which pools their points."""
+        return float(np.mean(values) if self.kind == "share" else np.median(values))
+
+    def worst(self, values: Sequence[float]) -> float:
+        """Return the largest error, the bias farthest from zero, or the smallest share."""
+        return min(values) if self.kind == "share" else max(values, key=abs)
+
+
+METRICS = (
+    Metric("response_rmse", "response, RMSE of g", "g"),
+    Metric("response_shape_rmse", "response shape, RMSE of s·g", "shape"),
+    Metric("log_ratio_error", "log-ratio error κ", "κ"),
+    Metric("vignette_rmse", "vignette, RMSE of the profile", "V"),
+    Metric("vignette_pixel_rmse", "vignette, RMSE of all pixels", "V pixels"),
+    Metric("ratio_median_abs", "ln k, median error", "ln k"),
+    Metric("ratio_bias", "ln k, bias", "bias", "bias"),
+    Metric("factor_error_percent", "exposure factor, error in %", "factor %", digits=2),
+    Metric("exposure_error", "exposures, RMSE of ln e", "ln e"),
+    Metric("response_within_1_sigma", "response within ±1σ", "g ±1σ", "share", 0),
+    Metric("response_within_2_sigma", "response within ±2σ", "g ±2σ", "share", 0),
+    Metric("vignette_within_1_sigma", "vignette within ±1σ", "V ±1σ", "share", 0),
+    Metric("vignette_within_2_sigma", "vignette within ±2σ", "V ±2σ", "share", 0),
+)
+"""All figures, in the order of the tables; :mod:`ospc.research.scoring` computes them."""
+
+
+def metrics(*figures: str) -> tuple[Metric, ...]:
+    """Return the metrics of these figures."""
+    return tuple(metric for metric in METRICS if metric.figure in figures)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One method on one recording.
+
+    Attributes
+    ----------
+    recording, method
+        Names.
+    figures
+        The errors that are known, by :attr:`Metric.figure`.
+    failure
+        The error that ended the method; empty if none did.
+    group, factors
+        The group of recordings this one belongs to, and its level of each factor that varies within the group.
+    states, reasons
+        The verdict on "response" and "vignette", and its reason.
+    limits
+        What limits the comparison itself: how uncertain the truth is, how wrong the stated exposures are.
+    seconds
+        Processor time; of all variants together where a method has several.
+    curves
+        For pictures: "response", g at the 256 grey levels, and "vignette", the mean of V in 50 rings.
+    ratios
+        The exposure ratios that a calibration reports: lists "frames", "metadata", "estimated" and "samples".
+    """
+
+    recording: str
+    method: str
+    figures: dict[str, float] = field(default_factory=dict)
+    failure: str = ""
+    group: str = ""
+    factors: dict[str, str] = field(default_factory=dict)
+    states: dict[str, str] = field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
+    limits: dict[str, float] = field(default_factory=dict)
+    seconds: float | None = None
+    curves: dict[str, list[float]] = field(default_factory=dict, repr=False)
+    ratios: dict[str, list[Any]] = field(default_factory=dict, repr=False)
+
+    @property
+    def problem(self) -> str:
+        """Why there are no figures; empty if there are some."""
+        if self.figures:
+            return ""
+        return self.failure or "; ".join(self.reasons.values()) or "it found neither response nor vignette"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as JSON-compatible values."""
+        return asdict(self)
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything but the curves and ratios as JSON-compatible values."""
+        return {name: value for name, value in self.as_dict().items() if name not in ("curves", "ratios")}

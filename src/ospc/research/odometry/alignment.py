@@ -1,0 +1,198 @@
+"""Direct alignment: the motion under which points of one image have the same brightness in another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ospc.arrays import Float32Array, FloatArray
+
+LEVELS = 4
+"""Levels of the image pyramid, each half as large as the one below."""
+
+_ITERATIONS, _SETTLED = 12, 1e-6
+"""Most steps on a level, and the change at which they end on the finest one."""
+
+_HUBER, _MAD_TO_SIGMA = 1.345, 1.4826
+"""Huber's tuning constant, and standard deviation over median absolute deviation of a normal distribution."""
+
+_AGREEING_SIGMAS = 3
+_NEAR_M = 0.05
+"""Points nearer than this are treated as behind the camera."""
+
+_FEWEST = 20
+"""Points in the image that a step needs."""
+
+_GRADIENT = 0.1
+"""Gradient, in brightness per pixel, at which a residual has half its weight: there, misplacement dominates."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rotation, shape (3, 3), and a translation, shape (3,): X ↦ R·X + t."""
+
+    rotation: FloatArray
+    translation: FloatArray
+
+    @classmethod
+    def identity(cls) -> Pose:
+        """Return the pose that changes nothing."""
+        return cls(np.eye(3), np.zeros(3))
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Return transformed points, shape (n, 3)."""
+        return np.asarray(points @ self.rotation.T + self.translation)
+
+    def after(self, first: Pose) -> Pose:
+        """Return the pose that applies ``first``, then this one."""
+        return Pose(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
+
+    @property
+    def inverse(self) -> Pose:
+        """The pose that undoes this one."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+
+@dataclass(frozen=True)
+class Brightness:
+    """A pyramid of an image; level 0 is the finest.
+
+    Attributes
+    ----------
+    levels
+        Brightness, its derivatives along x and y, shape (height, width, 3) each.
+    """
+
+    levels: tuple[Float32Array, ...]
+
+    @classmethod
+    def of(cls, image: Float32Array) -> Brightness:
+        """Build the pyramid."""
+        found = []
+        for _ in range(LEVELS):
+            smooth = cv2.GaussianBlur(image, (0, 0), 0.8)
+            dx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=3, scale=0.125)
+            dy = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=3, scale=0.125)
+            found.append(np.dstack([smooth, dx, dy]))
+            image = cv2.resize(image, (image.shape[1] // 2, image.shape[0] // 2), interpolation=cv2.INTER_AREA)
+        return cls(tuple(found))
+
+    def at(self, level: int, points: FloatArray) -> FloatArray:
+        """Return brightness and derivatives at pixels of level 0, shape (n, 2) -> (n, 3); NaN outside."""
+        places = ((points + 0.5) / 2**level - 0.5).astype(np.float32)
+        sampled = cv2.remap(
+            self.levels[level],
+            np.ascontiguousarray(places[:, 0]),
+            np.ascontiguousarray(places[:, 1]),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=(np.nan, np.nan, np.nan),
+        )
+        return np.asarray(sampled.reshape(-1, 3), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole: focal length in pixels, principal point, shape (2,)."""
+
+    focal_px: float
+    centre_px: FloatArray
+
+    def lift(self, points: FloatArray, depth_m: FloatArray) -> FloatArray:
+        """Return points in space, shape (n, 2), (n,) -> (n, 3)."""
+        return np.column_stack([(points - self.centre_px) / self.focal_px, np.ones(len(points))]) * depth_m[:, None]
+
+    def project(self, points_m: FloatArray) -> FloatArray:
+        """Return pixels, shape (n, 3) -> (n, 2); far outside for what is behind the camera."""
+        z = points_m[:, 2:]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixels = self.focal_px * points_m[:, :2] / z + self.centre_px
+        return np.where(z > _NEAR_M, pixels, -1e6)
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """A motion, the share of points that lie in the image and agree, and their median displacement in pixels."""
+
+    motion: Pose
+    agreeing: float
+    moved_px: float
+
+
+def align(
+    points_m: FloatArray, reference: FloatArray, image: Brightness, camera: Camera, start: Pose, *, affine: bool
+) -> Aligned:
+    """Return the motion from a camera with known points to the camera of another image.
+
+    Gauss-Newton steps from coarse to fine on Huber's function of brightness differences.
+
+    Parameters
+    ----------
+    points_m
+        Points in the frame of the first camera, shape (n, 3).
+    reference
+        Their brightness on each level of its image, shape (levels, n).
+    image
+        The image of the second camera.
+    camera
+        Geometry of both cameras.
+    start
+        Initial motion.
+    affine
+        Whether the brightness of the second image is a·I + b, with a and b estimated too.
+    """
+    problem = _Problem(points_m, reference, image, camera, affine)
+    motion, gain, agreeing = start, np.zeros(2), 0.0
+    for level in reversed(range(LEVELS)):
+        for _ in range(_ITERATIONS):
+            step = problem.step(level, motion, gain)
+            if step is None:
+                break
+            change, agreeing = step
+            motion = Pose(Rotation.from_rotvec(change[3:6]).as_matrix(), change[:3]).after(motion)
+            gain = gain + change[6:8] if affine else gain
+            if np.max(np.abs(change[:6])) < _SETTLED * 4**level:
+                break
+    # Rounding makes products of rotations drift off the rotations; the next initial motion would inherit that.
+    left, _, right = np.linalg.svd(motion.rotation)
+    motion = Pose(left @ right, motion.translation)
+    moved = camera.project(motion(points_m)) - camera.project(points_m)
+    return Aligned(motion, agreeing, float(np.median(np.linalg.norm(moved, axis=1))))
+
+
+@dataclass(frozen=True)
+class _Problem:
+    points_m: FloatArray
+    reference: FloatArray
+    image: Brightness
+    camera: Camera
+    affine: bool
+
+    def step(self, level: int, motion: Pose, gain: FloatArray) -> tuple[FloatArray, float] | None:
+        """Return a Gauss-Newton step (translation, rotation, ln a, b) and the share of agreeing points."""
+        moved = motion(self.points_m)
+        sampled = self.image.at(level, self.camera.project(moved))
+        reference = self.reference[level]
+        good = np.isfinite(sampled).all(axis=1) & np.isfinite(reference)
+        if np.count_nonzero(good) < _FEWEST:
+            return None
+        x, y, z = moved[good].T
+        value, dx, dy = sampled[good].T
+        scaled = np.exp(gain[0]) * reference[good]
+        residual = value - scaled - gain[1]
+        focal = self.camera.focal_px / 2**level
+        along = np.column_stack([dx * focal / z, dy * focal / z, -focal * (dx * x + dy * y) / z**2])
+        jacobian = np.column_stack([along, np.cross(moved[good], along)])
+        if self.affine:
+            jacobian = np.column_stack([jacobian, -scaled, -np.ones_like(scaled)])
+        size = np.abs(residual)
+        sigma = _MAD_TO_SIGMA * float(np.median(size)) + 1e-6
+        weight = np.minimum(1, _HUBER * sigma / np.maximum(size, 1e-12))
+        weight *= _GRADIENT**2 / (_GRADIENT**2 + dx**2 + dy**2)
+        normal = (jacobian * weight[:, None]).T @ jacobian
+        normal[np.diag_indices_from(normal)] *= 1 + 1e-6
+        change = np.linalg.lstsq(normal, -jacobian.T @ (weight * residual), rcond=None)[0]
+        return np.asarray(change), float(np.count_nonzero(size < _AGREEING_SIGMAS * sigma) / len(self.points_m))

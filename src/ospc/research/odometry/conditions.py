@@ -1,0 +1,90 @@
+"""The conditions that odometry is run under: one column each of the paper's table.
+
+The paper (section 4.2) runs DSO with the full ground truth, with its own calibration (I), with the calibration of
+Bergmann et al. 2018 aligned by one point of the true response (II) and without that point ("II modified"), always
+with the exposures of the metadata; and without any photometric calibration, "including the affine brightness
+correction", with all exposures set to one (III). The last is mode 2 of DSO, which fixes the affine brightness
+transfer at identity; mode 1, which leaves it free, is a further condition here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ospc.errors import SettingError
+
+Mode = Literal[0, 1, 2]
+"""DSO's mode: 0 with calibration files, 1 with a free affine transfer of brightness instead, 2 with neither."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What odometry is given.
+
+    Attributes
+    ----------
+    name
+        Its name on the command line and in the results.
+    title
+        Heading of its column.
+    mode
+        DSO's mode.
+    calibrated
+        Whether it needs a response and a vignette.
+    metadata_exposures
+        Whether exposures are those of the recording; otherwise all are one.
+    """
+
+    name: str
+    title: str
+    mode: Mode
+    calibrated: bool
+    metadata_exposures: bool
+
+
+STANDARD: tuple[Condition, ...] = (
+    Condition("truth", "Full truth", 0, calibrated=True, metadata_exposures=True),
+    Condition("ours", "Ours (I)", 0, calibrated=True, metadata_exposures=True),
+    Condition("joint-wgt", "Joint, one true point (II)", 0, calibrated=True, metadata_exposures=True),
+    Condition("joint-wogt", "Joint, no truth (II modified)", 0, calibrated=True, metadata_exposures=True),
+    Condition("none", "None (III)", 2, calibrated=False, metadata_exposures=False),
+)
+"""The columns of the paper's table, and its modified experiment II."""
+
+AFFINE = Condition("affine", "None, affine transfer free", 1, calibrated=False, metadata_exposures=True)
+"""Not in the paper: what DSO is meant to be run with where there is no calibration."""
+
+
+def external(name: str) -> Condition:
+    """Return a condition for calibration files of another program.
+
+    Raises
+    ------
+    SettingError
+        If the name is one of the standard conditions, or not a word of letters, digits and ``_ . + -``.
+    """
+    if not _NAME.fullmatch(name) or name in {c.name for c in (*STANDARD, AFFINE)}:
+        raise SettingError(
+            f"'{name}' cannot name a further calibration; choose another word of letters, digits and _ . + -"
+        )
+    return Condition(name, name, 0, calibrated=True, metadata_exposures=True)
+
+
+def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
+    """Return standard conditions by their names, in the order of the paper's table.
+
+    Raises
+    ------
+    SettingError
+        If one is unknown.
+    """
+    known = {c.name: c for c in (*STANDARD, AFFINE)}
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise SettingError(f"no condition is called '{unknown[0]}'; known: {', '.join(known)}")
+    return tuple(c for name, c in known.items() if name in names)

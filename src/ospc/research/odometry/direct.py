@@ -1,0 +1,196 @@
+"""A direct odometry that needs no other program: alignment to keyframes whose depth is known.
+
+It is much simpler than DSO, which has to estimate depth. Like DSO it assumes constant brightness, and so shows the
+value of a calibration. Depth comes from the simulated scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import monotonic
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray
+from ospc.errors import OspcError, RecordingError
+from ospc.evaluation.trajectory import Trajectory, read_trajectory
+from ospc.recording import Frame, open_recording
+from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
+from ospc.research.odometry.depth import SceneDepth
+from ospc.research.odometry.inputs import OdometryInput
+from ospc.research.odometry.judging import Tracked
+from ospc.research.store import made_with
+
+_CELLS_ACROSS = 40
+"""Cells across the image; the steepest pixel of each is tracked."""
+
+_FARTHEST_MOVE = 0.08
+"""Median displacement of points, in widths of the image, at which the next frame becomes a keyframe."""
+
+_LEAST_AGREEING, _LOST = 0.6, 0.15
+"""Share of agreeing points below which a frame becomes a keyframe, and below which tracking is lost."""
+
+_MOST_FRAMES = 25
+"""Frames after which the next one becomes a keyframe in any case."""
+
+_SATURATED = 0.985
+"""Grey level, of full scale, that counts as saturated."""
+
+_LEAST_V = 0.02
+"""Lower bound on V, which brightness is divided by."""
+
+
+@dataclass(frozen=True)
+class DirectOdometry:
+    """Direct alignment with depth from the simulated scene.
+
+    Attributes
+    ----------
+    every
+        One in so many frames is tracked.
+    """
+
+    every: int = 1
+
+    def describe(self) -> dict[str, Any]:
+        """Return its source and settings."""
+        return {"builtin": made_with(), "every": self.every}
+
+    def track(self, source: OdometryInput, run: int) -> Tracked:
+        """Track once; the number of the run is the seed for the selection of points."""
+        began = monotonic()
+        try:
+            tracker = _Tracker(source, run)
+            for frame in open_recording(source.place):
+                if frame.index % self.every == 0:
+                    tracker.push(frame)
+                if tracker.lost:
+                    break
+        except OspcError as error:
+            return Tracked(None, str(error), seconds=monotonic() - began)
+        failure = "too few points agree with any motion" if tracker.lost else ""
+        return Tracked(tracker.trajectory, failure, seconds=monotonic() - began)
+
+
+class _Photometer:
+    """Converts grey images to brightness under a condition."""
+
+    def __init__(self, source: OdometryInput) -> None:
+        self._exposures = np.asarray(source.exposures_ms, dtype=np.float64)
+        self._reference = float(np.median(self._exposures))
+        self._photometry = source.photometry
+        vignette = None if source.photometry is None else source.photometry.vignette
+        self._attenuation = None if vignette is None else np.maximum(vignette.image(), np.float32(_LEAST_V))
+
+    def brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
+        """Return the brightness of a frame, and its saturated pixels.
+
+        With a calibration, brightness is the square root of the irradiance at the median exposure, whose noise is
+        uniform; without one, the grey level.
+        """
+        grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
+        saturated = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        if self._photometry is None:
+            return grey, saturated
+        response = self._photometry.response
+        table = np.linspace(0, 1, frame.max_grey + 1) if response is None else response.resampled(frame.max_grey + 1)
+        light: Float32Array = table.astype(np.float32)[frame.image]
+        if self._attenuation is not None:
+            light /= self._attenuation
+        light *= np.float32(self._reference / self._exposures[frame.index])
+        return np.asarray(np.sqrt(light)), saturated
+
+
+def _whole_truth(source: OdometryInput) -> Trajectory:
+    """Return the true trajectory, from which the depth is computed."""
+    place = source.place / "groundtruthSync.txt"
+    truth = read_trajectory(place)
+    if len(truth) != len(source.stamps_s) or not truth.known.all():
+        raise RecordingError(f"{place}: does not hold a pose for each of the {len(source.stamps_s)} frames")
+    return truth
+
+
+class _Tracker:
+    """The current keyframe and all poses so far."""
+
+    def __init__(self, source: OdometryInput, run: int) -> None:
+        self._photometer = _Photometer(source)
+        self._affine = source.condition.mode == 1
+        self._depth = SceneDepth.of(source.place)
+        self._camera = Camera(self._depth.focal_px, self._depth.centre_px)
+        self._truth = _whole_truth(source)
+        self._random = np.random.default_rng(run)
+        self._key = Pose.identity()
+        self._points = np.empty((0, 3))
+        self._reference = np.empty((LEVELS, 0))
+        self._motion = Pose.identity()
+        self._speed = Pose.identity()
+        self._since = 0
+        self._poses: list[tuple[float, Pose]] = []
+        self.lost = False
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        image, saturated = self._photometer.brightness(frame)
+        pyramid = Brightness.of(np.where(saturated, np.float32(np.nan), image))
+        if not self._poses:
+            self._begin(frame, pyramid, image, saturated)
+            self._poses.append((frame.stamp_s, Pose.identity()))
+            return
+        start = self._speed.after(self._motion)
+        found = align(self._points, self._reference, pyramid, self._camera, start, affine=self._affine)
+        if found.agreeing < _LOST:
+            self.lost = True
+            return
+        self._speed = found.motion.after(self._motion.inverse)
+        self._motion = found.motion
+        # The keyframe's pose maps its coordinates to the world; the motion leads from it to this frame.
+        pose = self._key.after(found.motion.inverse)
+        self._poses.append((frame.stamp_s, pose))
+        self._since += 1
+        far = found.moved_px > _FARTHEST_MOVE * image.shape[1]
+        if far or found.agreeing < _LEAST_AGREEING or self._since >= _MOST_FRAMES:
+            self._key = pose
+            self._begin(frame, pyramid, image, saturated)
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """All poses so far; None before the second."""
+        if len(self._poses) < 2:
+            return None
+        rotations = np.array([pose.rotation for _, pose in self._poses])
+        return Trajectory(
+            np.array([stamp for stamp, _ in self._poses]),
+            np.array([pose.translation for _, pose in self._poses]),
+            np.asarray(Rotation.from_matrix(rotations).as_quat()),
+        )
+
+    def _begin(self, frame: Frame, pyramid: Brightness, image: Float32Array, saturated: BoolArray) -> None:
+        """Make a frame the keyframe."""
+        places = self._choose(image, saturated)
+        true_pose = self._truth.positions[frame.index], self._truth.quaternions[frame.index]
+        depth = self._depth.at(places, true_pose[0], Rotation.from_quat(true_pose[1]).as_matrix())
+        known = np.isfinite(depth)
+        places, depth = places[known], depth[known]
+        self._points = self._camera.lift(places, depth)
+        self._reference = np.array([pyramid.at(level, places)[:, 0] for level in range(LEVELS)])
+        self._motion, self._since = Pose.identity(), 0
+
+    def _choose(self, image: Float32Array, saturated: BoolArray) -> FloatArray:
+        """Return one steep pixel of each cell, shape (n, 2); a random factor selects among nearly equal ones."""
+        smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
+        steep = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
+        steep *= self._random.uniform(0.6, 1.0, steep.shape).astype(np.float32)
+        steep[saturated] = 0
+        edge = max(6, image.shape[1] // _CELLS_ACROSS)
+        rows, columns = (n // edge for n in image.shape)
+        cells = steep[: rows * edge, : columns * edge].reshape(rows, edge, columns, edge).swapaxes(1, 2)
+        flat = cells.reshape(rows, columns, edge * edge)
+        best = flat.argmax(axis=2)
+        y = np.arange(rows)[:, None] * edge + best // edge
+        x = np.arange(columns)[None] * edge + best % edge
+        found = np.column_stack([x.ravel(), y.ravel()])[flat.max(axis=2).ravel() > 0]
+        return np.asarray(found, dtype=np.float64)

@@ -1,0 +1,202 @@
+"""Recordings × conditions × runs of odometry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ospc.errors import OspcError, RecordingError, SettingError
+from ospc.evaluation.trajectory import Trajectory, read_trajectory
+from ospc.recording import Recording
+from ospc.research.odometry.calibrations import Calibrations
+from ospc.research.odometry.conditions import Condition
+from ospc.research.odometry.inputs import OdometryInput, camera_file, images_of
+from ospc.research.odometry.judging import Odometry, RunResult, Tracked, judged
+from ospc.research.runner import OnProgress, OnShare, run
+from ospc.research.store import ResultStore
+
+TRUTH = "groundtruthSync.txt"
+_FEWEST_POSES = 3
+"""Poses at either end that an alignment needs."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is to be run.
+
+    Attributes
+    ----------
+    recordings
+        By name: the recordings; each folder has a camera.txt and a groundtruthSync.txt.
+    conditions
+        The columns of the table.
+    runs
+        Runs of each recording under each condition.
+    calibrations
+        Where calibrations come from.
+    folder
+        Where everything is kept.
+    end_share
+        Share of the true trajectory that is used at either end, where the data set's own truth is known; None to use
+        all of it.
+    """
+
+    recordings: dict[str, Recording]
+    conditions: tuple[Condition, ...]
+    runs: int
+    calibrations: Calibrations
+    folder: Path
+    end_share: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be run, before hours are spent."""
+        if self.runs < 1 or not self.recordings or not self.conditions:
+            raise SettingError("an experiment needs at least one recording, one condition and one run")
+        if self.end_share is not None and not 0 < self.end_share <= 0.5:
+            raise SettingError(f"the share of the truth at either end is {self.end_share}; choose one up to 0.5")
+        for recording in self.recordings.values():
+            camera_file(recording.path)
+            self.truth_of(recording)
+
+    def truth_of(self, recording: Recording) -> Trajectory:
+        """Return the true trajectory of a recording.
+
+        Raises
+        ------
+        RecordingError
+            If its folder has none.
+        """
+        place = recording.path / TRUTH
+        if not place.is_file():
+            raise RecordingError(f"{recording.path}: has no {TRUTH}; errors of trajectories need the truth")
+        known = read_trajectory(place)
+        return known if self.end_share is None else end_segments(known, self.end_share)
+
+
+@dataclass(frozen=True)
+class RunTask:
+    """One run of odometry."""
+
+    recording: str
+    source: OdometryInput = field(repr=False)
+    odometry: Odometry
+    number: int
+
+    @property
+    def name(self) -> str:
+        """Recording and number; conditions with the same files share their runs."""
+        return f"{self.recording} (run {self.number})"
+
+    def describe(self) -> dict[str, Any]:
+        """Return images, parameters, program and number."""
+        return {"input": self.source.describe(), "odometry": self.odometry.describe(), "run": self.number}
+
+    def run(self, _progress: OnProgress) -> dict[str, Any]:
+        """Run odometry once."""
+        return self.odometry.track(self.source, self.number).as_dict()
+
+
+@dataclass
+class Outcome:
+    """The results of an experiment, complete when all runs have been given.
+
+    Attributes
+    ----------
+    results
+        All runs by recording, condition and number.
+    trajectories
+        Their poses, where there are any.
+    notes
+        Why conditions could not be run.
+    """
+
+    results: dict[tuple[str, str, int], RunResult] = field(default_factory=dict)
+    trajectories: dict[tuple[str, str, int], Trajectory] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def of(self, recording: str, condition: Condition) -> list[RunResult]:
+        """Return the runs of a recording under a condition."""
+        return [r for (name, under, _), r in self.results.items() if (name, under) == (recording, condition.name)]
+
+
+def tasks_of(experiment: Experiment, odometry: Odometry, outcome: Outcome) -> list[RunTask]:
+    """Return all runs, the first of everything before the second, so that an interruption leaves a fair table.
+
+    A calibration that cannot be made is a result: its runs are recorded as failed.
+    """
+    tasks: list[RunTask] = []
+    for name, recording in experiment.recordings.items():
+        images = images_of(recording, experiment.folder / "images")
+        for condition in experiment.conditions:
+            try:
+                photometry = experiment.calibrations.of(recording, condition)
+            except OspcError as error:
+                outcome.notes.append(f"{name}, {condition.title}: {error}")
+                for number in range(experiment.runs):
+                    outcome.results[name, condition.name, number] = _not_run(name, condition, number, str(error))
+                continue
+            source = OdometryInput.of(recording, images, condition, photometry)
+            tasks += [RunTask(name, source, odometry, number) for number in range(experiment.runs)]
+    return sorted(tasks, key=lambda task: task.number)
+
+
+def run_experiment(
+    experiment: Experiment,
+    odometry: Odometry,
+    outcome: Outcome,
+    jobs: int = 1,
+    on_share: OnShare = lambda _task, _share: None,
+) -> Iterator[bool]:
+    """Run what has not been run before, fill in the outcome, and say of every run whether it was stored already.
+
+    Parameters
+    ----------
+    experiment
+        What to run.
+    odometry
+        What runs it.
+    outcome
+        Where results are put.
+    jobs
+        Number of runs at a time.
+    on_share
+        See :func:`ospc.research.runner.run`.
+    """
+    tasks = tasks_of(experiment, odometry, outcome)
+    for finished in run(tasks, ResultStore(experiment.folder / "runs"), jobs, on_share):
+        task, tracked = finished.task, Tracked.from_dict(finished.result)
+        condition = task.source.condition.name
+        truth = experiment.truth_of(experiment.recordings[task.recording])
+        result = judged(
+            tracked, truth, task.source.stamps_s, recording=task.recording, condition=condition, run=task.number
+        )
+        key = (task.recording, condition, task.number)
+        outcome.results[key] = result
+        if tracked.trajectory is not None:
+            outcome.trajectories[key] = tracked.trajectory
+        yield finished.stored
+
+
+def _not_run(name: str, condition: Condition, number: int, reason: str) -> RunResult:
+    return RunResult(name, condition.name, number, "failed", reason, None, None, None, None, 0, 0.0, 0.0)
+
+
+def end_segments(truth: Trajectory, share: float) -> Trajectory:
+    """Return a truth that is known only at its beginning and end, as that of the monocular data set.
+
+    Parameters
+    ----------
+    truth
+        All or most of it known.
+    share
+        Share of the rows that stays known at either end, in (0, 0.5].
+    """
+    keep = max(_FEWEST_POSES, round(share * len(truth)))
+    positions, quaternions = truth.positions.copy(), truth.quaternions.copy()
+    positions[keep : len(truth) - keep] = np.nan
+    quaternions[keep : len(truth) - keep] = np.nan
+    return Trajectory(truth.stamps_s, positions, quaternions)

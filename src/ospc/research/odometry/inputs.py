@@ -1,0 +1,153 @@
+"""The input of odometry: a recording in the layout of the monocular data set, with the files of one condition."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import RecordingError, SettingError
+from ospc.formats.dso import write_pcalib, write_times, write_vignette
+from ospc.formats.opening import Photometry
+from ospc.recording import Recording
+from ospc.recording.identity import identity
+from ospc.recording.writing.conversion import convert_recording
+from ospc.research.odometry.conditions import Condition
+from ospc.research.source import PCALIB, VIGNETTE, fingerprints
+from ospc.research.store import key_of
+
+CAMERA, TIMES = "camera.txt", "times.txt"
+_SUFFIXES = (".png", ".jpg", ".jpeg")
+
+
+@dataclass(frozen=True)
+class OdometryInput:
+    """A recording under a condition.
+
+    Attributes
+    ----------
+    place
+        Folder of the recording, which has a camera.txt.
+    images
+        Folder that holds its images and nothing else, one file a frame, in temporal order by name.
+    stamps_s, exposures_ms
+        Stamps, and exposures as odometry is told, shape (frames,).
+    condition
+        The condition.
+    photometry
+        Response and vignette; None where the condition needs none.
+    recording_identity
+        What identifies the recording.
+    """
+
+    place: Path
+    images: Path
+    stamps_s: FloatArray = field(repr=False)
+    exposures_ms: FloatArray = field(repr=False)
+    condition: Condition
+    photometry: Photometry | None
+    recording_identity: dict[str, Any] = field(repr=False)
+
+    @classmethod
+    def of(
+        cls, recording: Recording, images: Path, condition: Condition, photometry: Photometry | None
+    ) -> OdometryInput:
+        """Return a recording under a condition.
+
+        Raises
+        ------
+        RecordingError
+            If it has no camera.txt.
+        """
+        camera_file(recording.path)
+        exposures = np.asarray(recording.exposures_ms, dtype=np.float64)
+        return cls(
+            recording.path,
+            images,
+            np.asarray(recording.stamps_s, dtype=np.float64),
+            exposures if condition.metadata_exposures else np.ones_like(exposures),
+            condition,
+            photometry,
+            identity(recording) | {"name": ""},
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Return what results depend on: recording, camera, mode, and a hash of each parameter."""
+        curves = {} if self.photometry is None else fingerprints(self.photometry.response, self.photometry.vignette)
+        return {
+            "recording": self.recording_identity,
+            "camera": sha256(camera_file(self.place).read_bytes()).hexdigest(),
+            "mode": self.condition.mode,
+            "metadata_exposures": self.condition.metadata_exposures,
+            **curves,
+        }
+
+    @contextmanager
+    def folder(self) -> Iterator[Path]:
+        """Give a temporary folder with images (a link), times.txt, camera.txt and the condition's parameter files.
+
+        Programs are to be started within it and to be given relative paths: DSO ends a path at its first blank.
+        """
+        with TemporaryDirectory(prefix="ospc-odometry-") as name:
+            place = Path(name)
+            (place / "images").symlink_to(self.images.resolve(), target_is_directory=True)
+            shutil.copyfile(camera_file(self.place), place / CAMERA)
+            write_times(place / TIMES, range(len(self.stamps_s)), self.stamps_s, self.exposures_ms)
+            if self.photometry is not None and self.photometry.response is not None:
+                write_pcalib(self.photometry.response, place / PCALIB)
+            if self.photometry is not None and self.photometry.vignette is not None:
+                write_vignette(self.photometry.vignette, place / VIGNETTE)
+            yield place
+
+
+def camera_file(place: Path) -> Path:
+    """Return the path of the camera.txt in a recording's folder.
+
+    Raises
+    ------
+    RecordingError
+        If there is none.
+    """
+    if not (place / CAMERA).is_file():
+        raise RecordingError(f"{place}: has no {CAMERA}; odometry needs the camera's geometry")
+    return place / CAMERA
+
+
+def images_of(recording: Recording, cache: Path) -> Path:
+    """Return a folder with a recording's images as odometry reads them, one file a frame.
+
+    This is its own folder ``images`` if that holds exactly the frames; otherwise they are written below ``cache``.
+
+    Raises
+    ------
+    SettingError
+        If they cannot be written.
+    """
+    own = recording.path / "images"
+    if own.is_dir() and recording.max_grey == 255:
+        entries = list(own.iterdir())
+        if len(entries) == len(recording) and all(p.suffix.lower() in _SUFFIXES for p in entries):
+            return own
+    place = cache / f"images-{key_of(identity(recording))[:16]}"
+    if (place / TIMES).is_file():
+        return place / "images"
+    try:
+        if place.exists():
+            shutil.rmtree(place)
+        place.mkdir(parents=True)
+    except OSError as error:
+        raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None
+    made = convert_recording(recording, place)
+    if made.frames != len(recording):
+        raise RecordingError(
+            f"{recording.path}: {made.skipped} of its {len(recording)} images cannot be read; odometry needs them all"
+        )
+    return place / "images"

@@ -1,0 +1,166 @@
+"""One run of odometry, and its errors."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import FormatError, NotObservableError
+from ospc.evaluation.trajectory import Trajectory, alignment_error
+from ospc.research.odometry.inputs import OdometryInput
+
+Outcome = Literal["finished", "lost", "diverged", "failed", "timeout"]
+"""``lost``: it gave up before the end. ``diverged``: its poses are not finite, or far outside of all others.
+``failed``: the program ended with an error or without a trajectory."""
+
+LEAST_COVERED = 0.9
+"""Share of a recording's duration that the poses of a finished run span."""
+
+_LARGEST_STRETCH = 1e6
+"""Largest over median distance of the poses from their median, beyond which a run has diverged."""
+
+
+class Odometry(Protocol):
+    """Something that estimates a trajectory from a recording."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return what its results depend on, as JSON-compatible values."""
+        ...
+
+    def track(self, source: OdometryInput, run: int) -> Tracked:
+        """Run once; failures are results, not exceptions."""
+        ...
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What a run of odometry gave.
+
+    Attributes
+    ----------
+    trajectory
+        The poses; None where there are none.
+    failure
+        Why there are none, or why they end early; empty if all went well.
+    timeout
+        Whether it exceeded its time limit.
+    log
+        The end of its output.
+    seconds
+        Its duration.
+    """
+
+    trajectory: Trajectory | None
+    failure: str = ""
+    timeout: bool = False
+    log: str = ""
+    seconds: float = 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as JSON-compatible values; a pose is a row of stamp, position and quaternion."""
+        known = self.trajectory
+        poses = None if known is None else np.column_stack([known.stamps_s, known.positions, known.quaternions])
+        return {**vars(self), "trajectory": None if poses is None else poses.tolist()}
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Tracked:
+        """Return what :meth:`as_dict` described."""
+        if content["trajectory"] is None:
+            return cls(**content)
+        poses = np.array(content["trajectory"], dtype=np.float64).reshape(-1, 8)
+        return cls(**{**content, "trajectory": Trajectory(poses[:, 0], poses[:, 1:4], poses[:, 4:])})
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """A run with its errors.
+
+    Attributes
+    ----------
+    recording, condition
+        Names.
+    run
+        Number of the run, from 0.
+    outcome
+        How it ended.
+    reason
+        Why it did not finish; empty if it did.
+    e_align, e_s, e_r_deg, rmse
+        Errors of the trajectory (see :class:`ospc.evaluation.trajectory.AlignmentError`); None where they cannot be
+        computed.
+    poses
+        Number of poses.
+    covered
+        Share of the recording's duration that the poses span.
+    seconds
+        Its duration.
+    """
+
+    recording: str
+    condition: str
+    run: int
+    outcome: Outcome
+    reason: str
+    e_align: float | None
+    e_s: float | None
+    e_r_deg: float | None
+    rmse: float | None
+    poses: int
+    covered: float
+    seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as JSON-compatible values."""
+        return asdict(self)
+
+    @property
+    def error(self) -> float:
+        """The alignment error; infinite unless the run finished."""
+        return self.e_align if self.outcome == "finished" and self.e_align is not None else float("inf")
+
+
+def judged(
+    tracked: Tracked, truth: Trajectory, stamps_s: FloatArray, *, recording: str, condition: str, run: int
+) -> RunResult:
+    """Compare a run with the truth."""
+    poses = 0 if tracked.trajectory is None else len(tracked.trajectory)
+    covered = _covered(tracked.trajectory, stamps_s)
+    figures: dict[str, float | None] = dict.fromkeys(("e_align", "e_s", "e_r_deg", "rmse"))
+    outcome, reason = _ending(tracked, covered, stamps_s)
+    if tracked.trajectory is not None and outcome in ("finished", "lost"):
+        try:
+            error = alignment_error(tracked.trajectory, truth)
+            figures = {name: float(getattr(error, name)) for name in figures}
+        except (NotObservableError, FormatError) as problem:
+            outcome, reason = ("lost" if outcome == "lost" else "diverged"), str(problem)
+    if any(value is not None and not np.isfinite(value) for value in figures.values()):
+        outcome, reason, figures = "diverged", "its errors are not finite", dict.fromkeys(figures)
+    return RunResult(
+        recording, condition, run, outcome, reason, **figures, poses=poses, covered=covered, seconds=tracked.seconds
+    )
+
+
+def _ending(tracked: Tracked, covered: float, stamps_s: FloatArray) -> tuple[Outcome, str]:
+    if tracked.timeout:
+        return "timeout", tracked.failure
+    if tracked.trajectory is None:
+        return "failed", tracked.failure or "it left no trajectory"
+    positions = tracked.trajectory.positions
+    if not np.all(np.isfinite(positions)):
+        return "diverged", f"{np.count_nonzero(~tracked.trajectory.known)} of its poses are not finite"
+    spread = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
+    if spread.max() > _LARGEST_STRETCH * max(float(np.median(spread)), 1e-12):
+        return "diverged", "a pose is far outside of all others"
+    if covered < LEAST_COVERED:
+        return "lost", f"its poses span {covered:.0%} of {stamps_s[-1] - stamps_s[0]:.1f} s"
+    return ("failed", tracked.failure) if tracked.failure else ("finished", "")
+
+
+def _covered(trajectory: Trajectory | None, stamps_s: FloatArray) -> float:
+    duration = float(stamps_s[-1] - stamps_s[0])
+    if trajectory is None or len(trajectory) < 2 or duration <= 0:
+        return 0.0
+    return min(1.0, float(trajectory.stamps_s[-1] - trajectory.stamps_s[0]) / duration)

@@ -1,0 +1,129 @@
+"""Pictures of odometry: cumulative errors, and trajectories aligned to either end of the truth (paper, figure 6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import FormatError, NotObservableError
+from ospc.evaluation.similarity import align_similarity
+from ospc.evaluation.trajectory import Trajectory, associate
+from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, rules, save
+from ospc.research.odometry.conditions import Condition
+from ospc.research.odometry.judging import RunResult
+from ospc.research.pictures import look
+
+
+def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition], path: Path) -> Path:
+    """Draw the number of runs below an alignment error, one line a condition; runs that did not finish never count.
+
+    Raises
+    ------
+    FormatError
+        If it cannot be written.
+    """
+    figure = new_figure(7.0, 5.2)
+    with rules():
+        axes = figure.subplots()
+        largest = max([r.error for r in results if math.isfinite(r.error)], default=1.0)
+        for number, condition in enumerate(conditions):
+            errors = [r.error for r in results if r.condition == condition.name]
+            finite = np.sort([e for e in errors if math.isfinite(e)])
+            if not errors:
+                continue
+            steps = np.concatenate([finite, [1.5 * largest]])
+            counts = np.concatenate([np.arange(1, finite.size + 1), [finite.size]])
+            label = f"{condition.title}: {finite.size} of {len(errors)} finished"
+            axes.step(steps, counts, where="post", label=label, **look(number))
+        axes.set(
+            xscale="log",
+            ylim=(0, None),
+            xlabel="alignment error $e_{align}$, in units of the truth",
+            ylabel="runs with at most that error",
+            title="Cumulative error of all runs",
+        )
+        figure.legend(loc="outside lower center", ncols=2)
+        return save(figure, path)
+
+
+def draw_trajectories(
+    runs: Sequence[tuple[Condition, RunResult, Trajectory | None]], truth: Trajectory, title: str, path: Path
+) -> Path:
+    """Draw one run for each condition, aligned to the first and to the last part of the truth.
+
+    Parameters
+    ----------
+    runs
+        The conditions, their runs, and the poses of these.
+    truth
+        The true trajectory; NaN where it is not known.
+    title
+        Title of the picture.
+    path
+        Where to.
+    """
+    columns = min(3, max(1, len(runs)))
+    lines = math.ceil(len(runs) / columns)
+    figure = new_figure(4.4 * columns, 4.2 * lines + 0.4)
+    across, up = _widest_axes(truth.positions[truth.known])
+    with rules():
+        figure.suptitle(title)
+        panels = np.atleast_1d(figure.subplots(lines, columns)).ravel()
+        for axes, (condition, result, trajectory) in zip(panels, runs, strict=False):
+            error = "" if result.e_align is None else f", $e_{{align}}$ = {result.e_align:.3g}"
+            axes.set_title(f"{condition.title}{error}")
+            _draw(axes, trajectory, truth, (across, up), result)
+        for axes in panels[len(runs) :]:
+            axes.set_visible(False)
+        return save(figure, path)
+
+
+def _draw(
+    axes: Any,
+    trajectory: Trajectory | None,
+    truth: Trajectory,
+    plane: tuple[FloatArray, FloatArray],
+    result: RunResult,
+) -> None:
+    across, up = plane
+    copies = None if trajectory is None else _aligned_copies(trajectory, truth)
+    if copies is None:
+        axes.text(0.5, 0.5, f"{result.outcome}\n{result.reason}", ha="center", transform=axes.transAxes, wrap=True)
+    else:
+        for copy, colour, label in zip(
+            copies, (BLUE, ORANGE), ("aligned to the start", "aligned to the end"), strict=True
+        ):
+            axes.plot(copy @ across, copy @ up, color=colour, lw=1.1, label=label)
+    axes.plot(
+        truth.positions @ across, truth.positions @ up, color=GREEN, ls="--", lw=1.6, label="truth, where known"
+    )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="units of the truth")
+    axes.legend(loc="best")
+
+
+def _aligned_copies(trajectory: Trajectory, truth: Trajectory) -> tuple[FloatArray, FloatArray] | None:
+    """Return the positions aligned to either half of the truth; None where that is not possible."""
+    partner = associate(trajectory.stamps_s, truth.stamps_s)
+    target = truth.positions[partner]
+    known = (partner >= 0) & np.isfinite(target).all(axis=1) & trajectory.known
+    middle = len(truth) // 2
+    try:
+        first, second = (
+            align_similarity(trajectory.positions[half & known], target[half & known])(trajectory.positions)
+            for half in (partner < middle, partner >= middle)
+        )
+    except (NotObservableError, FormatError):
+        return None
+    return first, second
+
+
+def _widest_axes(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the two directions, shape (3,) each, in which points spread most."""
+    _, _, directions = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    return directions[0], directions[1]

@@ -1,0 +1,123 @@
+"""DSO, or a program that takes the same arguments and leaves a result.txt."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from ospc.errors import FormatError, SettingError
+from ospc.evaluation.trajectory import Trajectory, read_trajectory
+from ospc.research.odometry.inputs import CAMERA, OdometryInput
+from ospc.research.odometry.judging import Tracked
+from ospc.research.source import PCALIB, VIGNETTE
+
+_RESULT = "result.txt"
+_LOG_TAIL = 4000
+"""Bytes kept of the end of what a program printed."""
+
+_ONE_THREAD = {"OMP_NUM_THREADS": "1"}
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program with the command line of DSO.
+
+    Attributes
+    ----------
+    executable
+        Its path. It is started with ``files= calib= mode= gamma= vignette=`` in a folder of its own and leaves
+        ``result.txt`` there.
+    timeout_s
+        Time limit of a run in seconds.
+    arguments
+        Further arguments.
+    """
+
+    executable: Path
+    timeout_s: float = 3600.0
+    arguments: tuple[str, ...] = ("preset=0", "nogui=1", "quiet=1", "nolog=1")
+
+    def __post_init__(self) -> None:
+        """Check that it can be run."""
+        if not self.executable.is_file() or not os.access(self.executable, os.X_OK):
+            raise SettingError(f"{self.executable}: is not an executable; give the path of your dso_dataset")
+        if not self.timeout_s > 0:
+            raise SettingError(f"the time limit of a run is {self.timeout_s} s; give a positive number")
+
+    def describe(self) -> dict[str, Any]:
+        """Return a hash of the executable, and its arguments."""
+        return {"executable": self._hash, "arguments": list(self.arguments)}
+
+    @cached_property
+    def _hash(self) -> str:
+        return sha256(self.executable.read_bytes()).hexdigest()
+
+    def command(self, source: OdometryInput) -> list[str]:
+        """Return the command line, with paths relative to the folder of :meth:`OdometryInput.folder`.
+
+        The images' path has a slash because DSO looks for times.txt beside the part after the last one.
+        """
+        command = [
+            str(self.executable.resolve()),
+            "files=./images",
+            f"calib={CAMERA}",
+            f"mode={source.condition.mode}",
+        ]
+        if source.photometry is not None:
+            if source.photometry.response is not None:
+                command.append(f"gamma={PCALIB}")
+            if source.photometry.vignette is not None:
+                command.append(f"vignette={VIGNETTE}")
+        return [*command, *self.arguments]
+
+    def track(self, source: OdometryInput, run: int) -> Tracked:
+        """Run the program once in a folder of its own."""
+        with source.folder() as place, (place / "log.txt").open("w+b") as log:
+            began = time.monotonic()
+            timeout, code = self._wait(self.command(source), place, log.fileno())
+            seconds = time.monotonic() - began
+            log.seek(max(0, log.seek(0, os.SEEK_END) - _LOG_TAIL))
+            tail = log.read().decode(errors="replace")
+            trajectory, problem = _result(place / _RESULT)
+        if timeout:
+            failure = f"it took longer than {self.timeout_s:g} s"
+        elif code != 0:
+            failure = f"it ended with exit code {code}" if code > 0 else f"it was ended by signal {-code}"
+        else:
+            failure = problem
+        return Tracked(trajectory, failure, timeout, tail, seconds)
+
+    def _wait(self, command: list[str], place: Path, log: int) -> tuple[bool, int]:
+        """Run a command until it ends or its time is over; whatever it started ends with it, on any exception too."""
+        with subprocess.Popen(  # noqa: S603 - the user's own program
+            command,
+            cwd=place,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **_ONE_THREAD},
+            start_new_session=True,
+        ) as process:
+            try:
+                return False, process.wait(self.timeout_s)
+            except subprocess.TimeoutExpired:
+                return True, -signal.SIGKILL
+            finally:
+                if process.poll() is None:
+                    os.killpg(process.pid, signal.SIGKILL)
+
+
+def _result(path: Path) -> tuple[Trajectory | None, str]:
+    if not path.is_file():
+        return None, f"it left no {_RESULT}"
+    try:
+        return read_trajectory(path), ""
+    except FormatError as error:
+        return None, f"its {_RESULT} cannot be read: {str(error).removeprefix(f'{path}: ')}"

@@ -1,0 +1,233 @@
+"""The methods of this project and of the paper, as studies run them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.calibrator import OnlineCalibrator
+from ospc.correspondence.features import Features
+from ospc.exposures.table import ExposureTable
+from ospc.methods.paper import (
+    Correspondences,
+    FeatureMatcher,
+    Matcher,
+    PaperMethod,
+    in_order,
+    polynomial_response,
+    response_rows,
+    solve_response,
+    solve_vignette,
+    vignette_rows,
+)
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette
+from ospc.recording.frame import Frame
+from ospc.research.held_out import HeldOutPair
+from ospc.research.method import Estimate, Method, Outcome, failure
+from ospc.settings import PaperSettings, preset
+
+VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
+"""The solvers that the paper compares (section 5)."""
+
+_MATCHING = (
+    "features",
+    "max_features",
+    "match_ratio",
+    "filter_blocks",
+    "filter_bins",
+    "filter_min_matches",
+    "filter_length_sigmas",
+)
+"""Settings that the detection and matching of features depend on."""
+
+
+def methods_of_preset(name: str, *, solvers: bool) -> dict[str, Method]:
+    """Return the methods of a preset, new ones.
+
+    Parameters
+    ----------
+    name
+        Name of the preset.
+    solvers
+        Whether "paper" is run with each of its vignette solvers.
+    """
+    settings = preset(name)
+    if not isinstance(settings, PaperSettings):
+        return {settings.name: OwnMethod(settings.name)}
+    if not solvers:
+        return {"paper": PaperVariants({"paper": settings})}
+    variants = {f"paper/{solver}": replace(settings, vignette_solver=solver) for solver in VIGNETTE_SOLVERS}
+    return {"paper": PaperVariants(variants)}
+
+
+class OwnMethod:
+    """The method of this project.
+
+    Parameters
+    ----------
+    preset_name
+        Name of the preset.
+    variant
+        Name of the outcome; that of the preset where None.
+    """
+
+    def __init__(self, preset_name: str = "default", variant: str | None = None) -> None:
+        self._variant = variant or preset_name
+        self._calibrator = OnlineCalibrator(preset_name)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._calibrator.push(frame)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the calibration."""
+        return {self._variant: Estimate.of(self._calibrator.calibration())}
+
+
+class PaperVariants:
+    """The paper's method with several settings; those that match the same features do so once.
+
+    Parameters
+    ----------
+    variants
+        Settings by name.
+    """
+
+    def __init__(self, variants: dict[str, PaperSettings]) -> None:
+        self._variants = variants
+        self._methods: dict[str, PaperMethod] = {}
+        self._failures: dict[str, str] = {}
+        self._exposures = ExposureTable()
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame; a variant that breaks down leaves the others alone."""
+        if not self._methods:
+            shared: dict[tuple[object, ...], SharedMatcher] = {}
+            size = (frame.image.shape[1], frame.image.shape[0])
+            for name, settings in self._variants.items():
+                alike = tuple(getattr(settings, setting) for setting in _MATCHING)
+                if alike not in shared:
+                    shared[alike] = SharedMatcher(FeatureMatcher(settings))
+                self._methods[name] = PaperMethod(settings, size, frame.max_grey, shared[alike])
+        self._exposures.append(frame.exposure_ms)
+        for name in self._methods.keys() - self._failures.keys():
+            try:
+                self._methods[name].push(frame, None, self._exposures)
+            except Exception as error:
+                self._failures[name] = failure(error)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the calibrations."""
+        return {name: self._failures.get(name) or self._outcome(method) for name, method in self._methods.items()}
+
+    def _outcome(self, method: PaperMethod) -> Outcome:
+        try:
+            return Estimate.of(method.calibration(self._exposures))
+        except Exception as error:
+            return failure(error)
+
+
+class SharedMatcher:
+    """Matches the features of a frame once for several methods that process the same frames in step.
+
+    Parameters
+    ----------
+    matcher
+        Does the work; its results are kept until the next frame comes.
+    """
+
+    def __init__(self, matcher: Matcher) -> None:
+        self._matcher = matcher
+        self._frame = -1
+        self._features: Features | None = None
+        self._pairs: dict[tuple[int, int], Correspondences] = {}
+
+    def features(self, frame: Frame) -> Features:
+        """Return the features of a frame."""
+        if self._features is None or frame.index != self._frame:
+            self._features, self._frame, self._pairs = self._matcher.features(frame), frame.index, {}
+        return self._features
+
+    def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
+        """Return the matches of two frames."""
+        key = (left.frame, right.frame)
+        if key not in self._pairs:
+            self._pairs[key] = self._matcher.correspondences(left, right, size)
+        return self._pairs[key]
+
+
+class SolversKnowingResponse:
+    """The paper's vignette alone, with the true response given, by each of its solvers.
+
+    Parameters
+    ----------
+    response
+        The true response.
+    settings
+        How pairs are chosen and matched.
+    solvers
+        Names of solvers.
+    """
+
+    def __init__(
+        self, response: Response, settings: PaperSettings, solvers: Sequence[str] = VIGNETTE_SOLVERS
+    ) -> None:
+        self._response, self._settings, self._solvers = response, settings, solvers
+        self._matcher = FeatureMatcher(settings)
+        self._recent: deque[tuple[Features, float]] = deque()
+        self._rows: list[FloatArray] = []
+        self._targets: list[FloatArray] = []
+        self._size: ImageSize = (0, 0)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._size = (frame.image.shape[1], frame.image.shape[0])
+        features = self._matcher.features(frame)
+        self._recent.append((features, frame.exposure_ms))
+        if len(self._recent) <= self._settings.vignette_offset:
+            return
+        left, left_ms = self._recent.popleft()
+        found = self._matcher.correspondences(left, features, self._size)
+        exposed = (np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1)
+        moving = found.radial_displacement >= self._settings.vignette_min_radial_displacement
+        rows, targets = vignette_rows(found.select(exposed & moving), left_ms / frame.exposure_ms, self._response)
+        self._rows.append(rows)
+        self._targets.append(targets)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the vignette of each solver."""
+        count = sum(map(len, self._targets))
+        if count < self._settings.min_samples:
+            return {f"true g/{name}": f"only {count} points move along the radius" for name in self._solvers}
+        rows, targets = np.concatenate(self._rows), np.concatenate(self._targets)
+        outcomes: dict[str, Outcome] = {}
+        for name in self._solvers:
+            coefficients = tuple(solve_vignette(rows, targets, name, self._settings.huber_tuning).tolist())
+            outcomes[f"true g/{name}"] = Estimate(self._response, PolynomialVignette(self._size, coefficients))
+        return outcomes
+
+
+def quadratic_on_known_pixels(pairs: Iterable[HeldOutPair], size: ImageSize) -> Outcome:
+    """Return the paper's quadratic response from pixels that are known to correspond.
+
+    Parameters
+    ----------
+    pairs
+        The same points in two images, with the stated exposure ratio.
+    size
+        Width and height of the images.
+    """
+    gram = np.zeros((3, 3))
+    for pair in pairs:
+        matches = Correspondences((0, 1), size, pair.points0, pair.points1, pair.grey0, pair.grey1)
+        rows = response_rows(in_order(matches, pair.exposure_ratio), pair.exposure_ratio, 2)
+        gram += rows.T @ rows
+    coefficients = solve_response(gram, "when needed")
+    if coefficients is None:
+        return "the quadratic does not increase"
+    return Estimate(polynomial_response(coefficients, None, (0.0, 1.0)))

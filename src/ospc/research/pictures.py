@@ -1,0 +1,154 @@
+"""Pictures of measurements: errors by method, curves beside the truth, exposure ratios."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, rules, save
+from ospc.research.measurement import Measurement, Metric
+from ospc.research.summary import medians
+
+_COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#4B0082")
+_LINES = ("-", "--", "-.", ":")
+_FEWEST_SAMPLES = 10
+"""Exposure ratios from fewer scene points are not drawn."""
+
+_PANEL_IN = (7.5, 4.6)
+"""Width and height of a panel of errors in inches."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a picture of errors compares.
+
+    Attributes
+    ----------
+    title
+        Its title.
+    metrics
+        One panel each.
+    varied
+        The value of a setting that is varied, by the name of the method; empty where the methods differ in kind.
+    axis
+        Label of that setting.
+    """
+
+    title: str
+    metrics: tuple[Metric, ...]
+    varied: dict[str, float] = field(default_factory=dict)
+    axis: str = ""
+
+
+def look(number: int) -> dict[str, Any]:
+    """Return colour, dashes and width of a line by its number."""
+    return {"color": _COLOURS[number % len(_COLOURS)], "ls": _LINES[number % len(_LINES)], "lw": 1.5}
+
+
+def draw_errors(comparison: Comparison, rows: Sequence[Measurement], path: Path) -> Path:
+    """Draw the errors of every recording and their medians, by method or over the varied setting.
+
+    Raises
+    ------
+    MissingExtraError
+        Without matplotlib.
+    FormatError
+        If it cannot be written.
+    """
+    columns = min(2, len(comparison.metrics))
+    lines = -(-len(comparison.metrics) // columns)
+    figure = new_figure(_PANEL_IN[0] * columns, _PANEL_IN[1] * lines)
+    with rules():
+        panels = np.atleast_1d(figure.subplots(lines, columns)).ravel()
+        figure.suptitle(comparison.title)
+        for axes, metric in zip(panels, comparison.metrics, strict=False):
+            _draw_panel(axes, comparison, metric, rows)
+        for axes in panels[len(comparison.metrics) :]:
+            axes.set_visible(False)
+        return save(figure, path)
+
+
+def _draw_panel(axes: Any, comparison: Comparison, metric: Metric, rows: Sequence[Measurement]) -> None:
+    middle = medians(rows, metric.figure)
+    places = {name: comparison.varied.get(name, float(number)) for number, name in enumerate(middle)}
+    values = [(places[row.method], row.figures[metric.figure]) for row in rows if metric.figure in row.figures]
+    if values:
+        axes.plot(*zip(*values, strict=True), "o", color=GREY, ms=4, alpha=0.7)
+    finite = {name: value for name, value in middle.items() if np.isfinite(value)}
+    xs, ys = [places[name] for name in finite], list(finite.values())
+    if comparison.varied:
+        axes.plot(xs, ys, "-o", color=BLUE, ms=6, label="median")
+        axes.set(xlabel=comparison.axis)
+    else:
+        axes.plot(xs, ys, "_", color=BLUE, ms=28, mew=3, label="median")
+        axes.set_xticks(list(places.values()), list(places), rotation=20, ha="right")
+        axes.set_xlim(-0.6, len(places) - 0.4)
+    for x, y in zip(xs, ys, strict=True):
+        axes.annotate(f"{y:.3g}", (x, y), xytext=(8, 6), textcoords="offset points", fontsize=8)
+    axes.set(yscale="log" if any(value > 0 for _, value in values) else "linear", ylabel=metric.label)
+    axes.legend(loc="best")
+
+
+def draw_curves(
+    title: str, curves: Mapping[str, Mapping[str, Sequence[float]]], rows: Sequence[Measurement], path: Path
+) -> Path:
+    """Draw the responses and vignettes found on one recording beside the truth, and exposure ratios where given.
+
+    Parameters
+    ----------
+    title
+        Title of the picture.
+    curves
+        By name, the truth first: "response" and "vignette" as in :attr:`Measurement.curves`.
+    rows
+        Measurements whose exposure ratios are drawn.
+    path
+        Where to.
+
+    Raises
+    ------
+    MissingExtraError
+        Without matplotlib.
+    FormatError
+        If it cannot be written.
+    """
+    ratios = {row.method: found for row in rows if len(found := _reliable_ratios(row))}
+    figure = new_figure(15.0 if ratios else 10.0, 4.6)
+    with rules():
+        axes = figure.subplots(1, 3 if ratios else 2)
+        figure.suptitle(title)
+        for number, (name, parts) in enumerate(curves.items()):
+            style = {"color": BLACK, "lw": 3.0, "alpha": 0.45} if number == 0 else look(number - 1)
+            if "response" in parts:
+                axes[0].plot(np.arange(256), parts["response"], label=name, **style)
+            if "vignette" in parts:
+                rings = len(parts["vignette"])
+                axes[1].plot((np.arange(rings) + 0.5) / rings, parts["vignette"], label=name, **style)
+        axes[0].set(title="Inverse response", xlabel="grey value", ylabel="g, relative irradiance", xlim=(0, 255))
+        axes[1].set(title="Vignette", xlabel="R (1 = corner)", ylabel="V, relative to the centre", xlim=(0, 1))
+        if ratios:
+            _draw_ratios(axes[2], ratios)
+        for axis in axes:
+            if axis.lines:
+                axis.legend(loc="best")
+        return save(figure, path)
+
+
+def _reliable_ratios(row: Measurement) -> Any:
+    """Return exposure ratios of the metadata and of the calibration, shape (n, 2)."""
+    table = np.array([row.ratios.get(name, []) for name in ("metadata", "estimated", "samples")], dtype=np.float64)
+    return table[:2, table[2] >= _FEWEST_SAMPLES].T
+
+
+def _draw_ratios(axes: Any, ratios: Mapping[str, Any]) -> None:
+    # A few ratios far off would squeeze all others into a corner.
+    ends = np.quantile(np.concatenate(list(ratios.values())), [0.001, 0.999]).tolist()
+    axes.plot(ends, ends, color=BLACK, lw=1, label="equal")
+    for (name, found), colour in zip(ratios.items(), _COLOURS, strict=False):
+        axes.scatter(*found.T, s=7, alpha=0.5, color=colour, label=name, linewidths=0)
+    axes.set(title="Exposure ratios", xlabel="k of the metadata", ylabel="k of the grey values")
+    axes.set(xscale="log", yscale="log", xlim=ends, ylim=ends)

@@ -1,0 +1,1 @@
+"""Methods of other papers, each written from its publication, one module each."""

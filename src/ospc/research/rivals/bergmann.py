@@ -1,0 +1,98 @@
+"""Joint estimation as its publication runs it: online from a window of frames, or from all frames at once.
+
+Bergmann, Wang and Cremers, "Online photometric calibration of auto exposure video for realtime visual odometry and
+SLAM", 2018. The estimation itself, O = f(eᵢ V(xᵢᵖ) Lᵖ) with f, V, e and L free, is
+:mod:`ospc.unknown_exposures.joint_estimation`. Its result is known up to g → g^γ, V → V^γ, e → e^γ. The publication
+fixes γ by one point of the true response, g(½)^γ = G(½) ("WGT"); without it, γ stays near where the optimisation
+started ("WOGT").
+"""
+
+from __future__ import annotations
+
+from ospc.photometry.response import Response
+from ospc.recording.frame import Frame
+from ospc.research.method import Estimate, Exposures, Outcome
+from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
+from ospc.unknown_exposures.tracking import GainRobustTracker
+
+WINDOW, EVERY = 200, 50
+"""Frames that an online estimate uses, and frames from one to the next."""
+
+_ITERATIONS_ONLINE, _ITERATIONS = 20, 60
+"""Most alternations; online estimates start at the one before and need fewer."""
+
+
+class JointEstimation:
+    """Joint estimation from frames, whose exposures are not used.
+
+    Parameters
+    ----------
+    window
+        Number of latest frames that an estimate uses; None for one estimate from all frames, made when asked for.
+    every
+        Frames from one estimate to the next.
+    """
+
+    def __init__(self, window: int | None = WINDOW, every: int = EVERY) -> None:
+        self._tracker = GainRobustTracker()
+        self._window, self._every = window, every
+        self._latest: JointEstimate | None = None
+        self._frames = 0
+        self._last = 0
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._tracker.push(frame)
+        self._frames += 1
+        self._last = frame.index
+        if self._window is not None and self._frames % self._every == 0 and self._frames >= self._window // 2:
+            self._latest = self._estimated(_ITERATIONS_ONLINE)
+
+    def estimate(self) -> JointEstimate:
+        """Return the latest estimate.
+
+        Raises
+        ------
+        NotObservableError
+            If too little could be tracked.
+        """
+        if self._window is None or self._latest is None:
+            return self._estimated(_ITERATIONS)
+        return self._latest
+
+    def _estimated(self, iterations: int) -> JointEstimate:
+        tracks = self._tracker.observations()
+        if self._window is not None:
+            tracks = tracks.since(self._last - self._window + 1)
+        return estimate_jointly(tracks, start=self._latest, iterations=iterations)
+
+
+class Bergmann:
+    """Both variants, with one point of the true response and without.
+
+    Parameters
+    ----------
+    truth
+        The true response, of which one point is used; None for the variant without only.
+    online
+        Whether estimates are made online.
+    """
+
+    def __init__(self, truth: Response | None, *, online: bool) -> None:
+        self._truth = truth
+        self._name = "joint-online" if online else "joint-batch"
+        self._method = JointEstimation(WINDOW if online else None)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._method.push(frame)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the variants that are possible, as ``-wgt`` and ``-wogt``."""
+        free = self._method.estimate()
+        variants = {} if self._truth is None else {f"{self._name}-wgt": free.aligned_to(self._truth)}
+        variants[f"{self._name}-wogt"] = free
+        return {
+            name: Estimate(one.response, one.vignette, exposures=Exposures(one.frames, one.exposures))
+            for name, one in variants.items()
+        }

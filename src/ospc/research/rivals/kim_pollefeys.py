@@ -1,0 +1,303 @@
+"""Kim and Pollefeys, "Robust radiometric calibration and vignetting correction", 2008.
+
+1. Scene points at the same radius in two images have the same vignette. Their grey levels alone give, for each pair
+   of images, the brightness transfer function τ: the most likely increasing path through the joint histogram.
+2. ln g(τ(M)) − ln g(M) = K for all pairs and grey levels: linear in the coefficients of an empirical model of ln g
+   and in the exposures K. The solution is known up to an exponent, which is fixed by one K; the publication assumes
+   a constant.
+3. With both known, all points give V(r₁) = a·V(r₂), where a is the median of g(M₁)/g(M₂)e⁻ᴷ over points with similar
+   radii: linear in the coefficients of V.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from ospc.arrays import FloatArray, Image, IntArray
+from ospc.errors import NotObservableError
+from ospc.methods.paper import Correspondences
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette
+from ospc.recording.frame import Frame
+from ospc.research.method import Estimate, Outcome, failure
+from ospc.unknown_exposures.response_model import family_of_inverses
+from ospc.unknown_exposures.tracking import equalised, log_brightness
+
+_LEVELS = 256
+_COMPONENTS = 5
+"""Components of the model of ln g, as in the publication."""
+
+_SAME_RADIUS, _MOVING = 0.03, 0.1
+"""Largest |r₁ − r₂| of points for the response, and smallest for the vignette."""
+
+_FEWEST, _FEWEST_LEVELS = 400, 60
+"""Points of a pair, and grey levels of its transfer function, that it needs."""
+
+_RINGS, _FEWEST_IN_CELL = 25, 10
+"""Radii are binned into so many rings; cells of two rings with fewer points are left out."""
+
+_PULL = 3.0
+"""Weight of the mean curve: the errors of the grey levels of one pair are correlated, so their number misleads."""
+
+_ASSUMED_LOG_RATIO = float(np.log(1.5))
+_FLOOR, _CEILING = 3, 250
+"""Grey levels outside of which ratios are too noisy or saturated."""
+
+_LEAST_LOG_CHANGE = 0.03
+"""Smallest change of brightness, as ln, that fixes the exponent."""
+
+_HUBER, _MAD_TO_SIGMA = 1.345, 1.4826
+_STEP_PX, _BACK_PX, _SMOOTHING_PX = 3, 1.0, 1.2
+"""Spacing of the points, largest forward-backward error of their flow, and smoothing of their grey levels."""
+
+_EXPONENTS = 2 * np.arange(1, 4)
+
+
+@dataclass(frozen=True)
+class DecoupledEstimate:
+    """The result of the method.
+
+    Attributes
+    ----------
+    response, vignette
+        Known up to the exponent that the assumed exposure fixes.
+    log_ratios
+        K of each pair of images, shape (n,).
+    """
+
+    response: Response
+    vignette: PolynomialVignette
+    log_ratios: FloatArray
+
+
+def estimate_decoupled(pairs: Sequence[Correspondences], known: tuple[int, float] | None = None) -> DecoupledEstimate:
+    """Return response, exposures and vignette from points that are visible in both images of each pair.
+
+    Parameters
+    ----------
+    pairs
+        Points of each pair.
+    known
+        Number of a pair and ln of its exposure ratio e₀/e₁; where None, that of the pair whose brightness changes
+        most is assumed to be 1.5 or 1/1.5.
+
+    Raises
+    ------
+    NotObservableError
+        If no pair changes its brightness, or too few points move along the radius.
+    """
+    transfers = [
+        (number, *transfer) for number, pair in enumerate(pairs) if (transfer := _transfer(pair)) is not None
+    ]
+    if not transfers:
+        raise NotObservableError("no pair of images has enough points at equal radius to show how brightness changes")
+    response, by_pair = _solve_response(transfers, known)
+    ratios = np.array([by_pair.get(number, np.nan) for number in range(len(pairs))])
+    vignette = _solve_vignette(pairs, response, ratios)
+    return DecoupledEstimate(response, vignette, ratios)
+
+
+def _transfer(pair: Correspondences) -> tuple[IntArray, IntArray, FloatArray] | None:
+    """Return grey levels M₁, τ(M₁) and how many points support them; None where there are too few."""
+    still = pair.select(pair.radial_displacement < _SAME_RADIUS)
+    if len(still) < _FEWEST:
+        return None
+    first, second = (np.clip(np.rint(255 * grey), 0, 255).astype(np.int64) for grey in (still.grey0, still.grey1))
+    histogram = np.bincount(first * _LEVELS + second, minlength=_LEVELS**2).reshape(_LEVELS, _LEVELS)
+    smooth = cv2.GaussianBlur(histogram.astype(np.float64), (0, 0), 2.0)
+    likely = np.log1p(20 * smooth)
+    # Dynamic programming: the best increasing path that ends at (M₁, M₂).
+    total = np.empty_like(likely)
+    origin = np.empty(likely.shape, dtype=np.int64)
+    total[0], origin[0] = likely[0], np.arange(_LEVELS)
+    for level in range(1, _LEVELS):
+        best = np.maximum.accumulate(total[level - 1])
+        changes = total[level - 1] >= best
+        origin[level] = np.maximum.accumulate(np.where(changes, np.arange(_LEVELS), 0))
+        total[level] = likely[level] + best
+    path = np.empty(_LEVELS, dtype=np.int64)
+    path[-1] = int(np.argmax(total[-1]))
+    for level in range(_LEVELS - 1, 0, -1):
+        path[level - 1] = origin[level][path[level]]
+    support = cv2.boxFilter(smooth, -1, (5, 1), normalize=False)[np.arange(_LEVELS), path]
+    levels = np.arange(_LEVELS)
+    kept = (support > 1) & (levels >= _FLOOR) & (path >= _FLOOR) & (levels < _CEILING) & (path < _CEILING)
+    if np.count_nonzero(kept) < _FEWEST_LEVELS:
+        return None
+    return levels[kept], path[kept], support[kept]
+
+
+def _solve_response(
+    transfers: Sequence[tuple[int, IntArray, IntArray, FloatArray]], known: tuple[int, float] | None
+) -> tuple[Response, dict[int, float]]:
+    """Solve Σ cₖ(hₖ(M₁) − hₖ(τ)) − K = −(g₀(M₁) − g₀(τ)), all in ln, with one K fixed."""
+    mean, components = _log_model()
+    changes = [float(np.average(np.log(m1 / m2), weights=w)) for _, m1, m2, w in transfers]
+    numbers = [number for number, *_ in transfers]
+    if known is not None and known[0] in numbers:
+        fixed, value = numbers.index(known[0]), known[1]
+    else:
+        fixed = int(np.argmax(np.abs(changes)))
+        value = float(np.sign(changes[fixed])) * _ASSUMED_LOG_RATIO
+    if abs(changes[fixed]) < _LEAST_LOG_CHANGE:
+        raise NotObservableError("the brightness of no pair of images changes; the response cannot be known")
+    rows, targets = [], []
+    for column, (_, first, second, support) in enumerate(transfers):
+        inner = np.zeros((first.size, components.shape[0] + len(transfers)))
+        inner[:, : components.shape[0]] = (components[:, first] - components[:, second]).T
+        inner[:, components.shape[0] + column] = -1
+        root = np.sqrt(np.minimum(support, 50))
+        rows.append(inner * root[:, None])
+        targets.append((mean[second] - mean[first]) * root)
+    matrix, target = np.concatenate(rows), np.concatenate(targets)
+    place = components.shape[0] + fixed
+    target = target - matrix[:, place] * value
+    free = np.delete(matrix, place, axis=1)
+    # A weak pull towards the mean curve determines what no pair shows.
+    pull = np.zeros((components.shape[0], free.shape[1]))
+    pull[:, : components.shape[0]] = _PULL * np.eye(components.shape[0])
+    found = _robust(free, target, pull)
+    curve = np.exp(mean + found[: components.shape[0]] @ components)
+    ratios = np.insert(found[components.shape[0] :], fixed, value)
+    increasing = np.asarray(isotonic_regression(curve).x) + 1e-9 * np.arange(_LEVELS)
+    increasing[0] = 0.0
+    response = Response.from_values(increasing, model={"name": "kim-pollefeys"})
+    return response, dict(zip(numbers, ratios.tolist(), strict=True))
+
+
+def _robust(matrix: FloatArray, target: FloatArray, pull: FloatArray) -> FloatArray:
+    """Return the solution of least squares with Huber's weights on rows."""
+    weight = np.ones(len(target))
+    found: FloatArray = np.zeros(matrix.shape[1])
+    for _ in range(10):
+        normal = (matrix * weight[:, None]).T @ matrix + pull.T @ pull
+        found = np.asarray(np.linalg.lstsq(normal, matrix.T @ (weight * target), rcond=None)[0], dtype=np.float64)
+        residual = np.abs(matrix @ found - target)
+        sigma = _MAD_TO_SIGMA * float(np.median(residual)) + 1e-9
+        weight = np.minimum(1, _HUBER * sigma / np.maximum(residual, 1e-12))
+    return found
+
+
+def _solve_vignette(pairs: Sequence[Correspondences], response: Response, ratios: FloatArray) -> PolynomialVignette:
+    logs, first, second = [], [], []
+    for pair, ratio in zip(pairs, ratios, strict=True):
+        if not np.isfinite(ratio):
+            continue
+        usable = (pair.grey0 > _FLOOR / 255) & (pair.grey1 > _FLOOR / 255) & (pair.grey0 < 0.98) & (pair.grey1 < 0.98)
+        some = pair.select(usable)
+        logs.append(np.log(response.inverse(some.grey0)) - np.log(response.inverse(some.grey1)) - ratio)
+        first.append(some.radius0)
+        second.append(some.radius1)
+    log, r1, r2 = (np.concatenate(parts) for parts in (logs, first, second))
+    if np.count_nonzero(np.abs(r1 - r2) > _MOVING) < _FEWEST:
+        raise NotObservableError("too few points change their distance from the centre; the vignette cannot be known")
+    cell = (np.minimum(r1 * _RINGS, _RINGS - 1).astype(int) * _RINGS + np.minimum(r2 * _RINGS, _RINGS - 1)).astype(
+        int
+    )
+    order = np.argsort(cell, kind="stable")
+    rows, targets = [], []
+    for members in np.split(order, np.flatnonzero(np.diff(cell[order])) + 1):
+        if members.size < _FEWEST_IN_CELL:
+            continue
+        ratio, weight = float(np.exp(np.median(log[members]))), np.sqrt(members.size)
+        a, b = (np.mean(radius[members, None] ** _EXPONENTS, axis=0) for radius in (r1, r2))
+        rows.append(weight * (a - ratio * b))
+        targets.append(weight * (ratio - 1))
+    found = np.linalg.lstsq(np.array(rows), np.array(targets), rcond=None)[0]
+    return PolynomialVignette(pairs[0].size, tuple(found.tolist()))
+
+
+@cache
+def _log_model() -> tuple[FloatArray, FloatArray]:
+    """Return mean and components of ln g at 256 grey levels, shapes (256,) and (n, 256)."""
+    curves = np.log(np.maximum(family_of_inverses(_LEVELS), 1e-4))
+    mean = curves.mean(axis=0)
+    _, singular, directions = np.linalg.svd(curves - mean, full_matrices=False)
+    scale = singular[:_COMPONENTS, None] / np.sqrt(len(curves))
+    return np.asarray(mean), np.asarray(directions[:_COMPONENTS] * scale)
+
+
+class KimPollefeys:
+    """The method with one exposure ratio known, that of the largest change, and with one assumed."""
+
+    EVERY, OFFSET = 5, 10
+    """Frames between pairs, and between the two frames of a pair."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[int, tuple[Frame, Image]] = {}
+        self._pairs: list[Correspondences] = []
+        self._log_ratios: list[float] = []
+        self._count = 0
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        number = self._count
+        self._count += 1
+        if number % self.EVERY:
+            return
+        image = frame.image
+        if frame.max_grey != 255:
+            image = np.rint(image * (255 / frame.max_grey)).astype(np.uint8)
+        self._waiting[number] = (frame, image)
+        earlier = self._waiting.pop(number - self.OFFSET, None)
+        if earlier is not None:
+            self._pairs.append(_registered(earlier, (frame, image)))
+            self._log_ratios.append(float(np.log(earlier[0].exposure_ms / frame.exposure_ms)))
+
+    def found(self) -> dict[str, Outcome]:
+        """Return both variants."""
+        outcomes: dict[str, Outcome] = {}
+        for name, known in (("kim-pollefeys-known", self._largest_change()), ("kim-pollefeys-assumed", None)):
+            try:
+                found = estimate_decoupled(self._pairs, known)
+                outcomes[name] = Estimate(found.response, found.vignette)
+            except NotObservableError as error:
+                outcomes[name] = failure(error)
+        return outcomes
+
+    def _largest_change(self) -> tuple[int, float] | None:
+        """Return the number of the usable pair whose exposures differ most, and ln of their ratio."""
+        usable = [number for number, pair in enumerate(self._pairs) if _transfer(pair) is not None]
+        best = max(usable, key=lambda number: abs(self._log_ratios[number]), default=None)
+        return None if best is None else (best, self._log_ratios[best])
+
+
+def _registered(earlier: tuple[Frame, Image], later: tuple[Frame, Image]) -> Correspondences:
+    """Return points of a grid with their places in the other image, where forward and backward flow agree."""
+    (frame0, image0), (frame1, image1) = earlier, later
+    first, second = equalised(image0, image1, log_brightness(image1) - log_brightness(image0))
+    flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    there, back = flow.calc(first, second, None), flow.calc(second, first, None)
+    height, width = image0.shape
+    y, x = np.mgrid[4 : height - 4 : _STEP_PX, 4 : width - 4 : _STEP_PX].reshape(2, -1)
+    points0 = np.column_stack([x, y]).astype(np.float32)
+    points1 = points0 + there[y, x]
+    returned = points1 + _sampled(back, points1) - points0
+    good = np.linalg.norm(returned, axis=1) < _BACK_PX
+    good &= np.all((points1 > 3) & (points1 < np.array([width, height]) - 4), axis=1)
+    points0, points1 = points0[good], points1[good]
+    grey0, grey1 = (
+        _sampled(cv2.GaussianBlur(image, (0, 0), _SMOOTHING_PX).astype(np.float32), points).ravel() / 255
+        for image, points in ((image0, points0), (image1, points1))
+    )
+    return Correspondences(
+        (frame0.index, frame1.index),
+        (width, height),
+        points0.astype(np.float64),
+        points1.astype(np.float64),
+        grey0,
+        grey1,
+    )
+
+
+def _sampled(image: FloatArray, places: FloatArray) -> FloatArray:
+    if not len(places):
+        return np.empty((0, 1))
+    maps = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
+    return np.asarray(cv2.remap(image, maps, None, cv2.INTER_LINEAR), dtype=np.float64).reshape(len(places), -1)

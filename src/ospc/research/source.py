@@ -1,0 +1,278 @@
+"""Recordings with known truth, and the task of measuring methods on one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from itertools import islice
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ospc.errors import FormatError
+from ospc.formats.opening import open_photometry
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+from ospc.recording import Frame, Recording, open_recording
+from ospc.recording.identity import identity
+from ospc.research.held_out import HeldOut, simulated_pairs
+from ospc.research.measurement import Measurement
+from ospc.research.method import Estimate, Method, Outcome, Result, run_methods
+from ospc.research.runner import OnProgress
+from ospc.research.scoring import Truth, measurement
+from ospc.research.store import made_with
+from ospc.simulation import SimulationSettings
+from ospc.simulation import frames as simulated_frames
+from ospc.simulation import truth as simulated_truth
+from ospc.simulation.responses import make_response
+from ospc.simulation.vignettes import make_vignette
+
+PCALIB, VIGNETTE = "pcalib.txt", "vignette.png"
+
+
+class Source(Protocol):
+    """A recording with known truth."""
+
+    @property
+    def name(self) -> str:
+        """Its name, unique among those measured together."""
+        ...
+
+    @property
+    def group(self) -> str:
+        """The group of recordings it is summarised with."""
+        ...
+
+    @property
+    def factors(self) -> dict[str, str]:
+        """Its level of each factor that varies within the group."""
+        ...
+
+    @property
+    def count(self) -> int:
+        """Number of its frames."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """Return what identifies the recording, as JSON-compatible values."""
+        ...
+
+    def frames(self) -> Iterator[Frame]:
+        """Give the frames from the beginning, each time it is called."""
+        ...
+
+    def truth(self) -> Truth:
+        """Return what is known of the camera."""
+        ...
+
+    def exposures_ms(self) -> Mapping[int, float]:
+        """Return the true exposure of every frame by its index."""
+        ...
+
+    def held_out(self) -> HeldOut:
+        """Return pairs of frames that no method gets, with known exposure ratios."""
+        ...
+
+
+class Methods(Protocol):
+    """A set of methods to compare."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """Return all settings, as JSON-compatible values."""
+        ...
+
+    def make(self, source: Source) -> dict[str, Method]:
+        """Return new methods for a recording."""
+        ...
+
+    def references(self, source: Source) -> dict[str, Outcome]:
+        """Return further outcomes on a recording, to be compared with the methods'."""
+        ...
+
+
+@dataclass(frozen=True)
+class MeasuringTask:
+    """Methods to be measured on a recording."""
+
+    source: Source
+    methods: Methods
+
+    @property
+    def name(self) -> str:
+        """Recording and methods."""
+        return f"{self.source.name} ({self.methods.name})"
+
+    def describe(self) -> dict[str, Any]:
+        """Return recording, settings, and the source of this package."""
+        return {"recording": self.source.describe(), "methods": self.methods.describe(), "made_with": made_with()}
+
+    def run(self, progress: OnProgress) -> list[dict[str, Any]]:
+        """Return one measurement for each method, as JSON-compatible values."""
+        source = self.source
+        results = run_methods(self.methods.make(source), source.frames(), source.count, progress)
+        results += [Result(name, outcome) for name, outcome in self.methods.references(source).items()]
+        return [found.as_dict() for found in judge(source, results, source.held_out())]
+
+
+def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = None) -> list[Measurement]:
+    """Compare outcomes with the truth of a recording."""
+    truth = source.truth()
+    if any(isinstance(r.outcome, Estimate) and r.outcome.exposures is not None for r in results):
+        truth = replace(truth, exposures_ms=source.exposures_ms())
+    return [measurement(source, result, truth, held_out or HeldOut()) for result in results]
+
+
+def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
+    """Return the measurements that :meth:`MeasuringTask.run` described."""
+    return [Measurement(**content) for content in stored]
+
+
+@dataclass(frozen=True)
+class SimulatedSource:
+    """A simulated recording.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    settings
+        What is simulated.
+    factors
+        The level of each factor.
+    with_pairs
+        Whether exposure ratios are predicted for pairs of another scene.
+    """
+
+    name: str
+    settings: SimulationSettings
+    factors: dict[str, str] = field(default_factory=dict)
+    with_pairs: bool = False
+
+    @property
+    def group(self) -> str:
+        """``static`` for a camera at rest, ``simulated`` otherwise."""
+        return "static" if self.settings.motion == "static" else "simulated"
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return self.settings.frames
+
+    def describe(self) -> dict[str, Any]:
+        """Return the settings, with hashes of curves that are given as tables."""
+        truth = self.truth()
+        return {
+            "kind": "simulation",
+            **self.settings.as_dict(),
+            **fingerprints(truth.response, truth.vignette),
+            "with_pairs": self.with_pairs,
+        }
+
+    def frames(self) -> Iterator[Frame]:
+        """Give the frames."""
+        return simulated_frames(self.settings)
+
+    def truth(self) -> Truth:
+        """Return response and vignette."""
+        return Truth(make_response(self.settings.response), make_vignette(self.settings))
+
+    def exposures_ms(self) -> Mapping[int, float]:
+        """Return the simulated exposures."""
+        return dict(enumerate(simulated_truth(self.settings).exposures_ms.tolist()))
+
+    def held_out(self) -> HeldOut:
+        """Return pairs of another scene."""
+        return HeldOut(simulated_pairs(self.settings, still=self.group == "static") if self.with_pairs else ())
+
+
+@dataclass(frozen=True)
+class GivenSource:
+    """A folder in the layout of the TUM monocular data set, whose pcalib.txt and vignette.png are the truth.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    most_frames
+        Number of frames used at most; all where None.
+
+    Raises
+    ------
+    OspcError
+        If it cannot be opened or has no truth.
+    """
+
+    path: Path
+    most_frames: int | None = None
+    group: str = "given"
+    factors: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Open it once, so that mistakes show before hours are spent."""
+        true_curves(open_recording(self.path))
+
+    @property
+    def name(self) -> str:
+        """Name of the folder."""
+        return self.path.resolve().name
+
+    @property
+    def count(self) -> int:
+        """Number of frames used."""
+        there = len(open_recording(self.path))
+        return there if self.most_frames is None else min(there, self.most_frames)
+
+    def describe(self) -> dict[str, Any]:
+        """Return what identifies frames and truth."""
+        recording = open_recording(self.path)
+        return {**identity(recording), "used": self.count, **fingerprints(*true_curves(recording))}
+
+    def frames(self) -> Iterator[Frame]:
+        """Give the frames."""
+        return islice(iter(open_recording(self.path)), self.most_frames)
+
+    def truth(self) -> Truth:
+        """Return the curves in the folder."""
+        return Truth(*true_curves(open_recording(self.path)))
+
+    def exposures_ms(self) -> Mapping[int, float]:
+        """Return the exposures of the metadata."""
+        return dict(enumerate(np.asarray(open_recording(self.path).exposures_ms).tolist()))
+
+    def held_out(self) -> HeldOut:
+        """Return none."""
+        return HeldOut()
+
+
+def true_curves(recording: Recording) -> tuple[Response, Vignette]:
+    """Return the true response and vignette in a recording's folder.
+
+    Raises
+    ------
+    FormatError
+        If there are none, or they cannot be read.
+    """
+    table, picture = recording.path / PCALIB, recording.path / VIGNETTE
+    if not table.is_file() or not picture.is_file():
+        raise FormatError(f"{recording.path}: has no {PCALIB} and {VIGNETTE}, which hold the truth; add them")
+    response, vignette = open_photometry(table).response, open_photometry(picture).vignette
+    if response is None or vignette is None:
+        raise FormatError(f"{recording.path}: {PCALIB} or {VIGNETTE} does not hold what its name says")
+    return response, vignette
+
+
+def fingerprints(response: Response | None, vignette: Vignette | None) -> dict[str, str]:
+    """Return hashes to recognise curves by."""
+    found = {}
+    if response is not None:
+        found["response_sha256"] = sha256(np.ascontiguousarray(response.resampled(256)).tobytes()).hexdigest()
+    if vignette is not None:
+        found["vignette_sha256"] = sha256(np.ascontiguousarray(vignette.image()).tobytes()).hexdigest()
+    return found

@@ -1,0 +1,1 @@
+"""The speed benchmark: each preset against decoding the same frames."""

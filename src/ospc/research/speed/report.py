@@ -1,0 +1,81 @@
+"""The table, JSON and picture of a measurement of speed."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ospc.report.style import new_figure, rules, save
+from ospc.research.pictures import look
+from ospc.research.speed.measuring import SpeedRow
+from ospc.research.tables import Table, Written, as_json, write
+from ospc.versions import versions
+
+_HEADER = (
+    "preset", "size", "frames", "frames/s", "× decoding", "× decoding, CPU", "push 50 %", "99 %", "memory", "notes",
+)  # fmt: skip
+_LEAST_NAMED = 0.06
+"""Share of the time from which a stage's name fits into its bar."""
+
+
+def table_of(rows: Sequence[SpeedRow]) -> Table:
+    """Return the figures of all rows."""
+    return Table("Speed", _HEADER, tuple(_cells(row) for row in rows), 2)
+
+
+def _cells(row: SpeedRow) -> tuple[str, ...]:
+    return (
+        row.preset,
+        f"{row.size[0]}×{row.size[1]}",
+        str(row.frames),
+        f"{row.frames_per_second:.3g}",
+        "–" if row.preset == "live" else f"{row.over_decoding:.2f}",
+        f"{row.cpu_s / row.decoding_cpu_s:.2f}",
+        f"{row.push_ms[0]:.2g} ms",
+        f"{row.push_ms[1]:.2g} ms",
+        "–" if row.peak_mb is None else f"{row.peak_mb:.0f} MB",
+        row.notes,
+    )
+
+
+def content_of(rows: Sequence[SpeedRow]) -> dict[str, Any]:
+    """Return everything as JSON-compatible values."""
+    machine = {"cores": os.cpu_count(), "machine": platform.machine(), "system": platform.system()}
+    return {"rows": [row.as_dict() for row in rows], "machine": machine, "versions": versions()}
+
+
+def write_speed(folder: Path, rows: Sequence[SpeedRow]) -> Written:
+    """Write speed.json and speed.png.
+
+    Raises
+    ------
+    SettingError
+        If they cannot be written.
+    """
+    return write(folder, {"speed.json": as_json(content_of(rows))}, {"speed.png": partial(_draw, rows)})
+
+
+def _draw(rows: Sequence[SpeedRow], path: Path) -> Path:
+    """Draw a bar for each row, divided by stage; work of other threads is not in it."""
+    shown = [row for row in rows if row.stages]
+    stages = list(dict.fromkeys(stage for row in shown for stage in row.stages))
+    figure = new_figure(11.0, 1.5 + 0.5 * len(shown))
+    with rules():
+        axes = figure.subplots()
+        for place, row in enumerate(shown):
+            left = 0.0
+            for number, stage in enumerate(stages):
+                share = row.stages.get(stage, 0.0) / row.seconds
+                axes.barh(place, share, left=left, color=look(number)["color"], height=0.7)
+                if share > _LEAST_NAMED:
+                    axes.text(left + share / 2, place, stage, ha="center", va="center", fontsize=8, color="white")
+                left += share
+        names = [f"{r.preset}, {r.size[0]}×{r.size[1]}: {1e3 * r.seconds / r.frames:.3g} ms a frame" for r in shown]
+        axes.set(yticks=range(len(shown)), yticklabels=names, xlim=(0, 1), xlabel="share of the time, by stage")
+        axes.invert_yaxis()
+        axes.grid(visible=False)
+        return save(figure, path)

@@ -1,0 +1,130 @@
+"""Tables of text, CSV, and the files of a study."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ospc.atomic import write_atomically
+from ospc.errors import MissingExtraError, SettingError
+from ospc.research.measurement import METRICS, Measurement
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text.
+
+    Attributes
+    ----------
+    title
+        Its heading.
+    header
+        The headings of its columns.
+    rows
+        The cells, of the columns of names first.
+    names
+        Number of columns of names; the others hold figures.
+    best
+        Row and column of the cells to be marked.
+    """
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    names: int = 1
+    best: frozenset[tuple[int, int]] = frozenset()
+
+    def as_markdown(self) -> str:
+        """Return it as Markdown, with figures to the right and marked cells in bold."""
+        rules = tuple("---" if i < self.names else "---:" for i in range(len(self.header)))
+        rows = [
+            tuple(f"**{cell}**" if (i, j) in self.best else cell for j, cell in enumerate(row))
+            for i, row in enumerate(self.rows)
+        ]
+        lines = ["| " + " | ".join(row) + " |" for row in (self.header, rules, *rows)]
+        return f"## {self.title}\n\n" + "\n".join(lines) + "\n"
+
+
+def as_csv(header: Iterable[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return rows of text and numbers as CSV; None becomes an empty cell."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
+    return text.getvalue()
+
+
+def as_json(content: Any) -> str:
+    """Return JSON-compatible values as text."""
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def measurements_csv(rows: Sequence[Measurement]) -> str:
+    """Return one line for each measurement, with all digits."""
+    factors = list(dict.fromkeys(name for row in rows for name in row.factors))
+    limits = list(dict.fromkeys(name for row in rows for name in row.limits))
+    figures = [metric.figure for metric in METRICS]
+    parts = ("response", "vignette")
+    header = ["recording", "group", *factors, "method", *figures, *limits, "seconds"]
+    header += [*(f"{part}_verdict" for part in parts), *(f"{part}_reason" for part in parts), "failure"]
+    lines = [
+        [
+            row.recording,
+            row.group,
+            *(row.factors.get(name) for name in factors),
+            row.method,
+            *(row.figures.get(name) for name in figures),
+            *(row.limits.get(name) for name in limits),
+            None if row.seconds is None else f"{row.seconds:.3g}",
+            *(said.get(part) for said in (row.states, row.reasons) for part in parts),
+            row.failure,
+        ]
+        for row in rows
+    ]
+    return as_csv(header, lines)
+
+
+@dataclass
+class Written:
+    """The files of a study, and reasons why some are missing."""
+
+    files: list[Path] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+def write(
+    folder: Path, texts: Mapping[str, str], pictures: Mapping[str, Callable[[Path], Path]] | None = None
+) -> Written:
+    """Write texts and, with matplotlib, pictures into a folder, which is made.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    texts
+        Contents by file name.
+    pictures
+        Functions that draw to a path, by file name.
+
+    Raises
+    ------
+    SettingError
+        If a file cannot be written.
+    """
+    written = Written()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            written.files.append(write_atomically(folder / name, text.encode()))
+        for name, draw in (pictures or {}).items():
+            written.files.append(draw(folder / name))
+    except MissingExtraError as error:
+        written.problems.append(str(error))
+    except OSError as error:
+        raise SettingError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
+    return written

@@ -1,0 +1,304 @@
+"""Joint estimation of response, vignette and exposures from images alone (Bergmann, Wang, Cremers 2018).
+
+Scene points p are tracked through frames i; their grey levels O are modelled as O = f(eᵢ V(xᵢᵖ) Lᵖ), with f from the
+empirical model of response, V = 1 + v₁R² + v₂R⁴ + v₃R⁶, and e and L free. Non-linear least squares alternates
+between Gauss-Newton steps in (c, v, e) with the radiances fixed, and in the radiances with the rest fixed. Residuals
+have less weight where the image is steep; Huber's function bounds the influence of large ones.
+
+The result explains the data equally well after g → g^γ, V → V^γ, e → e^γ for any γ. One known point of the true
+response fixes γ: :meth:`JointEstimate.aligned_to`. Without it, γ stays near where the optimisation started.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import lsqr
+
+from ospc.arrays import FloatArray, ImageSize, IntArray
+from ospc.errors import NotObservableError, SettingError
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
+from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learned_model
+from ospc.unknown_exposures.tracking import TrackObservations
+
+_HUBER = 0.015
+"""Grey difference, of full scale, from which residuals count less than quadratically."""
+
+_RADIAL = 2 * np.arange(1, 4)
+_FEWEST = 200
+"""Observations needed: a few for each of about ten parameters and for the radiances."""
+
+_LEAST_V, _MOST_LOG = 0.05, 12.0
+"""Bounds on V and on |ln| of the irradiance that keep the optimisation finite."""
+
+_SETTLED = 1e-5
+"""Relative decrease of the cost at which the alternation ends."""
+
+_LEAST_IRRADIANCE = 1e-4
+"""Smallest irradiance whose logarithm the first exposures are computed from."""
+
+_MOST_DAMPED, _LARGEST_STEP = 6, 0.5
+"""Attempts with stronger damping, and the largest change of ln e or ln L, in a step."""
+
+
+@dataclass(frozen=True)
+class JointEstimate:
+    """The result of joint estimation, known up to one exponent.
+
+    Attributes
+    ----------
+    size
+        Width and height of the frames.
+    model
+        The model of responses.
+    coefficients
+        c, shape (n,).
+    radial
+        v, shape (3,).
+    frames
+        Indices of the frames with an estimated exposure, shape (m,).
+    log_exposures
+        Their ln e, mean 0, shape (m,).
+    exponent
+        γ, the power that response, vignette and exposures are raised to.
+    cost
+        Mean weighted square of the residuals.
+    """
+
+    size: ImageSize
+    model: ResponseModel = field(repr=False)
+    coefficients: FloatArray
+    radial: FloatArray
+    frames: IntArray
+    log_exposures: FloatArray
+    exponent: float = 1.0
+    cost: float = 0.0
+
+    @property
+    def response(self) -> Response:
+        """The response, with the exponent."""
+        found = self.model.response(self.coefficients)
+        if self.exponent == 1.0:
+            return found
+        return Response.from_values(_strict(found.inverse_table**self.exponent), model={"name": "joint"})
+
+    @property
+    def vignette(self) -> Vignette:
+        """The vignette, with the exponent."""
+        found = PolynomialVignette(self.size, tuple(self.radial.tolist()))
+        if self.exponent == 1.0 and found.profile(1.0) > _LEAST_V:
+            return found
+        image = np.maximum(found.image(), _LEAST_V) ** np.float32(self.exponent)
+        return RasterVignette(image, {"name": "joint", "exponent": self.exponent})
+
+    @property
+    def exposures(self) -> FloatArray:
+        """Exposures up to a factor, with the exponent, shape (m,)."""
+        return np.asarray(np.exp(self.exponent * self.log_exposures))
+
+    def aligned_to(self, truth: Response, grey: float = 0.5) -> JointEstimate:
+        """Return the estimate with the exponent that makes g true at one grey level.
+
+        Raises
+        ------
+        SettingError
+            If the grey level is not between 0 and 1.
+        """
+        if not 0 < grey < 1:
+            raise SettingError(f"the known point of the response is at grey level {grey}; choose one within (0, 1)")
+        found = float(self.model.response(self.coefficients).inverse(grey))
+        return self.with_exponent(float(np.log(truth.inverse(grey)) / np.log(found)))
+
+    def with_exponent(self, exponent: float) -> JointEstimate:
+        """Return the estimate with another exponent."""
+        return replace(self, exponent=exponent)
+
+
+def estimate_jointly(
+    tracks: TrackObservations,
+    model: ResponseModel | None = None,
+    start: JointEstimate | None = None,
+    iterations: int = 60,
+) -> JointEstimate:
+    """Return the response, vignette and exposures that fit observations best.
+
+    Parameters
+    ----------
+    tracks
+        The observations.
+    model
+        The model of responses; :func:`learned_model` where None.
+    start
+        The start; the mean response, no vignette and equal exposures where None.
+    iterations
+        Number of alternations at most.
+
+    Raises
+    ------
+    NotObservableError
+        If there are too few observations.
+    """
+    if tracks.grey.size < _FEWEST or tracks.frames.size < 2:
+        raise NotObservableError(
+            f"joint estimation has {tracks.grey.size} observations in {tracks.frames.size} frames; "
+            f"it needs {_FEWEST} in two frames or more"
+        )
+    problem = _Problem.of(tracks, model or learned_model(), start)
+    cost = np.inf
+    for _ in range(iterations):
+        problem.fit_parameters()
+        problem.fit_radiances()
+        before, cost = cost, problem.cost()
+        if np.isfinite(before) and before - cost < _SETTLED * before:
+            break
+    return problem.estimate(cost)
+
+
+class _Problem:
+    """The state of the alternation; arrays have one entry for each observation unless said otherwise."""
+
+    def __init__(
+        self, tracks: TrackObservations, model: ResponseModel, c: FloatArray, v: FloatArray, log_e: FloatArray
+    ) -> None:
+        self._tracks, self._model = tracks, model
+        self._c, self._v, self._log_e = c, v, log_e
+        self._radial = tracks.radius[:, None] ** _RADIAL
+        self._points = int(tracks.point.max()) + 1
+        irradiance = np.interp(tracks.grey, model.curve(c), np.linspace(0, 1, SAMPLES))
+        first_log = np.log(np.maximum(irradiance, _LEAST_IRRADIANCE)) - np.log(self._attenuation(v))
+        self._log_e, self._log_l = _first_exposures(tracks, first_log, log_e)
+        self._damping = 1e-3
+        self._centre()
+
+    @classmethod
+    def of(cls, tracks: TrackObservations, model: ResponseModel, start: JointEstimate | None) -> _Problem:
+        if start is None:
+            return cls(tracks, model, np.zeros(len(model.components)), np.zeros(3), np.zeros(tracks.frames.size))
+        log_e = np.interp(tracks.frames, start.frames, start.log_exposures)
+        return cls(tracks, model, start.coefficients.copy(), start.radial.copy(), log_e)
+
+    def estimate(self, cost: float) -> JointEstimate:
+        """Return the current state as a result."""
+        return JointEstimate(
+            self._tracks.size,
+            self._model,
+            self._c,
+            self._v,
+            self._tracks.frames,
+            self._log_e - self._log_e.mean(),
+            1.0,
+            cost,
+        )
+
+    def cost(self) -> float:
+        """Return the mean of Huber's function of the residuals, weighted."""
+        return self._cost_of(self._c, self._v, self._log_e, self._log_l)
+
+    def fit_parameters(self) -> None:
+        """Take one damped Gauss-Newton step in response, vignette and exposures."""
+        tracks = self._tracks
+        x, residual, slope = self._linearised()
+        weight = self._weights(residual)
+        attenuation = self._attenuation(self._v)
+        inner = np.column_stack([self._at(self._model.components, x), (slope / attenuation)[:, None] * self._radial])
+        count = self._log_e.size
+        a = (inner * weight[:, None]).T @ inner
+        b = np.stack(
+            [np.bincount(tracks.frame, weights=weight * slope * column, minlength=count) for column in inner.T]
+        )
+        d = np.bincount(tracks.frame, weights=weight * slope**2, minlength=count)
+        rhs = inner.T @ (weight * residual)
+        rhs_e = np.bincount(tracks.frame, weights=weight * slope * residual, minlength=count)
+        before = self.cost()
+        for _ in range(_MOST_DAMPED):
+            d_damped = d * (1 + self._damping) + 1e-9
+            reduced = a + np.diag(np.diag(a) * self._damping + 1e-9) - (b / d_damped) @ b.T
+            step = np.linalg.lstsq(reduced, rhs - (b / d_damped) @ rhs_e, rcond=None)[0]
+            step_e = np.clip((rhs_e - step @ b) / d_damped, -_LARGEST_STEP, _LARGEST_STEP)
+            k = self._c.size
+            c, v, log_e = self._c + step[:k], self._v + step[k:], self._log_e + step_e
+            if self._cost_of(c, v, log_e, self._log_l) < before:
+                self._c, self._v, self._log_e = c, v, log_e
+                self._damping = max(self._damping / 4, 1e-7)
+                return
+            self._damping *= 8
+
+    def fit_radiances(self) -> None:
+        """Take one Gauss-Newton step in the radiance of every point."""
+        _, residual, slope = self._linearised()
+        weight = self._weights(residual)
+        top = np.bincount(self._tracks.point, weights=weight * slope * residual, minlength=self._points)
+        bottom = np.bincount(self._tracks.point, weights=weight * slope**2, minlength=self._points)
+        self._log_l = self._log_l + np.clip(top / (bottom * (1 + 1e-6) + 1e-9), -_LARGEST_STEP, _LARGEST_STEP)
+        self._centre()
+
+    def _linearised(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return irradiance, residual O − f, and the derivative of f by ln of the irradiance."""
+        x = self._irradiance(self._v, self._log_e, self._log_l)
+        curve = self._model.curve(self._c)
+        slopes = np.gradient(curve, 1 / (SAMPLES - 1))
+        inside = x < 1
+        slope = np.where(inside, self._at(slopes[None], x)[:, 0] * x, 0.0)
+        return x, self._tracks.grey - self._at(curve[None], x)[:, 0], slope
+
+    def _weights(self, residual: FloatArray) -> FloatArray:
+        return np.asarray(self._tracks.weight * np.minimum(1, _HUBER / np.maximum(np.abs(residual), 1e-12)))
+
+    def _attenuation(self, v: FloatArray) -> FloatArray:
+        return np.maximum(1 + self._radial @ v, _LEAST_V)
+
+    def _irradiance(self, v: FloatArray, log_e: FloatArray, log_l: FloatArray) -> FloatArray:
+        log_x = np.log(self._attenuation(v)) + log_e[self._tracks.frame] + log_l[self._tracks.point]
+        return np.asarray(np.exp(np.clip(log_x, -_MOST_LOG, _MOST_LOG)))
+
+    def _cost_of(self, c: FloatArray, v: FloatArray, log_e: FloatArray, log_l: FloatArray) -> float:
+        x = self._irradiance(v, log_e, log_l)
+        residual = np.abs(self._tracks.grey - self._at(self._model.curve(c)[None], x)[:, 0])
+        robust = np.where(residual < _HUBER, residual**2, 2 * _HUBER * residual - _HUBER**2)
+        return float(np.average(robust, weights=self._tracks.weight))
+
+    def _centre(self) -> None:
+        """Move the mean exposure into the radiances: their common factor cannot be observed."""
+        mean = float(self._log_e.mean())
+        self._log_e, self._log_l = self._log_e - mean, self._log_l + mean
+
+    @staticmethod
+    def _at(curves: FloatArray, x: FloatArray) -> FloatArray:
+        """Return curves over equidistant irradiances at others, shape (m, 1024), (n,) -> (n, m)."""
+        place = np.clip(x, 0, 1) * (SAMPLES - 1)
+        low = np.minimum(place.astype(np.int64), SAMPLES - 2)
+        share = (place - low)[:, None]
+        table = curves.T
+        return np.asarray(table[low] * (1 - share) + table[low + 1] * share)
+
+
+def _first_exposures(
+    tracks: TrackObservations, log_irradiance: FloatArray, start: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return ln e of frames and ln L of points whose sums are nearest to observed ln irradiances.
+
+    The alternation propagates a change of exposure along a chain of tracks only slowly; this linear system does so at
+    once. Bergmann et al. solve it from frame to frame.
+    """
+    frames, points = tracks.frames.size, int(tracks.point.max()) + 1
+    rows = np.arange(tracks.grey.size)
+    root = np.sqrt(tracks.weight)
+    matrix = csr_matrix(
+        (
+            np.concatenate([root, root]),
+            (np.concatenate([rows, rows]), np.concatenate([tracks.frame, frames + tracks.point])),
+        ),
+        shape=(tracks.grey.size, frames + points),
+    )
+    found = lsqr(
+        matrix, root * log_irradiance, atol=1e-8, btol=1e-8, iter_lim=400, x0=np.append(start, np.zeros(points))
+    )[0]
+    return np.asarray(found[:frames]), np.asarray(found[frames:])
+
+
+def _strict(table: FloatArray) -> FloatArray:
+    """Return a curve that increases strictly even where a power has made it flat."""
+    return np.asarray(table + np.linspace(0, 1e-9, table.size))

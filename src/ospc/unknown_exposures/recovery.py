@@ -1,0 +1,214 @@
+"""Calibration of recordings without exposures: known up to one exponent, and labelled so in all outputs.
+
+With free exposures, g^γ, V^γ and e^γ explain any recording equally well for every γ > 0. Exposures are estimated
+jointly with response and vignette (Bergmann, Wang, Cremers 2018). γ is then chosen so that the response is as near as
+possible to the mean response of usual cameras, and the selected method runs as if these exposures had been stated.
+The spread of cameras about that mean is the uncertainty of γ, which is added to all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.calibrator import calibrate
+from ospc.errors import FrameError, NotObservableError
+from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.recording import open_recording
+from ospc.recording.derived import DerivedRecording
+from ospc.recording.frame import Frame
+from ospc.recording.options import ReadingOptions
+from ospc.recording.recording import Recording
+from ospc.settings import Settings
+from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
+from ospc.unknown_exposures.response_model import SAMPLES, learned_model
+from ospc.unknown_exposures.tracking import GainRobustTracker
+
+EXPONENT_SIGMA = 0.34
+"""Standard deviation of ln γ between the mean response used here and the 201 measured ones of the database of
+response functions (Grossberg and Nayar 2004); its mean is 0.05."""
+
+MOST_FRAMES = 1500
+"""Exposures are estimated for the first so many frames; memory and time grow with their number."""
+
+_LEVELS = np.linspace(0.1, 0.9, 81)
+"""Grey levels at which a response is compared with the mean; the ends are noise and saturation."""
+
+_REMEDY = "give the exposure of every frame, or of a second recording of the same camera"
+
+
+@dataclass(frozen=True, eq=False)
+class RecoveredRecording(DerivedRecording):
+    """A recording whose exposures are estimated from its images, up to a factor and an exponent.
+
+    Attributes
+    ----------
+    inner
+        The recording.
+    frames
+        Indices, in the inner recording, of the frames with an estimated exposure, increasing; others are left out.
+    exposures_ms
+        Their exposures, relative to the median, shape (frames,).
+    exponent_sigma
+        Standard deviation of ln γ.
+    """
+
+    inner: Recording
+    frames: IntArray
+    exposures_ms: FloatArray
+    exponent_sigma: float = EXPONENT_SIGMA
+
+    @property
+    def stamps_s(self) -> FloatArray:
+        """Time stamp of every frame in seconds, shape (frames,)."""
+        return self.inner.stamps_s[self.frames]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes of the inner recording, and one on the exposures."""
+        missing = len(self.inner) - len(self)
+        left_out = f"; {missing} frames, whose exposure was not estimated, are left out" if missing else ""
+        return (
+            *self.inner.notes,
+            f"exposures are estimated from the images: relative, and up to one exponent{left_out}",
+        )
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.frames)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Give the frames one by one."""
+        number = {int(frame): i for i, frame in enumerate(self.frames)}
+        for frame in self.inner:
+            index = number.get(frame.index)
+            if index is not None:
+                yield replace(frame, index=index, exposure_ms=float(self.exposures_ms[index]))
+
+
+def recover_exposures(
+    recording: Recording, progress: Callable[[int, int], None] = lambda _done, _all: None
+) -> RecoveredRecording:
+    """Estimate the exposures of a recording from its images alone.
+
+    Parameters
+    ----------
+    recording
+        The recording.
+    progress
+        Called with the number of frames done, and of all.
+
+    Raises
+    ------
+    NotObservableError
+        If too little can be tracked from frame to frame.
+    """
+    tracker = GainRobustTracker(every=1)
+    total = min(len(recording), MOST_FRAMES)
+    for done, frame in enumerate(islice(recording, total), start=1):
+        # Unreadable frames are left out here; the calibration skips them too.
+        with suppress(FrameError):
+            tracker.push(frame)
+        progress(done, total)
+    try:
+        found = estimate_jointly(tracker.observations())
+    except NotObservableError as error:
+        raise NotObservableError(
+            f"{recording.path}: exposures cannot be estimated from its images: {error}"
+        ) from None
+    log_e = typical_exponent(found) * found.log_exposures
+    exposures = np.exp(log_e - np.median(log_e))
+    exposures.setflags(write=False)
+    return RecoveredRecording(recording, found.frames, exposures)
+
+
+def calibrate_without_exposures(
+    recording: Recording | str | Path, settings: Settings | str = "default"
+) -> Calibration:
+    """Calibrate the camera of a recording whose exposures are unknown.
+
+    Parameters
+    ----------
+    recording
+        A recording, or the path of one; its exposures are not used.
+    settings
+        Settings of the method, or the name of a preset.
+
+    Returns
+    -------
+    Calibration
+        Response and vignette up to one common exponent, as its verdicts and ``exponent_sigma`` state.
+
+    Raises
+    ------
+    NotObservableError
+        If too little can be tracked from frame to frame.
+    RecordingError
+        If the recording cannot be opened.
+    """
+    if isinstance(recording, str | Path):
+        recording = open_recording(recording, options=ReadingOptions(unknown_exposures=True))
+    recovered = recover_exposures(recording)
+    return labelled(calibrate(recovered, settings, correct_lag="trusted"), recovered)
+
+
+def typical_exponent(found: JointEstimate) -> float:
+    """Return the exponent γ for which ln g^γ is nearest to that of the mean response, in least squares over greys."""
+    x = np.linspace(0, 1, SAMPLES)
+    log_g = np.log(np.maximum(found.response.inverse(_LEVELS), 1e-6))
+    log_mean = np.log(np.interp(_LEVELS, learned_model().mean, x))
+    return float(log_g @ log_mean / (log_g @ log_g))
+
+
+def labelled(calibration: Calibration, recording: object) -> Calibration:
+    """Return the calibration, labelled and with larger uncertainties if the exposures were estimated.
+
+    Parameters
+    ----------
+    calibration
+        The calibration of the recording.
+    recording
+        A :class:`RecoveredRecording`; for any other, the calibration is returned unchanged.
+    """
+    if not isinstance(recording, RecoveredRecording):
+        return calibration
+    sigma = recording.exponent_sigma
+    response, vignette_sigma = calibration.response, calibration.vignette_sigma
+    if response is not None:
+        log_g = np.log(np.maximum(response.inverse_table, 1e-12))
+        known = 0.0 if response.log_sigma is None else np.asarray(response.log_sigma)
+        log_sigma = np.hypot(known, np.abs(log_g) * sigma)
+        inverse_sigma = response.inverse_table * log_sigma
+        response = replace(response, log_sigma=log_sigma, inverse_sigma=inverse_sigma)
+    if calibration.vignette is not None and vignette_sigma is not None:
+        half = (np.array(calibration.size, dtype=np.float64) - 1) / 2
+        profile = calibration.vignette.at(half + PROFILE_RADII[:, None] * half)
+        vignette_sigma = np.hypot(vignette_sigma, np.abs(profile * np.log(np.maximum(profile, 1e-12))) * sigma)
+    verdicts = {name: _labelled_verdict(name, verdict, sigma) for name, verdict in calibration.verdicts.items()}
+    return replace(
+        calibration,
+        response=response,
+        vignette_sigma=vignette_sigma,
+        verdicts=verdicts,
+        converged=False,
+        exponent_sigma=sigma,
+        advice=(_REMEDY, *calibration.advice),
+    )
+
+
+def _labelled_verdict(name: str, verdict: Verdict, sigma: float) -> Verdict:
+    if not verdict.known:
+        return verdict
+    return Verdict(
+        "marginal",
+        f"up to one exponent: no exposures were known, and the {name} to any power, together with exposures to the "
+        f"same power, explains the images as well; the power is taken to be that of a usual camera "
+        f"(ln γ ± {sigma:.2f})",
+        _REMEDY,
+    )

@@ -1,0 +1,139 @@
+"""A low-dimensional model of camera responses: a mean curve and its principal variations.
+
+The empirical model of response (EMoR; Grossberg and Nayar, "Modeling the space of camera response functions", 2004)
+is f = f₀ + Σ cₖ hₖ, learned from measured curves. Their tables can be read from a file. Without them, a model of the
+same form is learned from analytic families that resemble camera responses: powers, video curves with a linear toe,
+logarithms, sigmoids, and each of these with a knee.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import FloatArray
+from ospc.errors import FormatError
+from ospc.formats.files import read_text
+from ospc.photometry.response import Response
+
+SAMPLES = 1024
+"""Irradiances at which a model is tabulated, as in the published tables."""
+
+_MAX_FILE_BYTES = 8_000_000
+_LEAST_SLOPE = 1e-4
+"""Least growth of an estimated response over the whole range: a curve must increase to have an inverse."""
+
+
+@dataclass(frozen=True)
+class ResponseModel:
+    """f(x) = f₀(x) + Σ cₖ hₖ(x) for irradiances x in [0, 1].
+
+    Attributes
+    ----------
+    mean
+        f₀ at equidistant irradiances, shape (1024,), from 0 to 1.
+    components
+        hₖ, shape (n, 1024), zero at both ends.
+    """
+
+    mean: FloatArray
+    components: FloatArray
+
+    def curve(self, coefficients: npt.ArrayLike) -> FloatArray:
+        """Return f at the equidistant irradiances, shape (1024,), forced to increase."""
+        raw = self.mean + np.asarray(coefficients, dtype=np.float64) @ self.components
+        return _increasing(raw)
+
+    def coefficients_of(self, response: Response) -> FloatArray:
+        """Return the coefficients nearest to a response in least squares, shape (n,)."""
+        target = response(np.linspace(0, 1, SAMPLES)) - self.mean
+        return np.asarray(np.linalg.lstsq(self.components.T, target, rcond=None)[0], dtype=np.float64)
+
+    def response(self, coefficients: npt.ArrayLike, levels: int = 256) -> Response:
+        """Return the response with these coefficients."""
+        values = np.array([float(c) for c in np.asarray(coefficients)])
+        table = np.interp(np.linspace(0, 1, levels), self.curve(values), np.linspace(0, 1, SAMPLES))
+        return Response.from_values(_increasing(table), model={"name": "emor", "coefficients": values.tolist()})
+
+
+@cache
+def learned_model(count: int = 4) -> ResponseModel:
+    """Return a model learned from analytic families of curves, with ``count`` components."""
+    curves = np.array(list(_family()))
+    mean = curves.mean(axis=0)
+    _, _, directions = np.linalg.svd(curves - mean, full_matrices=False)
+    components = directions[:count] * np.sqrt(len(curves))
+    for array in (mean, components):
+        array.setflags(write=False)
+    return ResponseModel(mean, components)
+
+
+def read_model(path: str | Path, count: int = 4) -> ResponseModel:
+    """Read the tables of the empirical model of response as its authors publish them (``emor.txt``).
+
+    Raises
+    ------
+    FormatError
+        If the file does not hold a mean and as many components of 1024 values.
+    """
+    blocks: dict[str, list[float]] = {}
+    current: list[float] = []
+    for number, line in enumerate(read_text(path, _MAX_FILE_BYTES).splitlines(), start=1):
+        name, equals, rest = line.partition("=")
+        if equals:
+            current = blocks.setdefault(name.strip().lower(), [])
+        try:
+            current.extend(float(word) for word in (rest if equals else line).split())
+        except ValueError:
+            raise FormatError(f"{path}: line {number} is not a row of numbers; give the published emor.txt") from None
+    wanted = ["f0", *(f"h({i})" for i in range(1, count + 1))]
+    missing = [name for name in wanted if len(blocks.get(name, ())) != SAMPLES]
+    if missing:
+        raise FormatError(f"{path}: has no {missing[0]} of {SAMPLES} values; give the published emor.txt")
+    table = np.array([blocks[name] for name in wanted])
+    if not np.all(np.isfinite(table)):
+        raise FormatError(f"{path}: holds values that are not finite")
+    return ResponseModel(table[0], table[1:])
+
+
+def family_of_inverses(levels: int) -> FloatArray:
+    """Return g of every curve that the model is learned from, at equidistant grey levels, shape (n, levels)."""
+    grey, x = np.linspace(0, 1, levels), np.linspace(0, 1, SAMPLES)
+    return np.array([np.interp(grey, _increasing(curve), x) for curve in _family()])
+
+
+def _family() -> list[FloatArray]:
+    """Return curves from 0 to 1 over equidistant irradiances, shape (1024,) each."""
+    x = np.linspace(0, 1, SAMPLES)
+    curves = [x ** (1 / g) for g in np.geomspace(0.6, 4.5, 14)]
+    for g in np.geomspace(1.2, 3.5, 6):
+        for toe in (0.002, 0.01, 0.03):
+            # a straight line up to the toe, and a power that continues it with the same value and slope
+            offset = toe * (g - 1)
+            power = (np.maximum(x, toe) + offset) ** (1 / g)
+            at_toe = (toe + offset) ** (1 / g)
+            curves.append(_unit(np.where(x < toe, at_toe * x / toe, power)))
+    curves += [np.log1p(a * x) / np.log1p(a) for a in np.geomspace(1.5, 400, 12)]
+    for p in (1.0, 1.2, 1.5, 1.9):
+        curves += [(1 + c) * x**p / (x**p + c) for c in np.geomspace(0.05, 2, 5)]
+    bases = list(curves)
+    for knee_x, knee_y in ((0.05, 0.3), (0.1, 0.45), (0.3, 0.6), (0.5, 0.8), (0.6, 0.75)):
+        knee = np.interp(x, [0, knee_x, 1], [0, knee_y, 1])
+        curves.append(knee)
+        curves += [_unit(0.5 * knee + 0.5 * base) for base in bases[::5]]
+    return curves
+
+
+def _unit(curve: FloatArray) -> FloatArray:
+    return np.asarray((curve - curve[0]) / (curve[-1] - curve[0]))
+
+
+def _increasing(curve: FloatArray) -> FloatArray:
+    """Return the curve from 0 to 1, raised wherever it would not increase."""
+    steps = np.maximum(np.diff(curve), _LEAST_SLOPE / len(curve))
+    raised = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.asarray(raised / raised[-1])

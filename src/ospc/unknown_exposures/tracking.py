@@ -1,0 +1,231 @@
+"""Feature tracks that survive exposure changes: the Lucas-Kanade method with one gain between two frames.
+
+Kim, Frahm and Pollefeys ("Joint feature tracking and radiometric calibration from auto-exposure video", 2007) track
+with a gain that all features of a frame share, estimated together with their displacements; Bergmann et al. 2018 do
+the same. Here displacements and gain are estimated in turn: the current gain brings both frames to equal brightness,
+features are tracked, and the gain is estimated again from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ospc.arrays import Float32Array, FloatArray, Image, ImageSize, IntArray
+from ospc.photometry.geometry import normalised
+from ospc.recording.frame import Frame
+
+_PATTERN = np.array([(0, 0), (3, 0), (-3, 0), (0, 3), (0, -3)], dtype=np.float32)
+"""Offsets in pixels of the scene points that are observed around each feature."""
+
+_RIGHT, _DOWN = np.array([1, 0], dtype=np.float32), np.array([0, 1], dtype=np.float32)
+
+_ROUNDS, _GAIN_CHANGE = 2, 0.02
+"""Most turns of tracking and gain, and the change of ln gain at which they end."""
+
+_BACK_PX = 0.7
+"""Largest forward-backward error of a track in pixels."""
+
+_MARGIN_PX = 6
+"""Distance from the border that the observed points need."""
+
+_REFILL = 0.7
+"""Share of the features below which new ones are detected."""
+
+_QUALITY, _SPACING_PX = 0.005, 14
+"""Detection: least corner strength over that of the strongest, and least distance of corners."""
+
+_OCCUPIED_PX = 12
+"""Radius around a feature within which no new one is detected."""
+
+_GRADIENT_SCALE = 12.0
+"""Gradient, in grey levels per pixel, at which a sample has half its weight: there, displacement errors dominate."""
+
+
+@dataclass(frozen=True)
+class TrackObservations:
+    """Grey levels of scene points in several frames.
+
+    Attributes
+    ----------
+    size
+        Width and height of the frames.
+    point
+        Scene point of each observation, numbered from 0 without gaps, shape (n,).
+    frame
+        Position of its frame among :attr:`frames`, shape (n,).
+    grey
+        Grey level in [0, 1], shape (n,).
+    radius
+        Distance from the image centre, 1 at the corner, shape (n,).
+    weight
+        In (0, 1], shape (n,).
+    frames
+        Indices of the frames in the recording, shape (frames,).
+    """
+
+    size: ImageSize
+    point: IntArray
+    frame: IntArray
+    grey: FloatArray
+    radius: FloatArray
+    weight: FloatArray
+    frames: IntArray
+
+    def since(self, index: int) -> TrackObservations:
+        """Return the observations in frames from this index on, of points that have at least two of them."""
+        recent = self.frames[self.frame] >= index
+        count = np.bincount(self.point[recent], minlength=int(self.point.max(initial=-1)) + 1)
+        kept = recent & (count[self.point] >= 2)
+        points, point = np.unique(self.point[kept], return_inverse=True)
+        numbers, frame = np.unique(self.frame[kept], return_inverse=True)
+        del points
+        return TrackObservations(
+            self.size,
+            point.astype(np.int64),
+            frame.astype(np.int64),
+            self.grey[kept],
+            self.radius[kept],
+            self.weight[kept],
+            self.frames[numbers],
+        )
+
+
+class GainRobustTracker:
+    """Tracks features from frame to frame.
+
+    Parameters
+    ----------
+    features
+        Number of features tracked at a time.
+    window_px
+        Edge length of the windows that are compared.
+    every
+        Observations are kept of one in so many frames; features are tracked through all.
+    """
+
+    def __init__(self, features: int = 250, window_px: int = 21, every: int = 2) -> None:
+        self._features = features
+        self._window = (window_px, window_px)
+        self._every = every
+        self._previous: Image | None = None
+        self._points: Float32Array = np.empty((0, 2), np.float32)
+        self._track: IntArray = np.empty(0, np.int64)
+        self._tracks = 0
+        self._count = 0
+        self._rows: list[tuple[int, IntArray, FloatArray, FloatArray, FloatArray]] = []
+        self._size: ImageSize = (0, 0)
+        self.log_gain = 0.0
+        """ln of the last frame's brightness over that of the one before."""
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        image = frame.image
+        scaled = image if frame.max_grey == 255 else np.rint(image * (255 / frame.max_grey)).astype(np.uint8)
+        self._size = (image.shape[1], image.shape[0])
+        if self._previous is not None and len(self._points):
+            self._track_into(self._previous, scaled)
+        if len(self._points) < _REFILL * self._features:
+            self._detect(scaled)
+        if self._count % self._every == 0:
+            self._keep(frame.index, scaled)
+        self._previous = scaled
+        self._count += 1
+
+    def observations(self) -> TrackObservations:
+        """Return all observations so far, of points that have at least two."""
+        if not self._rows:
+            empty = np.empty(0)
+            none = np.empty(0, np.int64)
+            return TrackObservations(self._size, none, none, empty, empty, empty, none)
+        sizes = [row[1].size for row in self._rows]
+        return TrackObservations(
+            self._size,
+            np.concatenate([row[1] for row in self._rows]),
+            np.repeat(np.arange(len(sizes)), sizes),
+            np.concatenate([row[2] for row in self._rows]),
+            np.concatenate([row[3] for row in self._rows]),
+            np.concatenate([row[4] for row in self._rows]),
+            np.array([row[0] for row in self._rows], dtype=np.int64),
+        ).since(0)
+
+    def _track_into(self, before: Image, after: Image) -> None:
+        self.log_gain = log_brightness(after) - log_brightness(before)
+        for _ in range(_ROUNDS):
+            first, second = equalised(before, after, self.log_gain)
+            moved, found, _ = cv2.calcOpticalFlowPyrLK(
+                first, second, self._points, None, winSize=self._window, maxLevel=4
+            )
+            back, found_back, _ = cv2.calcOpticalFlowPyrLK(
+                second, first, moved, None, winSize=self._window, maxLevel=4
+            )
+            good = (found.ravel() > 0) & (found_back.ravel() > 0)
+            good &= np.linalg.norm(back - self._points, axis=1) < _BACK_PX
+            if not good.any():
+                break
+            gain = _gain(before, after, self._points[good], moved[good])
+            if abs(gain - self.log_gain) < _GAIN_CHANGE:
+                break
+            self.log_gain = gain
+        inside = np.all((moved > _MARGIN_PX) & (moved < np.array(self._size) - 1 - _MARGIN_PX), axis=1)
+        self._points, self._track = moved[good & inside], self._track[good & inside]
+
+    def _detect(self, image: Image) -> None:
+        mask = np.full(image.shape, 255, np.uint8)
+        for x, y in self._points:
+            cv2.circle(mask, (round(float(x)), round(float(y))), _OCCUPIED_PX, 0, -1)
+        wanted = self._features - len(self._points)
+        # Equalised, so that dark parts of the image get features too.
+        corners = cv2.goodFeaturesToTrack(cv2.equalizeHist(image), wanted, _QUALITY, _SPACING_PX, mask=mask)
+        if corners is None:
+            return
+        new = corners.reshape(-1, 2).astype(np.float32)
+        new = new[np.all((new > _MARGIN_PX) & (new < np.array(self._size) - 1 - _MARGIN_PX), axis=1)]
+        self._points = np.concatenate([self._points, new])
+        self._track = np.concatenate([self._track, self._tracks + np.arange(len(new))])
+        self._tracks += len(new)
+
+    def _keep(self, index: int, image: Image) -> None:
+        places = (self._points[:, None] + _PATTERN).reshape(-1, 2)
+        point = (self._track[:, None] * len(_PATTERN) + np.arange(len(_PATTERN))).ravel()
+        smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32)
+        grey = _sampled(smooth, places)
+        across = _sampled(smooth, places + _RIGHT) - _sampled(smooth, places - _RIGHT)
+        down = _sampled(smooth, places + _DOWN) - _sampled(smooth, places - _DOWN)
+        steep = (across**2 + down**2) / 4
+        exposed = (_sampled(cv2.dilate(image, None).astype(np.float32), places) < 254) & (grey > 1.5)
+        radius = np.linalg.norm(normalised(places.astype(np.float64), self._size), axis=-1)
+        weight = _GRADIENT_SCALE**2 / (_GRADIENT_SCALE**2 + steep)
+        self._rows.append(
+            (index, point[exposed], grey[exposed] / 255, np.asarray(radius[exposed]), np.asarray(weight[exposed]))
+        )
+
+
+def _sampled(image: Float32Array, places: Float32Array) -> FloatArray:
+    if not len(places):
+        return np.empty(0)
+    x, y = np.ascontiguousarray(places.T, dtype=np.float32)
+    return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR).ravel(), dtype=np.float64)
+
+
+def log_brightness(image: Image) -> float:
+    """Return ln of the median grey level."""
+    return float(np.log(max(float(np.median(image[::4, ::4])), 1.0)))
+
+
+def equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Image]:
+    """Return both frames at the brightness of the darker one."""
+    if log_gain > 0:
+        return before, cv2.convertScaleAbs(after, alpha=float(np.exp(-log_gain)))
+    return cv2.convertScaleAbs(before, alpha=float(np.exp(log_gain))), after
+
+
+def _gain(before: Image, after: Image, places: Float32Array, moved: Float32Array) -> float:
+    """Return the median over features of ln of their brightness after over before."""
+    first, second = (
+        _sampled(cv2.blur(image, (7, 7)).astype(np.float32), p) for image, p in ((before, places), (after, moved))
+    )
+    exposed = (first > 3) & (second > 3) & (first < 245) & (second < 245)
+    return float(np.median(np.log(second[exposed] / first[exposed]))) if exposed.any() else 0.0

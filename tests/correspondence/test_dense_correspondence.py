@@ -1,0 +1,281 @@
+"""Preprocessed frames, their registration, and what is sampled from a pair of them."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.correspondence.flat_sampling import FlatSampler
+from ospc.correspondence.preprocessing import Preprocessor
+from ospc.correspondence.registration import (
+    DenseRegistration,
+    ExposureNormalizer,
+    Registration,
+    displacement_at,
+    make_registrar,
+)
+from ospc.correspondence.second_thread import SecondThread
+from ospc.errors import SettingError
+from ospc.photometry.geometry import pixel_grid
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette
+from ospc.recording.frame import Frame
+
+SIZE = (320, 240)
+RESPONSE = Response.gamma(2.0)
+VIGNETTE = PolynomialVignette(SIZE, (-0.35, 0.05, -0.1))
+
+
+def of_array(image, exposure_ms=1.0, **attributes):
+    return Frame.of_array(np.ascontiguousarray(image), exposure_ms, **attributes)
+
+
+def ramp(width, height, across, down, base, white=255, dtype=np.uint8):
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    return np.rint((base + across * x + down * y) * white).astype(dtype)
+
+
+# Views.
+
+
+@given(st.integers(2, 253), st.sampled_from([(64, 48), (90, 61), (33, 200)]), st.integers(20, 100))
+def test_an_even_image_stays_what_it_is_whatever_the_reduction(level, size, longest):
+    frame = Preprocessor(longest_side=longest, registration_side=30)(
+        of_array(np.full(size[::-1], level, np.uint8), 2.5)
+    )
+    assert max(frame.grey.shape) <= longest
+    np.testing.assert_allclose(frame.grey, level / 255, rtol=1e-6)
+    np.testing.assert_allclose(frame.gradient, 0, atol=1e-7)
+    assert not frame.clipped.any()
+    assert np.all(frame.small == level)
+    assert max(frame.small.shape) <= 30
+    assert frame.size == size
+
+
+@pytest.mark.parametrize(("longest", "reduction"), [(400, 1), (200, 2), (100, 4)])
+@pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 4095), (np.uint16, 65535)])
+def test_grey_levels_and_slopes_are_those_of_the_frame_where_the_frame_says(longest, reduction, dtype, white):
+    image = ramp(400, 300, 0.0015, 0.0008, 0.05, white, dtype)
+    frame = Preprocessor(longest_side=longest)(of_array(image, max_grey=white))
+    assert frame.reduction == reduction
+    height, width = frame.grey.shape
+    places = pixel_grid((width, height))
+    inside = (slice(8, height - 8), slice(8, width - 8))
+    x, y = np.moveaxis(frame.to_frame(places), -1, 0)
+    expected = 0.05 + 0.0015 * x + 0.0008 * y
+    np.testing.assert_allclose(frame.grey[inside], expected[inside], atol=0.3 / 255)
+    np.testing.assert_allclose(frame.gradient[inside], np.hypot(0.0015, 0.0008) * reduction, atol=2e-4)
+    assert frame.grey.mean() == pytest.approx(image.mean() / white, abs=2e-3)
+
+
+@pytest.mark.parametrize("longest", [400, 200])
+def test_the_noise_of_a_sample_is_that_of_so_many_pixels(longest):
+    noise = np.random.default_rng(0).normal(0, 12, (300, 400))
+    frame = Preprocessor(longest_side=longest)(of_array(np.rint(128 + noise).astype(np.uint8)))
+    assert frame.grey.std() * 255 == pytest.approx(12 / np.sqrt(frame.pixels_averaged), rel=0.06)
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_clipped_areas_are_marked_and_single_clipped_pixels_are_not(level):
+    image = np.full((120, 160), 128, np.uint8)
+    image[40:70, 50:90] = level
+    image[90, 120] = level
+    frame = Preprocessor()(of_array(image))
+    assert frame.clipped[45:65, 55:85].all()
+    marked = np.argwhere(frame.clipped)
+    assert np.all((marked >= [34, 44]) & (marked <= [75, 95]))
+
+
+def test_deep_images_clip_where_their_eight_most_significant_bits_would():
+    image = np.full((80, 100), 2000, np.uint16)
+    image[:40, :50], image[40:, 50:] = 4090, 10
+    frame = Preprocessor()(of_array(image, max_grey=4095))
+    assert frame.clipped[10, 10]
+    assert frame.clipped[70, 90]
+    assert not frame.clipped[10, 90]
+
+
+# Registration.
+
+SHIFT = np.array([7.4, -4.3])
+
+
+def radiance_of(places):
+    """Return a scene of smooth structure at several scales, at places (x, y)."""
+    random = np.random.default_rng(5)
+    angle, phase = random.uniform(0, 2 * np.pi, (2, 60))
+    wavelength = np.geomspace(12, 120, 60)
+    wave = np.stack([np.cos(angle), np.sin(angle)], axis=1) / wavelength[:, None] * 2 * np.pi
+    field = np.zeros(places.shape[:-1])
+    for vector, offset, length in zip(wave, phase, wavelength, strict=True):
+        field += np.sin(places @ vector + offset) * (length / 60) ** 0.5
+    return 0.16 * np.exp(0.5 * field / field.std())
+
+
+def seen(shift, exposure, vignette=VIGNETTE, noise=0.003):
+    """Return a frame of the scene; what is at x in the scene is at x + shift in it."""
+    irradiance = exposure * vignette.image() * radiance_of(pixel_grid(SIZE) - shift)
+    random = np.random.default_rng(int(exposure * 10))
+    grey = RESPONSE(np.clip(irradiance, 0, 1)) + random.normal(0, noise, SIZE[::-1])
+    return of_array(np.clip(np.rint(grey * 255), 0, 255).astype(np.uint8), exposure)
+
+
+@pytest.mark.parametrize(
+    "normalizer",
+    [ExposureNormalizer(), ExposureNormalizer(RESPONSE), ExposureNormalizer(RESPONSE, VIGNETTE)],
+    ids=["nothing known", "response known", "both known"],
+)
+def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(normalizer):
+    frame0, frame1 = (Preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, 2.0)))
+    registration = DenseRegistration()(frame0, frame1, normalizer)
+    places = pixel_grid(SIZE)[20:-20:6, 20:-20:6].reshape(-1, 2)
+    displacement, forward_backward_error = displacement_at(registration, places, 1.0)
+    error = np.linalg.norm(displacement - SHIFT, axis=1)
+    assert np.median(error) < 0.1
+    assert np.quantile(error, 0.9) < 0.3
+    assert np.median(forward_backward_error) < 0.1
+
+
+@pytest.mark.parametrize("stated", [np.log(1.9), np.nan, np.log(1 / 1.9), 3.0])
+def test_a_normalizer_brings_frames_to_one_brightness_whatever_exposures_are_stated(stated):
+    frame0, frame1 = (Preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9))
+    image0, image1 = (image.astype(float) for image in ExposureNormalizer(RESPONSE)(frame0, frame1, stated))
+    unclipped = (frame1.small < 250) & (frame0.small > 20)
+    np.testing.assert_allclose(image0[unclipped], image1[unclipped], atol=4)
+
+
+def test_with_the_vignette_known_the_same_scene_looks_the_same_wherever_it_is():
+    frames = (Preprocessor()(seen(np.array(s), 1.0, noise=0)) for s in ((0.0, 0.0), (40.0, 30.0)))
+    whole, shifted = ExposureNormalizer(RESPONSE, VIGNETTE)(*frames, 0.0)
+    np.testing.assert_allclose(whole[:-30, :-40].astype(float), shifted[30:, 40:], atol=4)
+
+
+@pytest.mark.parametrize("exposure", [0.4, 1.0, 2.5])
+def test_the_exposure_ratio_is_read_off_the_images(exposure):
+    frame0, frame1 = (Preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, exposure)))
+    log_ratio, sure = ExposureNormalizer(RESPONSE, VIGNETTE).log_ratio(frame0, frame1)
+    assert sure
+    assert log_ratio == pytest.approx(np.log(exposure), abs=0.02)
+
+
+def test_what_leaves_the_image_has_a_large_forward_backward_error():
+    frame0, frame1 = (Preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
+    registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(RESPONSE))
+    gone = pixel_grid(SIZE)[20:-20, -24:-10].reshape(-1, 2)
+    assert np.median(displacement_at(registration, gone, 1.0)[1]) > 5
+
+
+def test_displacements_are_read_in_the_pixels_of_the_larger_image():
+    grid = pixel_grid((40, 30)).astype(np.float32)
+    # A displacement that is affine in the place, so that reading it between pixels is exact.
+    forward = grid * np.float32(0.1) + np.float32(1.0)
+    registration = Registration(forward, np.full((30, 40), 0.25, np.float32))
+    places = np.array([[10.0, 12.0], [31.5, 20.25]])
+    displacement, forward_backward_error = displacement_at(registration, places, 2.0)
+    in_small = (places + 0.5) / 2 - 0.5
+    np.testing.assert_allclose(displacement, 2 * (0.1 * in_small + 1), atol=1e-2)
+    np.testing.assert_allclose(forward_backward_error, 0.5, atol=1e-6)
+
+
+# Sampling.
+
+
+def shifted_pair(shift=(6.0, -3.0), reduction=1, exposures=(1.0, 2.0)):
+    """Return two views of a ramp and their true registration."""
+    width, height = SIZE[0] * reduction, SIZE[1] * reduction
+    maker = Preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
+    views = []
+    for offset, exposure in zip((np.zeros(2), np.array(shift)), exposures, strict=True):
+        at = pixel_grid((width, height)) / reduction - offset
+        level = 0.1 + 0.0008 * at[..., 0] + 0.0006 * at[..., 1]
+        frame = of_array(np.rint(level * exposure * 65535).astype(np.uint16), exposure, index=int(exposure * 5))
+        views.append(maker(frame))
+    forward = np.broadcast_to(np.array(shift, np.float32), (*SIZE[::-1], 2)).copy()
+    return *views, Registration(forward, np.zeros(SIZE[::-1], np.float32))
+
+
+@pytest.mark.parametrize("reduction", [1, 2])
+def test_samples_are_the_same_scene_point_in_both_frames(reduction):
+    frame0, frame1, registration = shifted_pair(reduction=reduction)
+    samples = FlatSampler(max_points=100_000)(frame0, frame1, registration, group=17)
+    made = samples.observations
+    assert len(made.starts) > 500
+    assert np.all(made.counts == 2)
+    size = np.array(frame0.size)
+    first, second = made.position[::2], made.position[1::2]
+    half = np.linalg.norm(size - 1) / 2
+    np.testing.assert_allclose(
+        (second - first) * half, np.tile(np.array([6.0, -3.0]) * reduction, (len(first), 1)), atol=1e-4
+    )
+    at = (first * half + (size - 1) / 2) / reduction
+    level = 0.1 + 0.0008 * at[:, 0] + 0.0006 * at[:, 1]
+    np.testing.assert_allclose(made.grey[::2], level, atol=5e-4)
+    np.testing.assert_allclose(made.grey[1::2], 2 * level, atol=1e-3)
+    np.testing.assert_allclose(made.gradient[::2], 0.001, atol=1e-4)
+    np.testing.assert_array_equal(made.frame.reshape(-1, 2), [[5, 10]] * len(first))
+    assert set(made.group) == {17}
+    np.testing.assert_array_equal(made.pixels_averaged, frame0.pixels_averaged)
+    assert samples.overlap > 0.9
+    radial = np.linalg.norm(first, axis=1) - np.linalg.norm(second, axis=1)
+    assert samples.radial_motion == pytest.approx(np.sqrt(np.mean(radial**2)), rel=0.05)
+    assert samples.motion_px == pytest.approx(reduction * np.hypot(6, 3), rel=1e-3)
+
+
+def test_steep_clipped_lost_and_outer_places_are_left_out():
+    frame0, frame1, registration = shifted_pair(shift=(0.0, 0.0))
+    frame0.gradient[:, :100] = 0.02
+    frame1.gradient[:60] = 0.02
+    frame1.clipped[180:] = True
+    registration.forward_backward_error[:, 250:] = 5.0
+    made = FlatSampler(margin_px=10, max_points=100_000)(frame0, frame1, registration, 0).observations
+    half = np.linalg.norm(np.array(SIZE) - 1) / 2
+    x, y = (made.position * half + (np.array(SIZE) - 1) / 2).T
+    assert len(x) > 100
+    assert np.all((x >= 100) & (x < 250) & (y >= 60) & (y < 180))
+
+
+def test_what_moves_out_of_the_image_is_not_sampled():
+    frame0, frame1, registration = shifted_pair(shift=(60.0, 0.0), exposures=(1.0, 1.0))
+    samples = FlatSampler(max_points=100_000)(frame0, frame1, registration, 0)
+    assert samples.observations.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2 <= SIZE[0] / 2 - 8
+    assert samples.overlap == pytest.approx(1 - 60 / 304, abs=0.03)
+
+
+def test_nothing_in_common_makes_no_samples():
+    frame0, frame1, registration = shifted_pair()
+    lost = Registration(registration.forward, np.full_like(registration.forward_backward_error, 100.0))
+    samples = FlatSampler()(frame0, frame1, lost, 0)
+    assert len(samples.observations) == 0
+    assert samples.overlap == samples.radial_motion == 0
+    assert np.isnan(samples.motion_px)
+
+
+def test_a_bounded_number_of_points_is_spread_over_grey_levels_and_does_not_change():
+    frame0, frame1, registration = shifted_pair()
+    everything = FlatSampler(max_points=100_000)(frame0, frame1, registration, 3).observations
+    few, again = (FlatSampler(max_points=120)(frame0, frame1, registration, 3).observations for _ in range(2))
+    assert len(few.starts) == 120
+    np.testing.assert_array_equal(few.grey, again.grey)
+    np.testing.assert_array_equal(few.position, again.position)
+    assert set(map(tuple, few.position)) <= set(map(tuple, everything.position))
+    other = FlatSampler(max_points=120)(frame0, frame1, registration, 4).observations
+    assert set(map(tuple, few.position)) != set(map(tuple, other.position))
+    share = [np.histogram(s.grey[::2], bins=4, range=(0.1, 0.5))[0] / len(s.starts) for s in (few, everything)]
+    assert share[0].min() > share[1].min()
+
+
+def test_views_do_not_depend_on_the_type_the_image_is_stored_in():
+    image = np.random.default_rng(1).integers(0, 256, (60, 80)).astype(np.uint8)
+    image = cv2.GaussianBlur(image, (0, 0), 2)
+    narrow, wide = Preprocessor()(of_array(image)), Preprocessor()(of_array(image.astype(np.uint16), max_grey=255))
+    np.testing.assert_allclose(narrow.grey, wide.grey, atol=1e-6)
+    np.testing.assert_array_equal(narrow.small, wide.small)
+
+
+def test_a_registration_is_chosen_by_its_name():
+    assert isinstance(make_registrar("dense", SecondThread()), DenseRegistration)
+    with pytest.raises(SettingError, match="known: dense"):
+        make_registrar("sparse", SecondThread())

@@ -1,0 +1,123 @@
+"""Which keyframes are kept, and which is selected."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.correspondence.flat_sampling import Samples
+from ospc.correspondence.keyframe_selection import KeyframeSelector
+from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.correspondence.thumbnail import Thumbnail
+from ospc.observations import Observations
+
+TINY = np.zeros((1, 1), np.float32)
+NONE = np.empty(0)
+NOTHING = Observations(NONE, np.empty((0, 2)), NONE, NONE, *([np.empty(0, np.int64)] * 3))
+
+
+def frame(number):
+    thumbnail = Thumbnail(number, TINY, TINY, TINY, TINY > 0, TINY.astype(np.uint8))
+    return PreprocessedFrame(number, (1, 1), 1, TINY, TINY, TINY > 0, TINY.astype(np.uint8), thumbnail, 1.0)
+
+
+def kept_ages(capacity, count):
+    """Return, oldest first, how long ago the keyframes were added that are still held after so many."""
+    keyframes, alive = KeyframeSelector(capacity), []
+    for number in range(count):
+        alive.append(weakref.ref(one := frame(number)))
+        keyframes.add(one, 0.0)
+        del one
+    return np.array([count - number for number, ref in enumerate(alive) if ref() is not None])
+
+
+@given(st.integers(4, 30), st.integers(1, 120))
+def test_no_more_keyframes_are_held_than_allowed(capacity, count):
+    assert len(kept_ages(capacity, count)) == min(capacity, count)
+
+
+@pytest.mark.parametrize("count", [50, 100, 200, 500, 1000])
+def test_ages_of_the_keyframes_grow_geometrically(count):
+    ages = kept_ages(20, count)
+    assert set(range(1, 6)) <= set(ages)
+    assert ages[0] > count / 3
+    assert np.all(ages[:-1] / ages[1:] <= 2.5)
+    # Half of the keyframes are for the recent past; the other half reaches back as far again and again.
+    assert np.all(ages[:5] / ages[5:10] >= min(count / 50, 4))
+
+
+def test_there_is_no_keyframe_for_the_first_frame():
+    assert KeyframeSelector().select(frame(0), 0.0) is None
+
+
+def with_exposures(log_exposures, **limits):
+    keyframes = KeyframeSelector(**limits)
+    for number, log_exposure in enumerate(log_exposures):
+        keyframes.add(frame(number), log_exposure)
+    return keyframes
+
+
+def test_every_second_selection_goes_for_the_change_of_exposure():
+    keyframes = with_exposures([0.0, 0.1, 0.9, 0.1, 0.0])
+    assert [keyframes.select(frame(5), 0.0).number for _ in range(2)][1] == 2
+
+
+def test_without_change_of_exposure_older_keyframes_promise_more_motion():
+    assert with_exposures([0.0] * 12).select(frame(12), 0.0).number < 6
+
+
+def test_a_keyframe_that_was_used_steps_back_behind_its_equals():
+    keyframes = with_exposures([0.5] * 3)
+    assert {keyframes.select(frame(9), 0.0).number for _ in range(6)} == {0, 1, 2}
+
+
+def test_changes_beyond_the_limit_count_no_more_than_the_limit():
+    keyframes = KeyframeSelector(max_log_ratio=1.0)
+    frames = [frame(number) for number in range(5)]
+    for one, log_exposure in zip(frames, [5.0, 0.0, 0.0, 0.0, 1.0], strict=True):
+        keyframes.add(one, log_exposure)
+    # The newest overlaps best, and a change by e is as good as one by e⁵.
+    for _ in range(12):
+        keyframes.learn(frames[0], lost())
+    assert [keyframes.select(frame(5), 0.0).number for _ in range(2)][1] in (0, 4)
+
+
+def lost():
+    return Samples(NOTHING, 0.0, 0.0, float("nan"))
+
+
+def test_ages_at_which_nothing_was_found_again_are_avoided():
+    keyframes = KeyframeSelector()
+    frames = [frame(number) for number in range(16)]
+    for one in frames:
+        keyframes.add(one, 0.8 * (one.number % 2))
+    for _ in range(20):
+        for one in frames[:8]:
+            keyframes.learn(one, lost())
+        for one in frames[8:]:
+            keyframes.learn(one, replace(lost(), overlap=0.9, radial_motion=0.05))
+    assert min(keyframes.select(frame(16), 0.0).number for _ in range(8)) >= 8
+
+
+@given(st.lists(st.floats(-2, 2), min_size=2, max_size=40), st.floats(-3, 3))
+def test_the_unit_of_exposure_does_not_matter(course, shift):
+    def selections(shift):
+        keyframes, made = KeyframeSelector(6), []
+        for number, log_exposure in enumerate(np.round(course, 3)):
+            found = keyframes.select(frame(number), log_exposure + shift)
+            made.append(None if found is None else found.number)
+            keyframes.add(frame(number), log_exposure + shift)
+        return made
+
+    assert selections(round(shift)) == selections(0.0)
+
+
+def test_it_forgets_what_was_before_a_frame():
+    keyframes = with_exposures([0.0] * 10)
+    keyframes.forget_before(7)
+    assert keyframes.state().frames.tolist() == [7, 8, 9]

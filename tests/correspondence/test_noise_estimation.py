@@ -1,0 +1,71 @@
+"""Noise of single pixels: measured on images whose noise is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ospc.correspondence.noise_estimation import NoiseEstimator
+from ospc.recording import Frame
+
+
+def of_array(image):
+    return Frame.of_array(image, 1.0)
+
+
+def scene(seed=0, texture=0.0):
+    """Return a smooth scene through all grey levels, optionally with edges in four fifths of it."""
+    x, y = np.meshgrid(np.linspace(0, 1, 640), np.linspace(0, 1, 480))
+    level = 0.5 + 0.43 * np.sin(5 * x + 3 * y + seed)
+    edges = np.repeat(np.random.default_rng(seed).random((480, 160)), 4, axis=1) - 0.5
+    return level + texture * edges * (x > 0.2)
+
+
+def measured(read, shot, *, max_grey=255, images=4, texture=0.0):
+    estimator, random = NoiseEstimator(max_grey), np.random.default_rng(1)
+    for index in range(images):
+        level = np.clip(scene(index, texture), 0, 1)
+        noisy = level + random.normal(0, 1, level.shape) * np.sqrt(read + shot * level)
+        image = np.clip(np.rint(noisy * max_grey), 0, max_grey)
+        estimator.observe(of_array(image.astype(np.uint8 if max_grey == 255 else np.uint16)))
+    return estimator.model()
+
+
+@pytest.mark.parametrize("max_grey", [255, 4095])
+@pytest.mark.parametrize(("read", "shot"), [(2e-5, 1e-4), (1e-4, 0.0), (2e-5, 1e-3)])
+def test_known_noise_is_measured(read, shot, max_grey):
+    model = measured(read, shot, max_grey=max_grey)
+    grey = np.array([0.15, 0.3, 0.5, 0.8])
+    quantisation = 1 / 12 / max_grey**2
+    np.testing.assert_allclose(model.variance(grey), read + shot * grey + quantisation, rtol=0.15)
+
+
+def test_edges_are_not_taken_for_noise():
+    model = measured(2e-5, 1e-4, texture=0.15)
+    assert model.variance(0.5) < 2 * (2e-5 + 0.5e-4)
+
+
+@pytest.mark.parametrize("max_grey", [255, 65535])
+def test_noise_is_never_less_than_quantisation(max_grey):
+    assert measured(0.0, 0.0, max_grey=max_grey).read_variance >= 1 / 12 / max_grey**2
+
+
+@given(st.integers(0, 255), st.tuples(st.integers(10, 24), st.integers(10, 24)))
+def test_images_that_tell_nothing_leave_quantisation(level, shape):
+    estimator = NoiseEstimator(255)
+    estimator.observe(of_array(np.full(shape, level, np.uint8)))
+    model = estimator.model()
+    assert model.read_variance > 0
+    assert model.shot_variance == 0
+    assert NoiseEstimator(255).model() == model
+
+
+@given(st.integers(0, 2**32 - 1), st.tuples(st.integers(10, 60), st.integers(10, 60)))
+def test_whatever_is_seen_the_variance_is_positive(seed, shape):
+    random = np.random.default_rng(seed)
+    estimator = NoiseEstimator(255)
+    for _ in range(3):
+        estimator.observe(of_array((random.random(shape) ** random.uniform(0.1, 8) * 255).astype(np.uint8)))
+    assert np.all(estimator.model().variance([0.0, 0.5, 1.0]) > 0)

@@ -1,0 +1,95 @@
+"""What a calibration says and does about its exposures: little where all is well, and no silence where it is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from filmed import Film, wandering
+
+from ospc.calibrator import OnlineCalibrator, calibrate
+from ospc.recording import ArrayRecording, Frame
+
+FRAMES = 70
+
+
+@pytest.fixture(scope="module")
+def late() -> ArrayRecording:
+    return Film(wandering(FRAMES), lag=2).recording()
+
+
+def found(recording, correct_lag="auto"):
+    calibrator = OnlineCalibrator(correct_lag=correct_lag)
+    for frame in recording:
+        calibrator.push(frame)
+    return calibrator.exposure_findings()
+
+
+def test_where_all_is_well_nothing_is_said() -> None:
+    findings = found(Film(wandering(FRAMES)).recording())
+    assert (findings.lag_frames, findings.corrected_frames, findings.notes, findings.warnings) == (0, 0, (), ())
+    assert findings.verdict.state == "identifiable"
+
+
+def test_a_lag_is_corrected_and_told(late: ArrayRecording) -> None:
+    findings = found(late)
+    assert (findings.lag_frames, findings.corrected_frames, findings.warnings) == (2, 2, ())
+    assert "2 frames late" in findings.notes[0]
+
+
+def test_a_lag_that_is_not_to_be_corrected_is_a_warning(late: ArrayRecording) -> None:
+    calibration = calibrate(late, correct_lag="never")
+    assert "2 frames late" in calibration.warnings[0]
+    response = calibration.verdicts["response"]
+    assert response.state == "not identifiable" or "2 frames late" in response.reason
+    assert not calibration.converged
+    assert "exposure_lag_corrected_frames" not in calibration.source
+
+
+def test_a_number_is_obeyed_and_checked(late: ArrayRecording) -> None:
+    right, wrong = found(late, 2), found(late, -1)
+    assert (right.lag_frames, right.corrected_frames, right.warnings) == (2, 2, ())
+    assert (wrong.lag_frames, wrong.corrected_frames) == (2, -1)
+    assert "3 frames late" in wrong.warnings[0]
+
+
+def test_a_short_cycle_is_corrected_whichever_lag_it_is() -> None:
+    exposures = np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1
+    findings = found(Film(exposures, lag=1).recording())
+    assert (findings.lag_frames, findings.corrected_frames) == (None, 1)
+
+
+def test_stale_exposures_are_a_warning() -> None:
+    findings = found(Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES)).recording())
+    assert "stale" in findings.warnings[0]
+    assert findings.verdict.remedy
+    assert findings.corrected_frames == 0
+
+
+def test_constant_exposures_that_are_true_are_none() -> None:
+    findings = found(Film(np.zeros(60)).recording())
+    assert (findings.lag_frames, findings.notes, findings.warnings) == (None, (), ())
+
+
+def test_what_is_open_is_said_without_alarm() -> None:
+    findings = found(Film(np.linspace(-0.6, 0.6, 60)).recording())
+    assert findings.lag_frames is None
+    assert findings.warnings == ()
+    assert "not certain" in findings.notes[0]
+
+
+def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:
+    """The exposures stay the same for a while, so that nothing tells the lag at first."""
+    course = np.concatenate([np.zeros(60), wandering(110, 3, step=0.12)])
+    true, late = (calibrate(Film(course, lag=lag).recording()) for lag in (0, 2))
+    assert late.source["exposure_lag_corrected_frames"] == 2
+    levels = np.linspace(0.2, 0.8, 13)
+    step, expected = (np.diff(np.log(c.response.inverse(levels))) for c in (late, true))
+    np.testing.assert_allclose(step, expected, atol=0.03)
+
+
+def test_a_frame_without_an_exposure_hides_nothing_of_the_others() -> None:
+    recording = list(Film(wandering(FRAMES), lag=1).recording())
+    broken = [Frame.of_array(f.image, float("nan") if f.index in (20, 21, 40) else f.exposure_ms) for f in recording]
+    calibrator = OnlineCalibrator()
+    assert [calibrator.push(frame) for frame in broken].count(False) == 3
+    assert calibrator.exposure_findings().lag_frames == 1

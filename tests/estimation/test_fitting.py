@@ -1,0 +1,169 @@
+"""Fitting to correspondences that somebody else made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ospc
+from ospc.errors import NotObservableError, SettingError
+from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
+from ospc.evaluation.metrics import response_shape_rmse, vignette_rmse
+from ospc.photometry.noise import NoiseModel
+from ospc.photometry.response import Response
+from ospc.settings import DefaultSettings
+from synthetic_observations import NONE, POLYNOMIAL, SIZE, Camera
+
+GAMMA = Response.gamma(2.2)
+NOISE = NoiseModel((2 / 255) ** 2, (4 / 255) ** 2)
+
+
+def made(camera, seed=0, **size):
+    """Return observations as an outsider has them, by the truth's model, and the exposures by frame number."""
+    exposed = camera.pairs(seed, **size)
+    exposures_ms = np.full(int(exposed.frame.max()) + 1, np.nan)
+    exposures_ms[exposed.frame] = np.exp(exposed.log_exposure)
+    return exposed, exposures_ms
+
+
+def columns(exposed):
+    """Return the arguments of ``of_pairs`` that describe pairs of observations."""
+    both = [(values[0::2], values[1::2]) for values in (exposed.grey, exposed.position, exposed.frame)]
+    return [values for pair in both for values in pair]
+
+
+def as_pairs(exposed, **changes):
+    gradients = {"gradient0": exposed.gradient[0::2], "gradient1": exposed.gradient[1::2]}
+    return ospc.Observations.of_pairs(*columns(exposed), **gradients, pixels_averaged=28.0, **changes)
+
+
+def test_response_and_vignette_are_found():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    found = ospc.fit(as_pairs(exposed), exposures_ms, noise=NOISE)
+    assert response_shape_rmse(found.response(), GAMMA) < 0.006
+    assert vignette_rmse(found.vignette(SIZE), POLYNOMIAL) < 0.006
+    assert found.vignette_sigma_at_corner < 0.05
+
+
+def test_pairs_keep_every_value():
+    exposed, _ = made(Camera(GAMMA), groups=5, points=20)
+    pairs = as_pairs(exposed)
+    for name in ("grey", "position", "gradient", "pixels_averaged", "frame", "point", "group"):
+        np.testing.assert_array_equal(getattr(pairs, name), getattr(exposed, name))
+
+
+def test_a_factor_on_all_exposures_changes_nothing():
+    exposed, exposures_ms = made(Camera(GAMMA), groups=15)
+    plain, scaled = (ospc.fit(as_pairs(exposed), factor * exposures_ms, noise=NOISE) for factor in (1.0, 8.0))
+    np.testing.assert_allclose(scaled.parameters, plain.parameters, rtol=1e-4, atol=1e-5)
+
+
+def test_points_of_unknown_exposure_are_left_out():
+    exposed, exposures_ms = made(Camera(GAMMA), groups=15)
+    lost = exposures_ms.copy()
+    lost[4] = np.nan
+    without = exposed.of_points(~np.any(exposed.frame.reshape(-1, 2) == 4, axis=1))
+    np.testing.assert_array_equal(
+        ospc.fit(exposed, lost, noise=NOISE).parameters, ospc.fit(without, exposures_ms, noise=NOISE).parameters
+    )
+
+
+def test_a_camera_that_stood_still_has_a_response_without_a_vignette():
+    exposed, exposures_ms = made(Camera(GAMMA, NONE))
+    still = replace(exposed, position=np.repeat(exposed.position[::2], 2, axis=0))
+    with pytest.raises(NotObservableError, match="vignette=False"):
+        ospc.fit(still, exposures_ms, noise=NOISE)
+    found = ospc.fit(still, exposures_ms, noise=NOISE, vignette=False)
+    assert response_shape_rmse(found.response(), GAMMA) < 0.006
+    assert len(found.vignette_basis) == 0
+
+
+def test_too_few_points_are_refused():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    least = DefaultSettings().min_points
+    with pytest.raises(NotObservableError, match=f"only {least - 1} scene points"):
+        ospc.fit(exposed.of_points(slice(least - 1)), exposures_ms)
+    with pytest.raises(NotObservableError, match="only 0 scene points"):
+        ospc.fit(exposed, np.full(len(exposures_ms), np.nan))
+    none = ospc.Observations.of_pairs([], [], np.empty((0, 2)), np.empty((0, 2)), [], [])
+    with pytest.raises(NotObservableError, match="only 0 scene points"):
+        ospc.fit(none, exposures_ms)
+
+
+def test_constant_exposures_are_refused():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    with pytest.raises(NotObservableError, match="same exposure"):
+        ospc.fit(exposed, np.full(len(exposures_ms), 8.0))
+    # Exposures that change from pair to pair say nothing either.
+    between = 2.0 ** (np.arange(len(exposures_ms)) // 2 % 5)
+    with pytest.raises(NotObservableError, match="same exposure"):
+        ospc.fit(exposed, between)
+
+
+@pytest.mark.parametrize(
+    ("exposures_ms", "said"),
+    [
+        (np.ones((5, 2)), "shape"),
+        (np.ones(3), "frame 79 has no exposure"),
+        (np.zeros(80), "positive"),
+        (np.full(80, np.inf), "positive"),
+    ],
+)
+def test_exposures_that_do_not_fit_are_refused(exposures_ms, said):
+    exposed, _ = made(Camera(GAMMA))
+    with pytest.raises(SettingError, match=said):
+        ospc.fit(exposed, exposures_ms)
+
+
+@pytest.mark.parametrize(
+    ("index", "wrong", "said"),
+    [
+        (0, np.full((30, 2), 0.5), "grey0 and grey1"),
+        (1, np.full(29, 0.5), "grey0 and grey1"),
+        (0, np.full(30, 128.0), "divide grey values"),
+        (0, np.full(30, np.nan), "grey must be finite"),
+        (2, np.zeros(30), "position0 and position1"),
+        (3, np.full((30, 2), 320.0), "half diagonals"),
+        (4, np.zeros(7), "frame0 and frame1"),
+        (5, np.full(30, -1), "frame numbers"),
+    ],
+)
+def test_pairs_of_wrong_shapes_or_values_are_refused(index, wrong, said):
+    given = [np.full(30, 0.5), np.full(30, 0.4), np.zeros((30, 2)), np.zeros((30, 2)), 0, 1]
+    assert len(ospc.Observations.of_pairs(*given)) == 60
+    given[index] = wrong
+    with pytest.raises(SettingError, match=said):
+        ospc.Observations.of_pairs(*given)
+
+
+def test_points_observed_once_are_refused():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    with pytest.raises(SettingError, match="two or more observations"):
+        ospc.fit(replace(exposed, point=np.arange(len(exposed))), exposures_ms)
+
+
+class HatsCrowdedAtBlack:
+    """Hat functions on knots that are equidistant in the square root of the grey level."""
+
+    def knots(self, intervals):
+        return np.linspace(0, 1, intervals + 1) ** 2
+
+    def values(self, grey, intervals):
+        return np.stack([np.interp(grey, self.knots(intervals), row) for row in np.eye(intervals + 1)], axis=-1)
+
+
+def test_the_response_may_be_composed_of_other_functions(monkeypatch):
+    monkeypatch.setitem(FUNCTIONS, "crowded", HatsCrowdedAtBlack())
+    exposed, exposures_ms = made(Camera(GAMMA))
+    settings = replace(DefaultSettings(), response_functions="crowded")
+    found = ospc.fit(exposed, exposures_ms, noise=NOISE, settings=settings)
+    assert found.response().model["functions"] == "crowded"
+    np.testing.assert_allclose(found.response_basis.knots, np.linspace(0, 1, 33) ** 2)
+    assert response_shape_rmse(found.response(), GAMMA) < 0.01
+
+
+def test_functions_that_do_not_exist_are_refused():
+    with pytest.raises(SettingError, match="known: hats"):
+        ResponseBasis(8, "splines")

@@ -1,0 +1,74 @@
+"""Tables of what observations cover and of their residuals."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from ospc.errors import FormatError
+from ospc.methods.coverage import coverage_of
+from ospc.observations import ExposedObservations
+from ospc.photometry.coverage import Coverage
+
+SIZE = (640, 480)
+
+
+def observations(points: int = 4000, seed: int = 0) -> ExposedObservations:
+    """Return points seen twice, anywhere, at exposures of 2 and 8 ms."""
+    random = np.random.default_rng(seed)
+    n = 2 * points
+    return ExposedObservations(
+        grey=random.random(n),
+        log_exposure=np.log(np.tile([2.0, 8.0], points)),
+        position=random.uniform(-0.55, 0.55, (n, 2)),
+        gradient=np.zeros(n),
+        pixels_averaged=np.ones(n),
+        frame=np.tile([0, 1], points),
+        point=np.repeat(np.arange(points), 2),
+        group=np.zeros(n, np.int64),
+    )
+
+
+def test_every_sighting_is_counted_once_by_grey_and_every_pair_by_radius():
+    coverage = coverage_of(observations(), None, SIZE)
+    assert coverage.grey_exposure.sum() == 8000
+    assert coverage.radius_radius.sum() == 4000
+    assert coverage.residual_by_grey is None
+    assert coverage.exposure_edges_ms.shape == (3,)
+    np.testing.assert_array_equal(coverage.grey_exposure.sum(axis=1), [4000, 4000])
+    radius = np.linalg.norm(observations().position[1::2], axis=1)
+    np.testing.assert_array_equal(coverage.by_radius, np.histogram(radius, 20, (0, 1))[0])
+
+
+def test_tables_come_back_from_their_dictionary():
+    coverage = coverage_of(observations(), None, SIZE)
+    again = Coverage.from_dict(json.loads(json.dumps(coverage.as_dict(), allow_nan=False)))
+    np.testing.assert_array_equal(again.grey_exposure, coverage.grey_exposure)
+    np.testing.assert_array_equal(again.exposure_edges_ms, coverage.exposure_edges_ms)
+
+
+def test_unknown_residuals_come_back_as_nan():
+    by_grey = np.full((32, 3), np.nan)
+    by_grey[4] = (-0.01, 0.0, 0.01)
+    known = Coverage(np.ones(2), np.zeros((1, 32), np.int64), np.zeros((20, 20), np.int64), by_grey)
+    again = Coverage.from_dict(json.loads(json.dumps(known.as_dict(), allow_nan=False)))
+    np.testing.assert_array_equal(again.residual_by_grey, by_grey)
+    assert again.residual_by_place is None
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("exposure_edges_ms", [1.0]),
+        ("grey_exposure", [1, 2]),
+        ("radius_radius", [[1, 2, 3]]),
+        ("residual_by_grey", [[0.0, 0.0, 0.0]]),
+        ("residual_by_place", [0.0]),
+    ],
+)
+def test_tables_that_do_not_fit_together_are_refused(name, value):
+    content = coverage_of(observations(), None, SIZE).as_dict()
+    with pytest.raises(FormatError):
+        Coverage.from_dict(content | {name: value})

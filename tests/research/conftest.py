@@ -1,0 +1,23 @@
+"""What the tests of studies share: small recordings, simulated once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ospc.simulation import SimulationSettings, simulate
+
+
+@pytest.fixture(scope="session")
+def tiny_room(tmp_path_factory) -> Path:
+    """Return a simulated recording that is just long enough to be read."""
+    place = tmp_path_factory.mktemp("studies") / "room"
+    simulate(place, SimulationSettings(size=(96, 72), frames=6, speed=0.5))
+    return place
+
+
+@pytest.fixture(autouse=True)
+def no_real_data(monkeypatch) -> None:
+    """Keep commands from adding real recordings where the machine has some."""
+    monkeypatch.delenv("OSPC_DATA", raising=False)

@@ -1,0 +1,128 @@
+"""The odometry that is built in: exact geometry, motions recovered, and calibration makes it better."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from ospc.errors import RecordingError
+from ospc.evaluation.trajectory import alignment_error, read_trajectory
+from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
+from ospc.research.odometry.depth import SceneDepth
+from ospc.research.odometry.direct import DirectOdometry
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def pose(seed: int, size: float = 1.0) -> Pose:
+    random = np.random.default_rng(seed)
+    return Pose(Rotation.from_rotvec(size * random.normal(size=3)).as_matrix(), size * random.normal(size=3))
+
+
+@given(seeds, seeds)
+def test_poses_are_a_group(first, second):
+    a, b = pose(first), pose(second)
+    points = np.random.default_rng(first).normal(size=(5, 3))
+    np.testing.assert_allclose(a.after(b)(points), a(b(points)), atol=1e-9)
+    np.testing.assert_allclose(a.inverse(a(points)), points, atol=1e-9)
+
+
+def test_lifting_undoes_projecting():
+    camera = Camera(100.0, np.array([79.5, 59.5]))
+    pixels = np.random.default_rng(0).uniform(0, 120, (50, 2))
+    depth = np.random.default_rng(1).uniform(0.5, 5, 50)
+    np.testing.assert_allclose(camera.project(camera.lift(pixels, depth)), pixels)
+    assert (camera.project(np.array([[0.1, 0.1, -1.0]])) < 0).all()
+
+
+@settings(max_examples=8)
+@given(seeds)
+def test_a_small_motion_before_a_textured_plane_is_recovered(seed):
+    random = np.random.default_rng(seed)
+    waves = random.uniform(-0.25, 0.25, (6, 2))
+    phases = random.uniform(0, 6, 6)
+
+    def texture(x, y):
+        return 0.5 + 0.08 * sum(np.sin(w[0] * x + w[1] * y + p) for w, p in zip(waves, phases, strict=True))
+
+    camera = Camera(120.0, np.array([79.5, 59.5]))
+    truth = Pose(Rotation.from_rotvec(0.01 * random.normal(size=3)).as_matrix(), 0.02 * random.normal(size=3))
+    x, y = np.meshgrid(np.arange(160.0), np.arange(120.0))
+    first = texture(x, y).astype(np.float32)
+    # each pixel of the second image sees the plane z = 2 of the first camera along a ray from its own centre
+    back = truth.inverse
+    rays = np.stack([(x - 79.5) / 120, (y - 59.5) / 120, np.ones_like(x)], axis=-1) @ back.rotation.T
+    scale = (2 - back.translation[2]) / rays[..., 2]
+    seen = back.translation + scale[..., None] * rays
+    second = texture(*(camera.project(seen.reshape(-1, 3)).T)).reshape(x.shape).astype(np.float32)
+    points = random.uniform(10, 110, (400, 2)) * [1.3, 1]
+    lifted = camera.lift(points, np.full(400, 2.0))
+    pyramid = Brightness.of(first)
+    reference = np.array([pyramid.at(level, points)[:, 0] for level in range(LEVELS)])
+    brighter = Brightness.of(1.2 * second + np.float32(0.05))
+    for image, affine in ((Brightness.of(second), False), (brighter, True)):
+        found = align(lifted, reference, image, camera, Pose.identity(), affine=affine)
+        np.testing.assert_allclose(found.motion.translation, truth.translation, atol=2e-3)
+        np.testing.assert_allclose(found.motion.rotation, truth.rotation, atol=2e-3)
+        assert found.agreeing > 0.8
+
+
+def test_depth_is_that_of_the_rendered_scene(simulated):
+    """Points lifted from one view fall in another onto the same radiance."""
+    depth = SceneDepth.of(simulated)
+    truth = read_trajectory(simulated / "groundtruthSync.txt")
+    camera = Camera(depth.focal_px, depth.centre_px)
+    points = np.random.default_rng(0).uniform([5, 5], [154, 114], (400, 2))
+    rotation = Rotation.from_quat(truth.quaternions[0]).as_matrix()
+    found = depth.at(points, truth.positions[0], rotation)
+    assert np.isfinite(found).all()
+    assert found.min() > 0.3
+    world = Pose(rotation, truth.positions[0])(camera.lift(points, found))
+    # all of it lies within the room
+    assert (np.abs(world) < [4.3, 3.5, 2.9]).all()
+    # seen from the same place again it is where it was, and nothing hides it
+    again = depth.at(camera.project(Pose(rotation, truth.positions[0]).inverse(world)), truth.positions[0], rotation)
+    np.testing.assert_allclose(again, found)
+
+
+def test_with_the_true_calibration_it_drifts_little_and_without_more(source, simulated):
+    truth = read_trajectory(simulated / "groundtruthSync.txt")
+    drift = {}
+    for name in ("truth", "none"):
+        tracked = DirectOdometry().track(source(name), 0)
+        assert tracked.failure == ""
+        assert len(tracked.trajectory) == 40
+        drift[name] = alignment_error(tracked.trajectory, truth).e_align
+    assert drift["truth"] < 0.03
+    assert drift["truth"] < 0.5 * drift["none"]
+
+
+def test_runs_differ_and_repeat(source):
+    first, again, other = (DirectOdometry(every=4).track(source("truth"), run) for run in (0, 0, 1))
+    np.testing.assert_array_equal(first.trajectory.positions, again.trajectory.positions)
+    assert not np.array_equal(first.trajectory.positions, other.trajectory.positions)
+
+
+def test_it_says_what_it_needs(tmp_path):
+    with pytest.raises(RecordingError, match="simulated"):
+        SceneDepth.of(tmp_path)
+    (tmp_path / "truth.json").write_text('{"settings": {"seed": 1}}')
+    with pytest.raises(RecordingError, match="--program"):
+        SceneDepth.of(tmp_path)
+
+
+def test_a_truth_with_gaps_is_a_failed_run(source, simulated, tmp_path):
+    place = tmp_path / "copy"
+    place.mkdir()
+    for name in ("camera.txt", "times.txt", "truth.json", "images"):
+        (place / name).symlink_to(simulated / name)
+    rows = (simulated / "groundtruthSync.txt").read_text().splitlines()
+    (place / "groundtruthSync.txt").write_text("\n".join(rows[:20]) + "\n")
+    tracked = DirectOdometry().track(replace(source("none"), place=place), 0)
+    assert tracked.trajectory is None
+    assert "40 frames" in tracked.failure

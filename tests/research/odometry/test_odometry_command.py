@@ -1,0 +1,52 @@
+"""``ospc evaluate odometry``."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.evaluate import command
+from ospc.errors import SettingError
+
+
+def run(*words):
+    return CliRunner().invoke(command, ["odometry", *map(str, words)])
+
+
+def test_conditions_and_given_calibrations_are_compared(tiny_room, tmp_path):
+    given = f"mine={tiny_room / 'pcalib.txt'},{tiny_room / 'vignette.png'}"
+    words = [
+        tiny_room,
+        "-o",
+        tmp_path,
+        "--builtin",
+        "--runs",
+        1,
+        "--conditions",
+        "truth,none",
+        "--calibration",
+        given,
+    ]
+    result = run(*words)
+    assert result.exit_code == 0, result.output
+    assert "mine" in result.output
+    assert "Full truth" in result.output
+    again = run(*words, "--json")
+    content = json.loads(again.stdout)
+    assert set(content["room"]) == {"truth", "none", "mine"}
+
+
+@pytest.mark.parametrize("options", [[], ["--builtin", "--program", "x"]])
+def test_it_wants_a_program_or_the_one_built_in(tiny_room, tmp_path, options):
+    result = run(tiny_room, "-o", tmp_path / "out", *options)
+    assert isinstance(result.exception, SettingError)
+    assert "one of the two" in str(result.exception)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("text", ["mine", "=x", "mine="])
+def test_a_calibration_has_a_name_and_files(tiny_room, tmp_path, text):
+    result = run(tiny_room, "-o", tmp_path, "--builtin", "--calibration", text)
+    assert isinstance(result.exception, SettingError)

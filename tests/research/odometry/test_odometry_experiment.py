@@ -1,0 +1,189 @@
+"""Recordings × conditions × runs: complete, resumable, with failures in the table."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ospc.errors import RecordingError, SettingError
+from ospc.evaluation.trajectory import read_trajectory
+from ospc.formats.opening import open_photometry
+from ospc.recording import open_recording
+from ospc.research.odometry.calibrations import Calibrations
+from ospc.research.odometry.conditions import AFFINE, STANDARD, chosen, external
+from ospc.research.odometry.experiment import Experiment, Outcome, end_segments, run_experiment
+from ospc.research.odometry.inputs import OdometryInput, images_of
+from ospc.research.odometry.judging import RunResult
+from ospc.research.odometry.report import median_table, write_outcome
+
+
+@pytest.fixture
+def experiment(recording, tmp_path):
+    truth = open_photometry(recording.path)
+    given = {"ours": truth, "joint-wgt": truth, "mine": truth}
+    conditions = (*chosen(["truth", "ours", "none"]), external("mine"))
+    return Experiment({"room": recording}, conditions, 2, Calibrations(tmp_path / "c", given), tmp_path / "out")
+
+
+def calls(tmp_path) -> int:
+    place = tmp_path / "calls.txt"
+    return len(place.read_text().splitlines()) if place.exists() else 0
+
+
+def run(experiment, program, jobs=1):
+    outcome = Outcome()
+    return outcome, list(run_experiment(experiment, program, outcome, jobs))
+
+
+def test_all_runs_are_made_once_and_found_again(experiment, make_program, tmp_path):
+    first, stored = run(experiment, make_program(), 2)
+    assert stored == [False] * 8
+    assert calls(tmp_path) == 8
+    assert set(first.results) == {(("room"), name, n) for name in ("truth", "ours", "none", "mine") for n in (0, 1)}
+    again, stored = run(experiment, make_program())
+    assert stored == [True] * 8
+    assert calls(tmp_path) == 8
+    # truth, ours and mine are the same files, and so the same runs
+    assert again.results["room", "truth", 0].e_align == pytest.approx(again.results["room", "mine", 0].e_align)
+
+
+def test_another_calibration_program_or_number_of_runs_is_run_anew(experiment, make_program, tmp_path):
+    run(experiment, make_program())
+    before = calls(tmp_path)
+    run(replace(experiment, runs=3), make_program())
+    assert calls(tmp_path) == before + 4
+    run(replace(experiment, runs=1), make_program(arguments=("preset=1",)))
+    assert calls(tmp_path) == before + 4 + 4
+
+
+def test_an_interruption_keeps_what_is_finished(experiment, make_program, tmp_path):
+    runs = run_experiment(experiment, make_program(), Outcome())
+    next(runs)
+    runs.close()
+    assert calls(tmp_path) == 1
+    outcome, stored = run(experiment, make_program())
+    assert stored.count(True) >= 1
+    assert len(outcome.results) == 8
+    assert calls(tmp_path) <= 8
+
+
+def test_a_calibration_that_cannot_be_made_is_a_failed_run(experiment, make_program):
+    wanting = replace(experiment, conditions=(external("absent"), *chosen(["none"])))
+    outcome, _ = run(wanting, make_program())
+    assert [outcome.results["room", name, 0].outcome for name in ("absent", "none")] == ["failed", "finished"]
+    assert "absent" in outcome.notes[0]
+    written = write_outcome(wanting, outcome)
+    assert not written.problems
+    assert {p.name for p in written.files} == {
+        "runs.csv",
+        "results.json",
+        "table.md",
+        "cumulative.png",
+        "trajectories-room.png",
+    }
+    assert "failed (2/2 failed)" in (wanting.folder / "table.md").read_text()
+    content = json.loads((wanting.folder / "results.json").read_text())
+    assert content["medians"]["room"]["absent"] == {"median": None, "finished": 0, "runs": 2}
+    with (wanting.folder / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["condition"], row["run"]) for row in rows] == [
+        ("absent", "0"),
+        ("absent", "1"),
+        ("none", "0"),
+        ("none", "1"),
+    ]
+    assert float(rows[2]["e_align"]) == pytest.approx(outcome.results["room", "none", 0].e_align)
+
+
+def test_estimates_are_made_once_and_the_joint_ones_differ_by_an_exponent(recording, tmp_path):
+    told = []
+    kept = Calibrations(tmp_path / "kept", progress=lambda what, _share: told.append(what))
+    wgt, wogt = (kept.of(recording, condition) for condition in chosen(["joint-wgt", "joint-wogt"]))
+    assert len(told) == 40
+    again = kept.of(recording, chosen(["joint-wgt"])[0])
+    assert len(told) == 40
+    np.testing.assert_array_equal(again.response.inverse_table, wgt.response.inverse_table)
+    greys = np.linspace(0.3, 0.9, 7)
+    logs = [np.log(one.response.inverse(greys)) for one in (wgt, wogt)]
+    assert np.ptp(logs[0] / logs[1]) < 0.02
+
+
+def result(condition: str, run: int, error: float | None) -> RunResult:
+    outcome = "finished" if error is not None else "lost"
+    return RunResult("room", condition, run, outcome, "", error, None, None, None, 1, 1.0, 1.0)
+
+
+def test_the_table_has_medians_the_lowest_marked_and_says_how_many_failed(experiment):
+    conditions = chosen(["truth", "ours", "none"])
+    errors = {"truth": (0.1, 0.3, 0.2), "ours": (0.15, None, 0.1), "none": (None, None, 5.0)}
+    outcome = Outcome({("room", c, n): result(c, n, e) for c, some in errors.items() for n, e in enumerate(some)})
+    table = median_table(replace(experiment, conditions=conditions), outcome)
+    assert table.rows == (("room", "0.2000", "0.1500 (1/3 failed)", "failed (2/3 failed)"),)
+    assert table.best == {(0, 2)}
+
+
+def test_recordings_without_geometry_or_truth_are_refused_before_anything_runs(recording, tmp_path, experiment):
+    for name in ("camera.txt", "groundtruthSync.txt"):
+        place = tmp_path / name[:4]
+        place.mkdir()
+        for other in {"camera.txt", "groundtruthSync.txt", "times.txt"} - {name}:
+            (place / other).write_bytes((recording.path / other).read_bytes())
+        (place / "images").symlink_to(recording.path / "images")
+        with pytest.raises(RecordingError, match=name):
+            replace(experiment, recordings={"x": open_recording(place)})
+
+
+def test_numbers_that_make_no_sense_are_refused(experiment):
+    for change in ({"runs": 0}, {"conditions": ()}, {"recordings": {}}, {"end_share": 0.7}):
+        with pytest.raises(SettingError):
+            replace(experiment, **change)
+
+
+def test_the_conditions_are_the_papers():
+    assert [(c.name, c.mode, c.calibrated, c.metadata_exposures) for c in STANDARD] == [
+        ("truth", 0, True, True),
+        ("ours", 0, True, True),
+        ("joint-wgt", 0, True, True),
+        ("joint-wogt", 0, True, True),
+        ("none", 2, False, False),
+    ]
+    assert (AFFINE.mode, AFFINE.calibrated) == (1, False)
+    with pytest.raises(SettingError, match="no condition"):
+        chosen(["best"])
+    for bad in ("truth", "a b", "", "../x"):
+        with pytest.raises(SettingError):
+            external(bad)
+
+
+def test_the_truth_can_be_cut_to_its_ends(simulated):
+    truth = read_trajectory(simulated / "groundtruthSync.txt")
+    ends = end_segments(truth, 0.2)
+    np.testing.assert_array_equal(np.flatnonzero(ends.known), [*range(8), *range(32, 40)])
+
+
+def test_images_are_linked_where_they_can_be_and_written_where_not(recording, tmp_path):
+    assert images_of(recording, tmp_path / "cache") == recording.path / "images"
+    place = tmp_path / "more"
+    place.mkdir()
+    for name in ("camera.txt", "times.txt", "groundtruthSync.txt"):
+        (place / name).write_bytes((recording.path / name).read_bytes())
+    (place / "images").mkdir()
+    for image in (recording.path / "images").iterdir():
+        (place / "images" / image.name).symlink_to(image)
+    (place / "images" / "notes.txt").write_text("not an image")
+    written = images_of(open_recording(place), tmp_path / "cache")
+    assert written != place / "images"
+    assert len(list(written.iterdir())) == 40
+    assert images_of(open_recording(place), tmp_path / "cache") == written
+
+
+def test_a_given_calibration_may_lack_a_vignette(recording, tmp_path, make_program):
+    only_response = replace(open_photometry(recording.path), vignette=None)
+    images = images_of(recording, tmp_path / "images")
+    command = make_program().command(OdometryInput.of(recording, images, external("mine"), only_response))
+    assert any(word.startswith("gamma=") for word in command)
+    assert not any(word.startswith("vignette=") for word in command)

@@ -1,0 +1,190 @@
+"""Methods for a camera that stands still: near the truth, and equal to independent solutions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import isotonic_regression, minimize
+
+from ospc.errors import FrameError, NotObservableError, SettingError
+from ospc.evaluation.metrics import log_ratio_error, response_rmse
+from ospc.photometry.response import Response
+from ospc.recording.frame import Frame
+from ospc.research.rivals.debevec_malik import debevec_malik
+from ospc.research.rivals.engel import engel_response
+from ospc.research.rivals.exposure_series import ExposureSeries
+from ospc.research.rivals.mitsunaga_nayar import mitsunaga_nayar
+from ospc.research.rivals.robertson import robertson
+from ospc.simulation.responses import srgb
+
+
+def series_of(
+    response: Response, exposures=(1, 1.6, 2.5, 4, 6.3, 10, 16), noise=0.4, size=(48, 64)
+) -> ExposureSeries:
+    random = np.random.default_rng(1)
+    radiance = np.exp(random.uniform(np.log(0.002), np.log(0.9), size))
+    images = [255 * response(np.minimum(radiance * e, 1)) + noise * random.normal(size=size) for e in exposures]
+    return ExposureSeries(np.clip(np.rint(images), 0, 255).astype(np.uint8), np.array(exposures, dtype=float))
+
+
+@pytest.fixture(scope="module")
+def series():
+    return series_of(srgb())
+
+
+@pytest.mark.parametrize(
+    ("method", "most"), [(debevec_malik, 0.03), (robertson, 0.03), (engel_response, 0.05), (mitsunaga_nayar, 0.01)]
+)
+def test_the_response_is_found(series, method, most):
+    found = method(series)
+    found = found if isinstance(found, Response) else found.response
+    assert response_rmse(found, srgb()) < most
+    assert log_ratio_error(found, srgb()) < 0.1
+
+
+@pytest.mark.parametrize("method", [debevec_malik, robertson, engel_response, mitsunaga_nayar])
+def test_the_unit_of_exposures_does_not_matter(series, method):
+    scaled = ExposureSeries(series.images, series.exposures_ms * 1000)
+    tables = []
+    for one in (series, scaled):
+        found = method(one)
+        tables.append((found if isinstance(found, Response) else found.response).inverse_table)
+    np.testing.assert_allclose(tables[0], tables[1], atol=2e-4)
+
+
+def test_debevec_and_malik_by_their_linear_system(series):
+    """Their equations, set up and solved anew for the same pixels."""
+    grey = series.sampled(80)
+    count, pixels = grey.shape
+    weight = np.minimum(np.arange(256) + 1, 256 - np.arange(256)).astype(float)
+    rows, targets = [], []
+    for i in range(count):
+        for p in range(pixels):
+            row = np.zeros(256 + pixels)
+            w = weight[grey[i, p]]
+            row[grey[i, p]], row[256 + p] = w, -w
+            rows.append(row)
+            targets.append(w * np.log(series.exposures_ms[i] / series.exposures_ms.mean()))
+    middle = np.zeros(256 + pixels)
+    middle[128] = 1
+    rows.append(middle)
+    targets.append(0.0)
+    for z in range(1, 255):
+        row = np.zeros(256 + pixels)
+        row[z - 1 : z + 2] = 10 * weight[z] * np.array([1, -2, 1])
+        rows.append(row)
+        targets.append(0.0)
+    solved = np.exp(np.linalg.lstsq(np.array(rows), np.array(targets), rcond=None)[0][:256])
+    found = debevec_malik(series, samples=80).inverse_table
+    inner = slice(5, 236)
+    solved[3:251] = isotonic_regression(solved[3:251]).x
+    scale = found[inner] @ solved[inner] / (solved[inner] @ solved[inner])
+    np.testing.assert_allclose(found[inner], scale * solved[inner], atol=0.003)
+
+
+def test_robertson_by_its_own_turns(series):
+    """Radiances and the curve in turn with the publication's weights, in double precision."""
+    grey = series.images.reshape(len(series.images), -1)
+    t = (series.exposures_ms / series.exposures_ms.mean())[:, None]
+    level = np.arange(256)
+    weight = (np.exp(4 - 4 * (level - 127.5) ** 2 / 127.5**2) - 1) / (np.exp(4) - 1)
+    table = np.linspace(0, 2, 256)
+    for _ in range(60):
+        radiance = (weight[grey] * t * table[grey]).sum(0) / (weight[grey] * t**2).sum(0)
+        sums = np.bincount(grey.ravel(), weights=(t * radiance).ravel(), minlength=256)
+        counts = np.bincount(grey.ravel(), minlength=256)
+        table = np.where(counts > 0, sums / np.maximum(counts, 1), table)
+        table /= table[128]
+    found = robertson(series).inverse_table
+    known = np.flatnonzero((counts > 0) & (level >= 3) & (level <= 250))
+    table[known] = isotonic_regression(table[known]).x
+    inner = known[10:-5]
+    scale = found[inner] @ table[inner] / (table[inner] @ table[inner])
+    np.testing.assert_allclose(found[inner], scale * table[inner], atol=0.01)
+
+
+def test_a_polynomial_is_found_exactly_and_its_degree_chosen():
+    levels = np.linspace(0, 1, 256)
+    truth = Response.from_values(0.3 * levels + 0.1 * levels**2 + 0.6 * levels**3)
+    found = mitsunaga_nayar(series_of(truth, noise=0.0))
+    assert found.coefficients.size >= 4
+    assert response_rmse(found.response, truth) < 0.002
+
+
+def test_the_linear_solution_is_the_least_of_its_objective(series):
+    found = mitsunaga_nayar(series, degree=3)
+    grey = series.sampled(2000).astype(float)
+    pairs = (grey[:-1] > 2) & (grey[:-1] < 253) & (grey[1:] > 2) & (grey[1:] < 253)
+    ratio = np.broadcast_to((series.exposures_ms[:-1] / series.exposures_ms[1:])[:, None], pairs.shape)[pairs]
+    a, b = grey[:-1][pairs] / 255, grey[1:][pairs] / 255
+
+    def objective(free: np.ndarray) -> float:
+        c = np.append(free, 1 - free.sum())
+        return float(np.sum((np.polyval(c[::-1], a) - ratio * np.polyval(c[::-1], b)) ** 2))
+
+    best = minimize(
+        objective, [0.0, 0.3, 0.3], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-12, "maxiter": 4000}
+    )
+    np.testing.assert_allclose(found.coefficients[:-1], best.x, atol=1e-3)
+    assert found.error == pytest.approx(np.sqrt(best.fun / a.size), rel=1e-3)
+
+
+def test_rough_ratios_are_refined(series):
+    random = np.random.default_rng(0)
+    rough = ExposureSeries(series.images, series.exposures_ms * np.exp(0.05 * random.normal(size=7)))
+    truth = series.exposures_ms[:-1] / series.exposures_ms[1:]
+    before = np.log(rough.exposures_ms[:-1] / rough.exposures_ms[1:] / truth)
+    after = np.log(mitsunaga_nayar(rough, degree=4, refine_ratios=True).ratios / truth)
+    # a common factor of all ln ratios is the exponent that cannot be known
+    assert np.std(after) < 0.5 * np.std(before)
+
+
+def test_engels_turns_by_loops():
+    """The two update rules written out pixel by pixel."""
+    small = series_of(srgb(), exposures=(1, 2, 4), size=(12, 16), noise=1.0)
+    t = small.exposures_ms / small.exposures_ms.mean()
+    grey = small.images.reshape(3, -1)
+    table = np.arange(256.0)
+    for _ in range(3):
+        irradiance = np.zeros(grey.shape[1])
+        for x in range(grey.shape[1]):
+            used = [i for i in range(3) if grey[i, x] < 255]
+            irradiance[x] = sum(t[i] * table[grey[i, x]] for i in used) / max(sum(t[i] ** 2 for i in used), 1e-12)
+        table = np.zeros(256)
+        for m in range(255):
+            where = [(i, x) for i in range(3) for x in range(grey.shape[1]) if grey[i, x] == m]
+            table[m] = np.mean([t[i] * irradiance[x] for i, x in where]) if where else 0
+        table *= 255 / table.max()
+    found = engel_response(small, iterations=3).inverse_table
+    known = np.flatnonzero((table > 0) & (np.arange(256) >= 3) & (np.arange(256) <= 250))
+    expected = isotonic_regression(table[known]).x
+    scale = expected[-1] / found[known[-1]]
+    np.testing.assert_allclose(found[known] * scale, expected, atol=0.01 * scale)
+
+
+def test_frames_are_chosen_over_the_whole_range_of_exposures():
+    frames = [
+        Frame.of_array(np.full((4, 4), i, np.uint8), exposure_ms=float(e), index=i)
+        for i, e in enumerate(np.geomspace(1, 100, 60))
+    ]
+    series = ExposureSeries.of(frames, most=10)
+    assert len(series.images) == 10
+    assert series.exposures_ms[[0, -1]].tolist() == [1, 100]
+    deep = [Frame.of_array(np.full((4, 4), v, np.uint16), e, max_grey=4095) for v, e in ((4095, 1.0), (0, 2.0))]
+    assert sorted(ExposureSeries.of(deep).images[:, 0, 0].tolist()) == [0, 255]
+
+
+def test_series_that_say_nothing_are_refused(series):
+    with pytest.raises(NotObservableError, match="change"):
+        ExposureSeries(series.images, np.ones(7))
+    with pytest.raises(SettingError):
+        ExposureSeries(series.images, np.array([1, 2, 3, 4, 5, 6, -7.0]))
+    with pytest.raises(FrameError):
+        ExposureSeries(series.images, np.ones(3))
+    with pytest.raises(SettingError, match="degree"):
+        mitsunaga_nayar(series, degree=11)
+    black = ExposureSeries(np.zeros((2, 8, 8), np.uint8), np.array([1.0, 2.0]))
+    with pytest.raises(NotObservableError):
+        mitsunaga_nayar(black)
+    with pytest.raises(NotObservableError):
+        engel_response(black)

@@ -1,0 +1,58 @@
+"""``ospc experiments``."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.experiments import command
+from ospc.research.experiments.design import EXPERIMENTS
+from ospc.research.source import MeasuringTask
+
+
+def run(*words):
+    return CliRunner().invoke(command, [str(word) for word in words])
+
+
+def test_every_experiment_has_a_command():
+    assert set(command.commands) == {*EXPERIMENTS, "ambiguity"}
+
+
+def test_a_given_recording_is_measured_once_beside_another_programs_calibration(tiny_room, tmp_path, monkeypatch):
+    theirs = f"theirs={tiny_room}/pcalib.txt,{tiny_room}/vignette.png"
+    words = ["parameters", tiny_room, "-o", tmp_path / "out", "--calibration", theirs]
+    first = run(*words)
+    assert first.exit_code == 0, first.output
+    assert "theirs" in first.output
+    table = (tmp_path / "out" / "measurements.csv").read_text()
+    assert table.count("\n") == 4
+    assert (tmp_path / "out" / "curves-room.png").is_file()
+    monkeypatch.setattr(MeasuringTask, "run", lambda *_: pytest.fail("computed again"))
+    again = run(*words)
+    assert again.exit_code == 0, again.output
+    assert (tmp_path / "out" / "measurements.csv").read_text() == table
+
+
+def test_an_interruption_is_told_and_what_is_finished_is_kept(tmp_path, monkeypatch):
+    whole = MeasuringTask.run
+
+    def interrupted(task, progress):
+        if task.source.name.endswith("1"):
+            raise KeyboardInterrupt
+        return whole(task, progress)
+
+    monkeypatch.setattr(MeasuringTask, "run", interrupted)
+    result = run("static", "-o", tmp_path, "--count", 2, "--frames", 6, "--size", "48x36")
+    assert result.exit_code == 130
+    assert "the same command continues" in result.output
+    assert "debevec-malik" in result.output
+    assert len(list((tmp_path / "cache").iterdir())) == 1
+
+
+@pytest.mark.parametrize(
+    "words", [["--size", "big"], ["--data", "/nowhere"], ["--calibration", "x"], ["--calibration", "=y"]]
+)
+def test_wrong_options_are_one_sentence(tmp_path, words):
+    result = run("joint", "-o", tmp_path, "--frames", 4, *words)
+    assert result.exit_code != 0
+    assert type(result.exception).__name__ in ("SettingError", "FormatError")

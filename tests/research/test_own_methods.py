@@ -1,0 +1,86 @@
+"""Methods run over the same frames: matched once, the same results as each on its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ospc.calibrator import OnlineCalibrator
+from ospc.methods.paper import FeatureMatcher
+from ospc.recording.frame import Frame
+from ospc.research import own_methods
+from ospc.research.method import Estimate, run_methods
+from ospc.research.own_methods import VIGNETTE_SOLVERS, SharedMatcher, methods_of_preset
+from ospc.settings import PaperSettings, preset
+from ospc.simulation import SimulationSettings, frames
+
+SETTINGS = SimulationSettings(size=(240, 180), frames=40, seed=3, exposure="cycle", speed=1.5)
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return list(frames(SETTINGS))
+
+
+def found_by(name, recording, *, solvers=True, progress=lambda _share: None):
+    results = run_methods(methods_of_preset(name, solvers=solvers), recording, len(recording), progress)
+    return {result.variant: result.outcome for result in results}
+
+
+class Counting:
+    def __init__(self):
+        self._matcher = FeatureMatcher(PaperSettings())
+        self.extracted, self.matched = [], []
+
+    def features(self, frame):
+        self.extracted.append(frame.index)
+        return self._matcher.features(frame)
+
+    def correspondences(self, left, right, size):
+        self.matched.append((left.frame, right.frame))
+        return self._matcher.correspondences(left, right, size)
+
+
+def test_every_solver_gives_what_it_gives_alone(recording, monkeypatch):
+    counting = Counting()
+    monkeypatch.setattr(own_methods, "FeatureMatcher", lambda _settings: counting)
+    shares = []
+    found = found_by("paper", recording, progress=shares.append)
+    assert list(found) == [f"paper/{solver}" for solver in VIGNETTE_SOLVERS]
+    assert counting.extracted == list(range(len(recording)))
+    assert len(set(counting.matched)) == len(counting.matched)
+    assert shares[-1] == 1.0
+    for solver in VIGNETTE_SOLVERS:
+        alone = OnlineCalibrator(replace(preset("paper"), vignette_solver=solver))
+        for frame in recording:
+            alone.push(frame)
+        expected, got = alone.calibration(), found[f"paper/{solver}"].calibration
+        assert got.verdicts.items() <= expected.verdicts.items()
+        assert got.vignette == expected.vignette
+        assert (got.response is None) == (expected.response is None)
+        if expected.response is not None:
+            assert np.array_equal(got.response.inverse_table, expected.response.inverse_table)
+
+
+def test_without_solvers_the_preset_is_run_as_it_is(recording):
+    assert list(found_by("paper", recording[:5], solvers=False)) == ["paper"]
+
+
+def test_default_gives_a_calibration(recording):
+    found = found_by("default", recording[:12])
+    assert list(found) == ["default"]
+    assert isinstance(found["default"], Estimate)
+
+
+@pytest.mark.parametrize("name", ["default", "paper"])
+def test_a_method_that_breaks_down_loses_only_its_own_case(name, monkeypatch):
+    def broken(*_arguments):
+        raise ZeroDivisionError("what a pity")
+
+    monkeypatch.setattr(OnlineCalibrator, "push", broken)
+    monkeypatch.setattr(SharedMatcher, "features", broken)
+    frame = Frame.of_array(np.full((48, 64), 100, np.uint8), 1.0)
+    found = found_by(name, [frame])
+    assert set(found.values()) == {"ZeroDivisionError: what a pity"}

@@ -1,0 +1,125 @@
+"""Figures follow the metrics, and are missing where nothing is stated or known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ospc.errors import ExposureError
+from ospc.evaluation.metrics import log_ratio_error, response_rmse, response_shape_rmse, vignette_rmse
+from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette
+from ospc.research.held_out import HeldOut
+from ospc.research.measurement import METRICS, Measurement
+from ospc.research.method import Estimate, Exposures, Result
+from ospc.research.scoring import Truth, exposure_error, measurement, profile_along_diagonal, score
+from ospc.research.source import SimulatedSource
+from ospc.simulation import SimulationSettings
+
+SIZE = (64, 48)
+TRUTH = Truth(Response.gamma(2.0), PolynomialVignette(SIZE, (-0.3, 0.0, -0.1)))
+SOURCE = SimulatedSource("a", SimulationSettings(size=SIZE, frames=2), {"noise": "low"})
+
+
+def response(exponent, sigma=None):
+    table = np.linspace(0, 1, 256) ** exponent
+    return Response(table, inverse_sigma=None if sigma is None else np.full(256, sigma))
+
+
+def calibration(exponent=2.1, sigma=None, fall=-0.32, vignette_sigma=None):
+    return Calibration(
+        SIZE,
+        response(exponent, sigma),
+        PolynomialVignette(SIZE, (fall, 0.0, -0.1)),
+        {"response": Verdict("identifiable", "well seen")},
+        None if vignette_sigma is None else np.full(51, vignette_sigma),
+    )
+
+
+def test_figures_are_those_of_the_metrics():
+    made = calibration()
+    figures = score(Estimate.of(made), TRUTH)
+    assert figures["response_rmse"] == response_rmse(made.response, TRUTH.response)
+    assert figures["response_shape_rmse"] == response_shape_rmse(made.response, TRUTH.response)
+    assert figures["log_ratio_error"] == log_ratio_error(made.response, TRUTH.response)
+    assert figures["vignette_rmse"] == vignette_rmse(made.vignette, TRUTH.vignette)
+    assert "ratio_median_abs" not in figures
+    assert "response_within_1_sigma" not in figures
+    assert figures.keys() <= {metric.figure for metric in METRICS}
+
+
+def test_an_estimate_that_differs_by_nothing_has_no_error():
+    table = TRUTH.response.inverse_table + 1e-15 * np.arange(256)
+    figures = score(Estimate(Response(table), PolynomialVignette(SIZE, (-0.3, 0.0, -0.1))), TRUTH)
+    assert list(figures.values()) == pytest.approx([0.0] * 5, abs=1e-12)
+
+
+def test_the_truth_itself_is_judged_by_its_predictions_alone():
+    assert score(Estimate(TRUTH.response), TRUTH) == {}
+
+
+def test_verdicts_and_the_place_in_the_study_are_kept():
+    row = measurement(SOURCE, Result("m", Estimate.of(calibration())), TRUTH, HeldOut())
+    assert (row.recording, row.method, row.group, row.factors) == ("a", "m", "simulated", {"noise": "low"})
+    assert row.states == {"response": "identifiable"}
+    assert row.reasons == {"response": "well seen"}
+    assert row.problem == ""
+    assert len(row.curves["response"]) == 256
+    assert len(row.curves["vignette"]) == 50
+
+
+def test_failures_and_empty_results_are_problems():
+    assert measurement(SOURCE, Result("m", "it is too dark"), TRUTH, HeldOut()).problem == "it is too dark"
+    empty = measurement(SOURCE, Result("m", Estimate()), TRUTH, HeldOut())
+    assert "neither response nor vignette" in empty.problem
+    reasons = {"response": Verdict("not identifiable", "exposures do not change")}
+    unsure = measurement(SOURCE, Result("m", Estimate.of(Calibration(SIZE, verdicts=reasons))), TRUTH, HeldOut())
+    assert unsure.problem == "exposures do not change"
+
+
+def test_unknown_parts_have_no_figures():
+    assert score(Estimate(), TRUTH) == {}
+    assert score(Estimate.of(calibration()), Truth()) == {}
+
+
+def test_where_the_truth_is_known_in_part_only_the_shape_counts_and_only_there():
+    made = calibration()
+    figures = score(Estimate.of(made), Truth(TRUTH.response, greys=(40, 120)))
+    assert figures == {"response_shape_rmse": response_shape_rmse(made.response, TRUTH.response, 40, 120)}
+
+
+def test_vignettes_of_other_sizes_are_compared_by_their_profiles():
+    figures = score(Estimate(vignette=PolynomialVignette((128, 96), (-0.3, 0.0, -0.1))), TRUTH)
+    assert figures == {"vignette_rmse": pytest.approx(0, abs=0.01)}
+
+
+def test_coverage_counts_points_within_the_stated_uncertainty():
+    error = np.abs(response(2.1).inverse_table - TRUTH.response.inverse_table)[5:251]
+    sigma = float(np.median(error))
+    figures = score(Estimate.of(calibration(sigma=sigma, vignette_sigma=1.0)), TRUTH)
+    assert figures["response_within_1_sigma"] == pytest.approx(0.5, abs=0.01)
+    assert figures["response_within_2_sigma"] == pytest.approx(np.mean(error <= 2 * sigma))
+    assert figures["vignette_within_1_sigma"] == 1.0
+
+
+def test_exposures_are_compared_up_to_a_factor():
+    frames = np.arange(8)
+    values = np.exp(np.sin(frames))
+    true = dict(enumerate(values.tolist()))
+    assert exposure_error(Exposures(frames, 7 * values), true) == pytest.approx(0, abs=1e-12)
+    assert exposure_error(Exposures(frames, values**1.5), true) == pytest.approx(0.5 * np.std(np.log(values)))
+    with pytest.raises(ExposureError, match="lacks"):
+        exposure_error(Exposures(frames + 1, values), true)
+    with pytest.raises(ExposureError, match="above 0"):
+        exposure_error(Exposures(frames, -values), true)
+
+
+def test_profile_begins_at_one_and_is_that_of_the_model():
+    found = profile_along_diagonal(TRUTH.vignette)
+    assert found == pytest.approx(TRUTH.vignette.profile(PROFILE_RADII), abs=1e-9)
+
+
+def test_measurements_survive_the_way_through_json():
+    row = measurement(SOURCE, Result("m", Estimate.of(calibration(sigma=0.1)), 1.5), TRUTH, HeldOut())
+    assert Measurement(**row.as_dict()) == row

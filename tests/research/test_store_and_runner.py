@@ -1,0 +1,105 @@
+"""Results are kept, found again only for what they belong to, and survive interruptions."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from fake_tasks import FakeTask
+
+from ospc.errors import SettingError
+from ospc.research import store as store_module
+from ospc.research.runner import run
+from ospc.research.source import measured
+from ospc.research.store import ResultStore, key_of, made_with
+
+
+def test_what_is_stored_is_found_only_under_its_description(tmp_path):
+    store = ResultStore(tmp_path / "cache")
+    assert store.get("a", {"x": 1}) is None
+    path = store.put("a", {"x": 1}, [0.1, float("inf"), None])
+    assert store.get("a", {"x": 1}) == [0.1, float("inf"), None]
+    assert store.get("a", {"x": 2}) is None
+    assert store.get("b", {"x": 1}) is None
+    assert json.loads(path.read_text())["depends_on"] == {"x": 1}
+
+
+def test_the_order_of_a_description_does_not_matter():
+    assert key_of({"x": 1, "y": [2]}) == key_of({"y": [2], "x": 1})
+    assert key_of({"x": 1, "y": [2]}) != key_of({"x": 1, "y": [3]})
+
+
+def test_names_cannot_leave_the_folder(tmp_path):
+    store = ResultStore(tmp_path / "cache")
+    for name in ("../x", "/etc/x", "..", "a\\b", "x" * 1000):
+        assert store.put(name, {}, 1).parent == tmp_path / "cache"
+        assert store.get(name, {}) == 1
+
+
+def test_results_depend_on_the_source_that_makes_them_and_on_libraries(tmp_path, monkeypatch):
+    package = tmp_path / "package"
+    for part in ("estimation", "cli"):
+        (package / part).mkdir(parents=True)
+        (package / part / "a.py").write_text("1")
+    monkeypatch.setattr(store_module.ospc, "__file__", str(package / "__init__.py"))
+
+    def hashed():
+        store_module.source_hash.cache_clear()
+        return made_with()["source"]
+
+    before = hashed()
+    (package / "cli" / "a.py").write_text("2")
+    assert hashed() == before
+    (package / "estimation" / "a.py").write_text("2")
+    assert hashed() != before
+    assert {"ospc", "numpy", "scipy", "opencv"} <= set(made_with())
+    monkeypatch.undo()
+    store_module.source_hash.cache_clear()
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"schema": "other"}', "[" * 10_000])
+def test_damaged_files_count_as_missing(tmp_path, content):
+    store = ResultStore(tmp_path)
+    store.put("a", {}, []).write_text(content)
+    assert store.get("a", {}) is None
+
+
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SettingError, match="cannot be written"):
+        ResultStore(tmp_path / "file" / "cache").put("a", {}, [])
+
+
+def test_stored_results_are_not_computed_again(tmp_path):
+    log = tmp_path / "log"
+    tasks = [FakeTask(name, log=log) for name in "abc"]
+    first, again = (list(run(tasks, ResultStore(tmp_path / "cache"))) for _ in range(2))
+    assert [r.stored for r in first] == [False] * 3
+    assert [r.stored for r in again] == [True] * 3
+    assert [r.result for r in again] == [r.result for r in first]
+    assert log.read_text().split() == ["a", "b", "c"]
+
+
+def test_an_interruption_keeps_what_was_finished(tmp_path):
+    log = tmp_path / "log"
+    good = FakeTask("a", log=log)
+    interrupted = [good, FakeTask("b", error=KeyboardInterrupt), FakeTask("c", log=log)]
+    with pytest.raises(KeyboardInterrupt):
+        list(run(interrupted, ResultStore(tmp_path / "cache")))
+    resumed = [good, FakeTask("b", log=log), FakeTask("c", log=log)]
+    results = list(run(resumed, ResultStore(tmp_path / "cache")))
+    assert [r.stored for r in results] == [True, False, False]
+    assert log.read_text().split() == ["a", "b", "c"]
+
+
+def test_several_processes_give_the_same(tmp_path):
+    tasks = [FakeTask(name, shape) for name, shape in (("a", 0.1), ("b", 0.2))]
+    results = list(run(tasks, ResultStore(tmp_path), 2))
+    assert {r.task.name: r.result for r in results} == {task.name: task.run(lambda _share: None) for task in tasks}
+    assert {row.figures["response_shape_rmse"] for r in results for row in measured(r.result)} == {0.1, 0.2}
+
+
+def test_progress_is_told(tmp_path):
+    told = []
+    list(run([FakeTask("a")], ResultStore(tmp_path), 1, lambda task, share: told.append((task.name, share))))
+    assert told == [("a", 0.5), ("a", 1.0)]

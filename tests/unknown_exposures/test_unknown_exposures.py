@@ -1,0 +1,158 @@
+"""Recordings without exposures: found up to one exponent, and labelled so in everything that is written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ospc.cli.main import cli
+from ospc.errors import NotObservableError, RecordingError
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.response import Response
+from ospc.recording import ArrayRecording, open_recording
+from ospc.recording.options import ReadingOptions
+from ospc.simulation import SimulationSettings, frames, simulate, truth
+from ospc.unknown_exposures import EXPONENT_SIGMA, calibrate_without_exposures, recover_exposures, typical_exponent
+from ospc.unknown_exposures.joint_estimation import JointEstimate
+from ospc.unknown_exposures.response_model import SAMPLES, learned_model
+
+SETTINGS = SimulationSettings(
+    size=(200, 150), frames=40, speed=3.0, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0), response="srgb"
+)
+GREYS = np.linspace(0.15, 0.85, 15)
+
+
+@pytest.fixture(scope="module")
+def recording() -> ArrayRecording:
+    return ArrayRecording([frame.image for frame in frames(SETTINGS)], np.full(SETTINGS.frames, 5.0))
+
+
+@pytest.fixture(scope="module")
+def found(recording: ArrayRecording) -> Calibration:
+    return calibrate_without_exposures(recording)
+
+
+def test_exposures_are_found_up_to_a_factor_and_an_exponent(recording: ArrayRecording) -> None:
+    recovered = recover_exposures(recording)
+    true = np.log(truth(SETTINGS).exposures_ms)[recovered.frames]
+    estimated = np.log(recovered.exposures_ms)
+    exponent, factor = np.polyfit(true, estimated, 1)
+    assert len(recovered) > 0.9 * SETTINGS.frames
+    assert np.std(estimated - exponent * true - factor) < 0.03
+    assert abs(np.log(exponent)) < 2 * EXPONENT_SIGMA
+    assert any("relative, and up to one exponent" in note for note in recovered.notes)
+
+
+def test_response_and_vignette_are_the_true_ones_to_one_power(found: Calibration) -> None:
+    known = truth(SETTINGS)
+    assert found.response is not None
+    assert found.vignette is not None
+    exponents = np.log(found.response.inverse(GREYS)) / np.log(known.response.inverse(GREYS))
+    assert np.ptp(np.log(exponents)) < 0.12
+    power = float(np.median(exponents))
+    profile = known.vignette.profile(PROFILE_RADII) ** power
+    error = np.abs(found.vignette.profile(PROFILE_RADII) - profile)
+    assert error[PROFILE_RADII <= 0.9].max() < 0.03
+    # Hardly any scene point reaches the corners in forty small frames, and the result says so.
+    assert np.all(error <= 0.03 + found.vignette_sigma)
+
+
+def test_the_truth_is_within_the_uncertainty_that_the_exponent_adds(found: Calibration) -> None:
+    known = truth(SETTINGS)
+    assert found.response is not None
+    assert found.response.inverse_sigma is not None
+    assert found.vignette is not None
+    assert found.vignette_sigma is not None
+    levels = np.linspace(0, 1, len(found.response.inverse_sigma))
+    error = np.abs(found.response.inverse_table - known.response.inverse(levels))
+    assert np.all(error <= 2 * found.response.inverse_sigma + 1e-9)
+    error = np.abs(found.vignette.profile(PROFILE_RADII) - known.vignette.profile(PROFILE_RADII))
+    assert np.all(error <= 2 * found.vignette_sigma + 0.01)
+
+
+def test_the_label_is_in_the_calibration_and_survives_saving(found: Calibration, tmp_path: Path) -> None:
+    assert found.exponent_sigma == EXPONENT_SIGMA
+    assert not found.converged
+    for verdict in found.verdicts.values():
+        assert verdict.state == "marginal"
+        assert verdict.reason.startswith("up to one exponent: no exposures were known")
+    found.save(tmp_path / "calibration.json")
+    assert Calibration.load(tmp_path).exponent_sigma == EXPONENT_SIGMA
+    content = json.loads((tmp_path / "calibration.json").read_text())
+    del content["exponent_sigma"]
+    (tmp_path / "calibration.json").write_text(json.dumps(content))
+    assert Calibration.load(tmp_path).exponent_sigma == 0
+
+
+def test_the_exponent_is_that_of_the_mean_response() -> None:
+    curve = learned_model().mean
+    made = JointEstimate((2, 2), learned_model(), np.zeros(4), np.zeros(3), np.arange(2), np.zeros(2))
+    assert typical_exponent(made) == pytest.approx(1, abs=0.01)
+    # Whatever power it comes out with, it is brought back.
+    assert typical_exponent(made.with_exponent(1.7)) == pytest.approx(1 / 1.7, rel=0.02)
+    assert isinstance(made.response, Response)
+    assert len(curve) == SAMPLES
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording whose times.txt has no exposures."""
+    place = tmp_path_factory.mktemp("simulated") / "walk"
+    simulate(place, SETTINGS)
+    lines = [line.split()[:2] for line in (place / "times.txt").read_text().splitlines()]
+    (place / "times.txt").write_text("".join(f"{a} {b}\n" for a, b in lines))
+    return place
+
+
+def test_the_command_asks_for_it_explicitly_and_labels_every_output(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    refused = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out)])
+    assert isinstance(refused.exception, RecordingError)
+    assert "has no exposures" in str(refused.exception)
+    result = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out), "--unknown-exposures"])
+    assert result.exit_code == 0, (result.output, result.exception)
+    assert "up to one exponent" in " ".join(result.stdout.split())
+    assert "up to one exponent" in result.stderr
+    assert json.loads((out / "calibration.json").read_text())["exponent_sigma"] == EXPONENT_SIGMA
+    assert "up to one common exponent" in (out / "report.html").read_text()
+    assert not (out / "state.ospc").exists()
+    assert (out / "pcalib.txt").is_file()
+
+
+def test_pictures_are_labelled(found: Calibration) -> None:
+    from ospc.report.pictures import _label
+    from ospc.report.style import new_figure
+
+    figure = new_figure(4, 3)
+    _label(figure, found)
+    assert "up to one common exponent" in figure.get_supxlabel()
+
+
+def test_what_it_does_not_go_with(folder: Path, tmp_path: Path) -> None:
+    for options in (["--resume"], ["--start-from", str(tmp_path)], ["--mask", "m.png"]):
+        arguments = ["calibrate", str(folder), "-o", str(tmp_path / "out"), "--unknown-exposures", *options]
+        assert CliRunner().invoke(cli, arguments).exit_code == 2
+
+
+def test_images_alone_are_a_recording_then(folder: Path) -> None:
+    options = ReadingOptions(unknown_exposures=True)
+    opened = open_recording(folder / "images", options=options)
+    assert opened.kind == "image_folder"
+    assert len(opened) == SETTINGS.frames
+    assert np.all(opened.exposures_ms == 1)
+    assert any("holds no usable exposures" in note for note in opened.notes)
+    (folder / "times.txt").rename(folder / "kept.txt")
+    try:
+        assert len(open_recording(folder, options=options)) == SETTINGS.frames
+    finally:
+        (folder / "kept.txt").rename(folder / "times.txt")
+
+
+def test_nothing_to_follow_is_an_error() -> None:
+    flat = ArrayRecording(np.full((4, 60, 80), 100, np.uint8), np.ones(4))
+    with pytest.raises(NotObservableError, match="exposures cannot be estimated"):
+        recover_exposures(flat)
