@@ -1,4 +1,4 @@
-"""Hours of film of an unchanged camera, any frame of which can be rendered alone, in about two milliseconds.
+"""Hours of film, any frame of which can be rendered alone, in about two milliseconds.
 
 A camera looks around in front of large pictures, and walks on to another one every few minutes. Lamps are switched,
 clouds pass, objects move through the view, and an automatic exposure follows with a camera's delay. Everything but
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -114,6 +115,25 @@ CAMERAS = {
 """Cameras to choose from."""
 
 
+@dataclass(frozen=True)
+class Switch:
+    """A change of the camera in mid-film.
+
+    Attributes
+    ----------
+    at_s
+        When it happens.
+    camera
+        Response, vignette and noise from then on.
+    late_frames
+        From then on exposures are stated so many frames late.
+    """
+
+    at_s: float
+    camera: Camera
+    late_frames: int = 0
+
+
 class LongFilm:
     """A film; iterating gives its frames, whose images are rendered when they are asked for.
 
@@ -127,6 +147,8 @@ class LongFilm:
         Frames per second.
     seed
         Seeds scene, motion, lamps, clouds and noise.
+    switch
+        How the camera changes; None if it never does.
 
     Attributes
     ----------
@@ -134,16 +156,12 @@ class LongFilm:
         Number of images rendered so far.
     """
 
-    def __init__(self, camera: Camera, hours: float, rate: float, seed: int) -> None:
+    def __init__(self, camera: Camera, hours: float, rate: float, seed: int, switch: Switch | None = None) -> None:
         self._camera, self._rate, self._seed = camera, rate, seed
         self._count = round(3600 * hours * rate)
-        settings = SimulationSettings(
-            size=SIZE, seed=seed, full_well_electrons=camera.noise[0], read_noise_electrons=camera.noise[1]
-        )
-        self._sensor = Sensor(make_response(camera.response), settings)
-        self.vignette: Vignette = PolynomialVignette(SIZE, camera.vignette)
-        self.response: Response = make_response(camera.response)
-        self._attenuation = self.vignette.image().astype(np.float32)
+        self._switch = switch or Switch(np.inf, camera)
+        self._optics = (_Optics(camera, seed), _Optics(self._switch.camera, seed))
+        self.vignette, self.response = self._optics[0].vignette, self._optics[0].response
         random = np.random.default_rng([seed, 10])
         self._pictures = [_picture(random) for _ in range(_PICTURES)]
         smaller = [cv2.resize(p, None, fx=1 / _COARSER, fy=1 / _COARSER) for p in self._pictures]
@@ -160,20 +178,18 @@ class LongFilm:
         return self._count
 
     def __iter__(self) -> Iterator[Frame]:
-        index = 0
-        for exposures_ms in self._exposures():
-            for exposure_ms in exposures_ms.tolist():
-                if index == self._count:
-                    return
-                yield Frame(
-                    index,
-                    index / self._rate,
-                    exposure_ms,
-                    f"frame {index}",
-                    partial(self._image, index, exposure_ms),
-                    verify=_nothing,
-                )
-                index += 1
+        exposures_ms = list(chain.from_iterable(block.tolist() for block in self._exposures()))[: self._count]
+        for index, exposure_ms in enumerate(exposures_ms):
+            stamp_s = index / self._rate
+            late = self._switch.late_frames if stamp_s >= self._switch.at_s else 0
+            yield Frame(
+                index,
+                stamp_s,
+                exposures_ms[index - late],
+                f"frame {index}",
+                partial(self._image, index, exposure_ms),
+                verify=_nothing,
+            )
 
     # The exposure control.
 
@@ -207,9 +223,10 @@ class LongFilm:
         self.rendered += 1
         radiance = self._radiance(index / self._rate)
         self._draw_objects(radiance, index / self._rate)
-        radiance *= self._attenuation
+        optics = self._optics[index / self._rate >= self._switch.at_s]
+        radiance *= optics.attenuation
         radiance *= np.float32(exposure_ms / 10.0)
-        return self._sensor.expose(radiance, frame=index)
+        return optics.sensor.expose(radiance, frame=index)
 
     def _radiance(self, time_s: float, cells: Float32Array | None = None) -> Float32Array:
         """Return the radiance at every pixel, or at some places of the image, without the moving objects."""
@@ -283,6 +300,20 @@ class LongFilm:
         drift_x, drift_y = (time_s * _SHADOW_SPEED + phase for phase in phases[-2:])
         shadow = np.sin(places[..., 0] / _SHADOW_PX + drift_x) * np.sin(places[..., 1] / _SHADOW_PX + drift_y)
         return np.exp(np.float32(cloud) + _SHADOW * shadow) * self._lamps.light(places, time_s)
+
+
+class _Optics:
+    """What a camera makes of radiance."""
+
+    def __init__(self, camera: Camera, seed: int) -> None:
+        full_well, read_noise = camera.noise
+        settings = SimulationSettings(
+            size=SIZE, seed=seed, full_well_electrons=full_well, read_noise_electrons=read_noise
+        )
+        self.response: Response = make_response(camera.response)
+        self.vignette: Vignette = PolynomialVignette(SIZE, camera.vignette)
+        self.sensor = Sensor(self.response, settings)
+        self.attenuation = self.vignette.image().astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ def brightness_report(lag: LagEstimate, exposures_ms: FloatArray) -> BrightnessR
         return None
     fit = lag.fit
     flicker = _reported(lag, exposure_cycle(np.log(exposures_ms)))
-    unexplained = without_waves(lag.frame, fit.unexplained, flicker)
+    unexplained = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in flicker])
     energy = float(np.sum(fit.observed**2))
     log_exposure = np.log(exposures_ms)
     shift = lag.candidates[0] if lag.candidates else 0
@@ -150,7 +150,7 @@ def _reported(lag: LagEstimate, cycle: int | None) -> tuple[Flicker, ...]:
     if not told or lag.fit is None:
         return ()
     # A control loop's slow swings have a strongest frequency, too, but it makes up little of them.
-    left = without_waves(lag.frame, lag.fit.unexplained, told)
+    left = without_waves(lag.frame, lag.fit.unexplained, [f.cycles_per_frame for f in told])
     return told if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(lag.fit.unexplained) else ()
 
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 
 _MIN_VALUES = 24
 _LOWEST_CYCLES = 4
@@ -73,8 +73,7 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
     power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))
     frequency = np.fft.rfftfreq(length)
     line = float(frequency[np.argmax(np.where(frequency >= _lowest(grids), power, 0.0))])
-    wave = waves(frame, [line])
-    fitted = wave @ np.linalg.lstsq(wave, value, rcond=None)[0]
+    fitted = value - without_waves(frame, value, [line])
     share = min(float(np.var(fitted)) / max(float(np.var(fast_part(frame, value))), 1e-12), 1.0)
     # Chance that the largest of so many independent lines of white noise has this share of the power.
     lines = len(value) // 2
@@ -109,8 +108,7 @@ def main_line(frame: IntArray, change: FloatArray) -> tuple[float, float] | None
     power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))
     frequency = np.fft.rfftfreq(length)
     line = float(frequency[np.argmax(np.where(frequency >= _LEAST_PERIODS / max(map(len, grids)), power, 0.0))])
-    wave = waves(frame, [line])
-    left = change - wave @ np.linalg.lstsq(wave, change, rcond=None)[0]
+    left = without_waves(frame, change, [line])
     return line, 1 - float(np.sum(left**2)) / energy
 
 
@@ -125,12 +123,21 @@ def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:
     return np.column_stack(columns) if columns else np.empty((len(frame), 0))
 
 
-def without_waves(frame: IntArray, change: FloatArray, flickers: Sequence[Flicker]) -> FloatArray:
-    """Return changes without what flicker explains of them, shape (n,)."""
-    if not flickers or not len(frame):
-        return change
-    columns = waves(frame, [f.cycles_per_frame for f in flickers])
-    return np.asarray(change - columns @ np.linalg.lstsq(columns, change, rcond=None)[0])
+def without_waves(frame: IntArray, change: FloatArray, cycles_per_frame: Sequence[float]) -> FloatArray:
+    """Return changes without what waves of these frequencies explain of them, in each run of frames, shape (n,)."""
+    left = change.copy()
+    for run in _runs(frame):
+        columns = waves(frame[run], cycles_per_frame)
+        left[run] -= columns @ np.linalg.lstsq(columns, change[run], rcond=None)[0]
+    return left
+
+
+def in_long_runs(frame: IntArray) -> BoolArray:
+    """Return which values belong to runs of frames long enough to show flicker, shape (n,)."""
+    long = np.zeros(len(frame), dtype=bool)
+    for run in _runs(frame):
+        long[run] = run.stop - run.start >= _MIN_VALUES
+    return long
 
 
 def fast_part(frame: IntArray, change: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.exposures.flicker import Flicker, find_flicker, main_line, without_waves
+from ospc.exposures.flicker import Flicker, find_flicker, in_long_runs, main_line, without_waves
 from ospc.exposures.lag_decision import (
     SILENT,
     LagEstimate,
@@ -15,7 +15,6 @@ from ospc.exposures.lag_decision import (
     Trial,
     decide,
     exposure_cycle,
-    flicker_columns,
 )
 from ospc.exposures.lag_likelihood import BrightnessChanges, LagFit, fit_exposures
 
@@ -65,19 +64,32 @@ def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int
         return _unknown("constant exposure" if constant else "too few pairs", lags, inner)
     changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
     if constant or np.abs(changes).max() < _MIN_LOG_CHANGE / 10:
-        steady, flickers = _fit_with_flicker(inner, changes[max_lag : max_lag + 1])
-        return _unknown("constant exposure", lags, inner, steady[0], flickers)
-    fits, flickers = _fit_with_flicker(inner, changes)
-    trial = Trial(inner, log_exposure, lags, changes, tuple(fits), flickers)
+        trial = _with_flicker(Trial.of(inner, log_exposure, np.zeros(1, np.int64)))
+        steady = fit_exposures(inner, changes[max_lag])
+        return _unknown("constant exposure", lags, inner, steady, trial.flickers)
+    trial = _with_flicker(Trial.of(inner, log_exposure, lags))
+    return _of_all_pairs(_decide(trial, seen), trial, inner)
+
+
+def _decide(trial: Trial, seen: BrightnessChanges) -> LagEstimate:
+    """Return the lag that changes from frame to frame show, or else those that errors of exposures hide less."""
     first = decide(trial)
     doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _WEAK_SLOPE
     settled = first.state not in ("ambiguous", *SILENT)
     if settled and not doubtful:
         return first if _survives_chasing(first, trial) else replace(first, state="follows flicker", frames=None)
-    scattered = None if flickers else _with_scatter(inner, log_exposure, lags, changes)
+    scattered = None if trial.flickers else _with_scatter(trial)
     if scattered is not None:
-        return replace(scattered, fit=fits[int(np.flatnonzero(lags == scattered.frames)[0])])
+        return replace(scattered, fit=trial.fits[int(np.flatnonzero(trial.lags == scattered.frames)[0])])
     return first if settled else _over_longer(first, trial, seen)
+
+
+def _of_all_pairs(found: LagEstimate, trial: Trial, seen: BrightnessChanges) -> LagEstimate:
+    """Return an estimate whose fit covers all pairs, where flicker was looked for in some of them."""
+    if len(trial.seen) == len(seen) or found.fit is None:
+        return found
+    change = seen.log_change(trial.log_exposure, found.candidates[0]) if found.candidates else np.zeros(len(seen))
+    return replace(found, fit=fit_exposures(seen, change), frame=seen.frame, pairs=len(seen))
 
 
 def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
@@ -96,14 +108,13 @@ def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
     if share < _CHASING_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > _LARGEST_CHASE_LOG:
         return True
     flicker = (Flicker(line, float(np.sqrt(2) * np.std(change)), share),)
-    columns = flicker_columns(trial.seen, flicker)
-    fits = tuple(fit_exposures(trial.seen, each, columns) for each in trial.changes)
-    return decide(replace(trial, fits=fits, flickers=flicker)).frames == first.frames
+    return decide(Trial.of(trial.seen, trial.log_exposure, trial.lags, flicker)).frames == first.frames
 
 
 def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> LagEstimate:
     """Return what changes over several frames say where those from frame to frame settle nothing."""
-    tried = (_over(step, seen, trial.log_exposure, trial.lags, trial.flickers) for step in _LONGER_STEPS)
+    pairs = seen.where(in_long_runs(seen.frame)) if trial.flickers else seen
+    tried = (_over(step, pairs, trial) for step in _LONGER_STEPS)
     overs = [over for over in tried if over is not None]
     agreed = next((over for over in overs if _agree(first, over)), None)
     chosen = agreed or (next((over for over in overs if over.state not in SILENT), None) if first.silent else None)
@@ -141,74 +152,60 @@ def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
     return bool(sure and first.score[at] > -_SMALL_LEAD)
 
 
-def _with_scatter(
-    seen: BrightnessChanges, log_exposure: FloatArray, lags: IntArray, changes: FloatArray
-) -> LagEstimate | None:
+def _with_scatter(trial: Trial) -> LagEstimate | None:
     """Return the estimate that takes single exposures to be inexact; None where it is not clear, however inexact.
 
     Where errors of the metadata outweigh most changes of exposure, a model without them finds that brightness hardly
     follows, and prefers whatever lag has nothing to say.
     """
-    found: list[LagEstimate] = []
-    for scatter in _SCATTERS:
-        inexact = replace(seen, scatter=scatter)
-        fits = tuple(fit_exposures(inexact, change) for change in changes)
-        found.append(decide(Trial(inexact, log_exposure, lags, changes, fits, ())))
+    found = [
+        decide(Trial.of(replace(trial.seen, scatter=scatter), trial.log_exposure, trial.lags))
+        for scatter in _SCATTERS
+    ]
     agreed = len({estimate.candidates[:1] for estimate in found}) == 1
     possible = all(estimate.state in ("determined", "ambiguous") for estimate in found)
     return next((e for e in found if e.frames is not None), None) if agreed and possible else None
 
 
-def _over(
-    step: int, seen: BrightnessChanges, log_exposure: FloatArray, lags: IntArray, flickers: tuple[Flicker, ...]
-) -> LagEstimate | None:
+def _over(step: int, seen: BrightnessChanges, trial: Trial) -> LagEstimate | None:
     """Return the estimate from changes over several frames; None where there are too few.
 
     Errors of single exposures (they are often rounded) weigh less against a change over several frames.
     """
     longer = seen.summed(step)
-    fits_in = (longer.frame + lags[0] >= 0) & (longer.frame + step + lags[-1] < len(log_exposure))
+    fits_in = (longer.frame + trial.lags[0] >= 0) & (longer.frame + step + trial.lags[-1] < len(trial.log_exposure))
     longer = longer.where(fits_in)
     if len(longer.driven) < _MIN_PAIRS:
         return None
-    changes = np.stack([longer.log_change(log_exposure, lag) for lag in lags.tolist()])
-    columns = flicker_columns(longer, flickers)
-    fits = tuple(fit_exposures(longer, change, columns) for change in changes)
-    return decide(Trial(longer, log_exposure, lags, changes, fits, flickers))
+    return decide(Trial.of(longer, trial.log_exposure, trial.lags, trial.flickers))
 
 
-def _fit_with_flicker(seen: BrightnessChanges, changes: FloatArray) -> tuple[list[LagFit], tuple[Flicker, ...]]:
-    """LagFit every lag; where periodic changes beside the exposures make them much more likely, fit all beside these.
+def _with_flicker(trial: Trial) -> Trial:
+    """Return the trial beside periodic changes, where these make some lag much more likely.
 
     An exposure control that follows the flicker of a lamp is as periodic as the lamp, and a frame late. What it does
     at that frequency says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the
-    lines that any lag leaves are tried.
+    lines that any lag leaves are tried. Only long runs of frames can tell: in a short one a wave fits anything.
     """
-    flickers: tuple[Flicker, ...] = ()
-    fits = [fit_exposures(seen, change) for change in changes]
+    long = trial.seen.where(in_long_runs(trial.seen.frame))
+    if len(long.driven) < _MIN_PAIRS:
+        return trial
+    found = trial if len(long) == len(trial.seen) else Trial.of(long, trial.log_exposure, trial.lags)
     for _ in range(_MAX_FLICKERS):
-        trials = []
-        for line in _lines(seen, fits, flickers):
-            columns = flicker_columns(seen, (*flickers, line))
-            trials.append((line, [fit_exposures(seen, change, columns) for change in changes]))
-        if not trials:
+        tried = [Trial.of(long, trial.log_exposure, trial.lags, (*found.flickers, line)) for line in _lines(found)]
+        better = max(tried, key=lambda each: each.likelihood, default=found)
+        if better.likelihood - found.likelihood < _MIN_FLICKER_LEAD:
             break
-        line, better = max(trials, key=lambda trial: _likeliest(trial[1]))
-        if _likeliest(better) - _likeliest(fits) < _MIN_FLICKER_LEAD:
-            break
-        flickers, fits = (*flickers, line), better
-    return fits, flickers
+        found = better
+    return found if found.flickers else trial
 
 
-def _likeliest(fits: list[LagFit]) -> float:
-    return max(fit.total for fit in fits)
-
-
-def _lines(seen: BrightnessChanges, fits: list[LagFit], flickers: tuple[Flicker, ...]) -> list[Flicker]:
+def _lines(trial: Trial) -> list[Flicker]:
     """Return the different frequencies that stand out in what the lags leave unexplained."""
+    known = [flicker.cycles_per_frame for flicker in trial.flickers]
     lines: list[Flicker] = []
-    for fit in sorted(fits, key=lambda fit: -fit.total):
-        line = find_flicker(seen.frame, without_waves(seen.frame, fit.unexplained, flickers))
+    for fit in sorted(trial.fits, key=lambda fit: -fit.total):
+        line = find_flicker(trial.seen.frame, without_waves(trial.seen.frame, fit.unexplained, known))
         if line is not None and all(abs(line.cycles_per_frame - f.cycles_per_frame) > _SAME_LINE for f in lines):
             lines.append(line)
     return lines[:_MAX_LINES]

@@ -144,10 +144,29 @@ class Trial:
         """Position of the most likely lag."""
         return int(np.argmax([fit.total for fit in self.fits]))
 
+    @classmethod
+    def of(
+        cls,
+        seen: BrightnessChanges,
+        log_exposure: FloatArray,
+        lags: IntArray,
+        flickers: tuple[Flicker, ...] = (),
+    ) -> Trial:
+        """Fit lags to changes of brightness, beside flicker if there is any."""
+        changes = np.stack([seen.log_change(log_exposure, lag) for lag in lags.tolist()])
+        nuisance = flicker_columns(seen, flickers)
+        fits = tuple(fit_exposures(seen, change, nuisance) for change in changes)
+        return cls(seen, log_exposure, lags, changes, fits, flickers)
+
     @property
     def nuisance(self) -> FloatArray | None:
         """Return the columns that stand for flicker, shape (n, columns); None without."""
         return flicker_columns(self.seen, self.flickers)
+
+    @property
+    def likelihood(self) -> float:
+        """Log likelihood of the most likely lag."""
+        return self.fits[self.best].total
 
 
 def flicker_columns(seen: BrightnessChanges, flickers: tuple[Flicker, ...]) -> FloatArray | None:
@@ -279,7 +298,7 @@ def _follows_flicker(trial: Trial, best: int) -> bool:
     if not trial.flickers or exposure_cycle(trial.log_exposure) is not None:
         return False
     fast = fast_part(trial.seen.frame, trial.changes[best])
-    left = without_waves(trial.seen.frame, fast, trial.flickers)
+    left = without_waves(trial.seen.frame, fast, [f.cycles_per_frame for f in trial.flickers])
     return bool(np.sum(left**2) < (1 - _PERIODIC_SHARE) * np.sum(fast**2))
 
 
