@@ -356,6 +356,7 @@ class Engine:
         self._epochs.append(Epoch(self._first_of_epoch, change.frame - 1, self._judged(known, found), change))
         self._evidence, self._method, self._findings = later_evidence, later_method, None
         self._next_assessment, self._lag_is_known = FIRST_ASSESSMENT, False
+        self._sampler.restart()
         return later_evidence, later_method
 
     def _check(self, frame: Frame) -> None:

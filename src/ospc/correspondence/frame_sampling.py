@@ -37,6 +37,7 @@ class FrameSampler:
     processed: int = 0
     number: int = 0
     _pause: int = 0
+    _restarted_after: int = 0
 
     @classmethod
     def every_frame(cls) -> FrameSampler:
@@ -74,11 +75,21 @@ class FrameSampler:
             Whether frames may be skipped now.
         """
         self.number += 1
-        if self._pause > 0:
+        if self._pause == 0:
+            self._pause = self._next_pause()
+            self.processed += 1
+        else:
             self._pause -= 1
-            return
-        pause = self.processed // self.frames_per_slowdown if pauses else 0
-        if self.processed > self.dense_frames:
-            pause = pause * self.processed**3 // self.dense_frames**3
-        self._pause = min(pause, self.longest_pause_frames)
-        self.processed += 1
+        if not pauses:
+            self._pause = 0
+
+    def restart(self) -> None:
+        """Begin with all frames again: nothing is known of the camera any more."""
+        self._restarted_after, self._pause = self.processed, 0
+
+    def _next_pause(self) -> int:
+        processed = self.processed - self._restarted_after
+        pause = processed // self.frames_per_slowdown
+        if processed > self.dense_frames:
+            pause = pause * processed**3 // self.dense_frames**3
+        return min(pause, self.longest_pause_frames)

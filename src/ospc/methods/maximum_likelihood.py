@@ -151,8 +151,9 @@ class MaximumLikelihoodMethod:
 
     @property
     def wants_every_frame(self) -> bool:
-        """Whether the next frames are all to be processed: a series of a camera that stands still is short."""
-        return self._series_stands_in and self._series is not None and not self._series.full
+        """Whether no frame may be skipped: in the short series of a camera that stands still, or on a suspicion."""
+        series_goes_on = self._series_stands_in and self._series is not None and not self._series.full
+        return series_goes_on or self._changes.is_watching
 
     @property
     def progress(self) -> Progress:

@@ -1,0 +1,199 @@
+"""How far a new pair of frames is from what a fit predicts, and which change of the camera would explain it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.estimation.fit import Fit
+from ospc.observations import ExposedObservations
+
+OUTLIER_LOG = 0.3
+"""Errors of prediction far beyond this, in ln, are moving objects or wrong registration."""
+
+GREY_KNOTS = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.0])
+"""Grey levels between which a change of ln g is taken to be linear."""
+GREY_KNOTS.setflags(write=False)
+
+PARTS = {"response": slice(0, len(GREY_KNOTS) + 1), "vignette": slice(len(GREY_KNOTS) + 1, len(GREY_KNOTS) + 3)}
+"""Parameters of a change: a relative change of ln g and one at each knot; the coefficients of R² and R⁴ in ln V."""
+
+RIDGE = 1.0
+"""Weight of the belief that nothing changed, in scene points: it keeps what no pair shows at zero."""
+
+_SEEN_QUANTILES = (0.02, 0.98)
+"""Quantiles of grey levels and radii between which nearly all observations lie."""
+
+_STEPS = np.linspace(0, 1, 21)
+"""Where the effect of a change is evaluated, relative to the range of grey levels or radii that were seen."""
+
+
+@dataclass(frozen=True)
+class PairErrors:
+    """The errors ρ of a pair's scene points, ln of the ratio of irradiances less what the fit predicts.
+
+    A change x of the camera adds Φ x to them, and one of the fit's parameters, δ, takes X δ away. Pairs are
+    described by sums over their scene points, from which the mean over the pair was subtracted: light that changes
+    alike for all points has no part in them.
+
+    Attributes
+    ----------
+    frame0, frame1
+        Numbers of the frames.
+    points
+        Number of scene points n.
+    matrix, vector
+        ΦᵀΦ, shape (9, 9), and Φᵀρ, shape (9,).
+    carried
+        ΦᵀX, shape (9, p).
+    error, row
+        Median of ρ, and mean of X, shape (p,), over the whole pair.
+    reach
+        Radius within which nearly all observations lie, in half diagonals.
+    greys
+        Grey levels between which nearly all observations lie, shape (2,).
+    """
+
+    frame0: int
+    frame1: int
+    points: int
+    matrix: FloatArray
+    vector: FloatArray
+    carried: FloatArray
+    error: float
+    row: FloatArray
+    reach: float
+    greys: FloatArray
+
+    @classmethod
+    def of(cls, seen: ExposedObservations, fit: Fit) -> PairErrors:
+        """Compare a pair of frames, each of whose scene points is observed once in both, with a fit."""
+        basis = fit.response_basis
+        log_g = basis.log_of(fit.response_parameters)
+        log_irradiance = fit.vignette_basis.log_value(fit.vignette_parameters, seen.position) + seen.log_exposure
+        log_radiance = np.interp(seen.grey, basis.grid, log_g) - log_irradiance
+        # The basis is evaluated at the grey levels predicted from both observations: at those measured, its noise
+        # would be that of the errors, and every pair of nearly equal exposures would seem to have changed.
+        predicted = np.repeat((log_radiance[0::2] + log_radiance[1::2]) / 2, 2) + log_irradiance
+        grey = np.interp(predicted, log_g, basis.grid)
+        vignette_rows = fit.vignette_basis.jacobian(fit.vignette_parameters, seen.position)
+        rows = np.concatenate([basis.log_rows(grey), -vignette_rows], axis=1)
+        squared = np.sum(seen.position**2, axis=1)
+        hats = np.stack([np.interp(grey, GREY_KNOTS, row) for row in np.eye(len(GREY_KNOTS))], axis=1)
+        columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2])
+        error, change, carried = (_second_less_first(values) for values in (log_radiance, columns, -rows))
+        middle = float(np.median(error))
+        # A predicted error has the weight of a well-measured one, whatever it is: a change may be large.
+        weight = (1 / (1 + ((error - middle) / OUTLIER_LOG) ** 2))[:, None]
+        root = np.sqrt(weight)
+
+        def centred(values: FloatArray) -> FloatArray:
+            return np.asarray(root * (values - np.sum(weight * values, axis=0) / weight.sum()))
+
+        phi, rho, x = centred(change), centred(error[:, None])[:, 0], centred(carried)
+        return cls(
+            int(seen.frame[0]),
+            int(seen.frame[1]),
+            len(error),
+            phi.T @ phi,
+            phi.T @ rho,
+            phi.T @ x,
+            middle,
+            carried.mean(axis=0),
+            float(np.sqrt(np.quantile(squared, _SEEN_QUANTILES[1]))),
+            np.quantile(grey, _SEEN_QUANTILES),
+        )
+
+    def after_update(self, step: FloatArray) -> PairErrors:
+        """Return the errors, linearised, under a fit whose parameters differ by a step, shape (p,)."""
+        return replace(self, vector=self.vector - self.carried @ step, error=self.error - float(self.row @ step))
+
+    @property
+    def of_neighbours(self) -> bool:
+        """Whether the frames follow one another."""
+        return self.frame1 == self.frame0 + 1
+
+    @property
+    def effect(self) -> float:
+        """Root mean square error that a change of the camera could explain, in ln."""
+        change = np.linalg.solve(self.matrix + RIDGE * np.eye(len(self.vector)), self.vector)
+        return float(np.sqrt(max(float(self.vector @ change), 0.0) / self.points))
+
+    def gain(self, change: FloatArray) -> float:
+        """Return by how much a change of the camera reduces the sum of squared errors."""
+        return float(change @ (2 * self.vector - self.matrix @ change))
+
+
+@dataclass(frozen=True)
+class ExplainedChange:
+    """The change of response or vignette that explains the errors of pairs best.
+
+    Attributes
+    ----------
+    part
+        ``"response"`` or ``"vignette"``.
+    change
+        The change, shape (9,), zero in the other part.
+    covariance
+        Of the part's parameters, from the scatter between pairs and the uncertainty of the fit.
+    gain
+        By how much it reduces the sum of squared errors.
+    reach, greys
+        Radius, and grey levels, within which the pairs have observations.
+    """
+
+    part: str
+    change: FloatArray
+    covariance: FloatArray
+    gain: float
+    reach: float
+    greys: FloatArray
+
+    @classmethod
+    def of(cls, pairs: list[PairErrors], fit: Fit, part: str, systematic_log: float) -> ExplainedChange:
+        """Explain pairs by a change of one part; a systematic error of each parameter is part of the covariance."""
+        own = PARTS[part]
+        matrix = np.sum([pair.matrix[own, own] for pair in pairs], axis=0)
+        inverse = np.linalg.inv(matrix + RIDGE * np.eye(len(matrix)))
+        found = inverse @ np.sum([pair.vector[own] for pair in pairs], axis=0)
+        scores = np.stack([pair.vector[own] - pair.matrix[own, own] @ found for pair in pairs])
+        carried = inverse @ np.sum([pair.carried[own] for pair in pairs], axis=0)
+        covariance = inverse @ (scores.T @ scores) @ inverse + carried @ fit.covariance @ carried.T
+        # Where pairs say nothing, the ridge keeps the change at zero, and so it says nothing about the certainty.
+        covariance += systematic_log**2 * np.eye(len(found))
+        change = np.zeros(len(pairs[0].vector))
+        change[own] = found
+        gain = sum(pair.gain(change) for pair in pairs)
+        reach = float(np.median([pair.reach for pair in pairs]))
+        greys = np.median([pair.greys for pair in pairs], axis=0)
+        return cls(part, change, covariance, gain, reach, greys)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """Those of the part."""
+        return self.change[PARTS[self.part]]
+
+    @property
+    def sigmas(self) -> float:
+        """How many standard deviations it is from zero (Mahalanobis' distance)."""
+        return float(np.sqrt(self.parameters @ np.linalg.solve(self.covariance, self.parameters)))
+
+    @property
+    def effect(self) -> float:
+        """Largest change of ln V, or of ln g relative to its median over the grey levels, signed."""
+        found = self.parameters
+        if self.part == "vignette":
+            squared = (self.reach * _STEPS) ** 2
+            values = found[0] * squared + found[1] * squared**2
+        else:
+            grey = np.interp(_STEPS, (0, 1), self.greys)
+            values = found[0] * np.log(grey) + np.interp(grey, GREY_KNOTS, found[1:])
+            values = values - np.median(values)
+        return float(values[np.argmax(np.abs(values))])
+
+
+def _second_less_first(values: FloatArray) -> FloatArray:
+    """Return the second observation of each point less the first, of values of pairs, shape (2 n, …) -> (n, …)."""
+    return np.asarray(values[1::2] - values[0::2])
