@@ -10,7 +10,7 @@ from typing import Any
 from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, SettingError
-from ospc.exposures.findings import LagChoice, check_lag
+from ospc.exposures.findings import LagChoice, check_lag, lag_choice
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
@@ -123,18 +123,13 @@ class OnlineCalibrator(Engine):
         settings = _settings_of(saved.run.settings, saved.name)
         method = saved.method(MaximumLikelihoodState)
         try:
-            calibrator = cls(settings, correct_lag=_lag_choice(saved.run.correct_lag))
+            lag = saved.run.correct_lag
+            calibrator = cls(settings, correct_lag="trusted" if lag == "trusted" else lag_choice(lag))
             calibrator.restore(saved.run, method)
         except (ValueError, SettingError) as error:
             raise FormatError(f"{saved.name}: not readable as a state ({error})") from None
         calibrator.source, calibrator.saved_by = saved.run.source, saved.run.versions
         return calibrator
-
-
-def _lag_choice(text: str) -> LagChoice:
-    if text in ("auto", "never", "trusted"):
-        return text  # type: ignore[return-value]  # one of the three literals
-    return int(text)
 
 
 def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:

@@ -16,6 +16,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference
 from ospc.pooling.pool import Pool
 from ospc.pooling.pooled_calibration import merge
+from ospc.state.container import STATE_NAME
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
 """Characters that folder names do not get: some file system or shell gives them a meaning."""
@@ -117,7 +118,7 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
         merged = merge(pool)
         place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
         written = place.write(replace(merged.calibration, source=merged.calibration.source | {"name": name}))
-        pool.save(place.path / "state.ospc")
+        pool.save(place.path / STATE_NAME)
     except OspcError as error:
         return replace(camera, error=str(error))
     return replace(

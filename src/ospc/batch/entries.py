@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from ospc.errors import SettingError
-from ospc.exposures.findings import LagChoice
+from ospc.exposures.findings import LagChoice, lag_choice
 from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, with_overrides
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://")
-_NAMED_LAGS: dict[str, Literal["auto", "never"]] = {"auto": "auto", "never": "never"}
 _OWN = ("kind", "correct_lag")
 _READING = tuple(declared_options())
 
@@ -56,13 +54,7 @@ class Entry:
         SettingError
             If the option is something else.
         """
-        text = dict(self.options).get("correct_lag", "auto")
-        if text in _NAMED_LAGS:
-            return _NAMED_LAGS[text]
-        try:
-            return int(text)
-        except ValueError:
-            raise SettingError(f"option correct_lag is auto, never or a number of frames, not '{text}'") from None
+        return lag_choice(dict(self.options).get("correct_lag", "auto"))
 
     @property
     def settings(self) -> DefaultSettings:

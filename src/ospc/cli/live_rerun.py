@@ -10,15 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.cli.live import Pace, Watcher
+from ospc.cli.live import Watcher
+from ospc.cli.pace import Pace
 from ospc.errors import FormatError, MissingExtraError, SettingError
+from ospc.photometry.calibration import PROFILE_RADII
+from ospc.photometry.vignette import diagonal_profile
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
     from ospc.methods.preview import Matches, Preview
     from ospc.recording import Frame, Recording
 
-_SHARE = 0.2
+_REFRESH_S, _LARGEST_SHARE = 0.2, 0.2
+"""Shortest time between two looks at the estimates, and the largest share of the time that they may take."""
+
 _JPEG = 75
 _MOST_POINTS = 300
 _GREEN, _GREY, _BLUE, _ORANGE = (0, 158, 115), (150, 150, 150), (0, 114, 178), (213, 94, 0)
@@ -48,7 +53,7 @@ class RerunStream:
 
     def __init__(self, rerun: Any, stream: Any, pace: Pace | None = None) -> None:
         self._rr, self._stream = rerun, stream
-        self._pace = pace or Pace(0.2, _SHARE)
+        self._pace = pace or Pace(_REFRESH_S, _LARGEST_SHARE)
         self._pairs = -1
         self._longest_ms = 0.0
 
@@ -129,8 +134,7 @@ class RerunStream:
             self._log("spread/response", rr.Scalars(float(spread.max())))
         self._log("spread/vignette", rr.Scalars(float(sigma[-1])))
         self._log_curve("response", response.inverse(grey), spread, _BLUE)
-        half = (np.array(vignette.size) - 1) / 2
-        self._log_curve("vignette", vignette.at(half + np.linspace(0, 1, len(sigma))[:, None] * half), sigma, _ORANGE)
+        self._log_curve("vignette", diagonal_profile(vignette, PROFILE_RADII), sigma, _ORANGE)
         self._log_image("corrected/image", self._corrected(preview, frame))
 
     def _log_matches(self, matches: Matches | None, frame: Frame) -> None:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 RIG_NAME = "rig.json"
 """Name of the file with the relative scales in the folder of the cameras' folders."""
 
+_LARGE_MISFIT = 4.0
+"""Standard deviations by which overlaps contradict each other before the user is warned."""
+
 
 def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool) -> dict[str, Any]:
     """Find the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
@@ -51,7 +54,7 @@ def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, 
                 click.echo(f"  {name}: {scale:.4f} ± {found.sigma[name]:.4f}")
         for name, why in found.left_out.items():
             click.echo(f"  {name}: unknown, {why}")
-        if found.misfit > 4:
+        if found.misfit > _LARGE_MISFIT:
             click.echo(f"warning: overlaps contradict each other by {found.misfit:.0f} standard deviations", err=True)
         click.echo(f"written to {out / RIG_NAME}")
     return found.as_dict()

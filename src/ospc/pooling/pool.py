@@ -14,7 +14,7 @@ from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.pooling.summary import Summary
 from ospc.state import container
-from ospc.state.container import Container
+from ospc.state.container import STATE_NAME, Container
 from ospc.state.run import KIND as RUN_KIND
 from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
@@ -101,7 +101,7 @@ class Pool:
         """
         place = Path(path)
         if place.is_dir():
-            place = place / "state.ospc"
+            place = place / STATE_NAME
         if container.kind_of(place) == RUN_KIND:
             return cls((_summary_of(place),))
         found = container.load(place, KIND, VERSION)

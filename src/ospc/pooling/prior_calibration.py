@@ -27,6 +27,7 @@ from ospc.pooling.summary import (
     Summary,
     triangle_of,
 )
+from ospc.state.container import STATE_NAME
 
 _LEAST_INFORMATION = 1e-9
 _GIVEN_UP_SIGMA = 0.005
@@ -66,7 +67,7 @@ class PriorCalibration:
         """
         place = Path(path)
         if place.is_dir():
-            place = place / ("state.ospc" if (place / "state.ospc").exists() else "calibration.json")
+            place = place / (STATE_NAME if (place / STATE_NAME).exists() else "calibration.json")
         if place.suffix == ".json":
             return cls(str(path), Pool.of([summary_of_calibration(Calibration.load(place), str(path))]))
         return cls(str(path), Pool.load(place))

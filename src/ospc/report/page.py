@@ -14,12 +14,11 @@ from ospc.arrays import Image
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.report.charts import WIDTH_IN, Chart, Findings, charts_of
 from ospc.report.examples import Examples, PicturePair
-from ospc.report.html import Html, join, tag
+from ospc.report.html import Html, document, join, tag
 from ospc.report.style import as_svg, new_figure, rules, write_whole
 from ospc.report.tables import basis_of, name_of, sentence, settings_of, shown, tracking_rows
 from ospc.report.words import facts, gaps, headline, overall_state
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 _JPEG_QUALITY = 85
 _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable": "bad"}
 _MARGINS_IN = {"left": 0.78, "right": 0.12, "top": 0.28, "bottom": 0.48}
@@ -42,17 +41,9 @@ def page(findings: Findings) -> str:
     """Return the report as HTML."""
     calibration, charts = findings.calibration, charts_of(findings)
     title = f"Photometric calibration of {name_of(calibration)}"
-    style = Html(files("ospc.report").joinpath("report.css").read_text(encoding="utf-8"))
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", http_equiv="Content-Security-Policy", content=_POLICY),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("title", title),
-        tag("style", style),
-    )
-    main = tag(
-        "main",
+    return document(
+        title,
+        files("ospc.report").joinpath("report.css").read_text(encoding="utf-8"),
         tag("header", tag("h1", title), tag("p", basis_of(calibration))),
         _summary(findings),
         _curves(findings, charts),
@@ -65,7 +56,6 @@ def page(findings: Findings) -> str:
         _check(findings.check),
         _settings(calibration),
     )
-    return f"<!DOCTYPE html>\n{tag('html', head, tag('body', main), lang='en')}\n"
 
 
 def _section(heading: str, *content: str, class_: str = "") -> Html:
