@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.atomic import write_atomically
 from ospc.correspondence.features import Features, SiftExtractor, match
-from ospc.errors import FormatError, FrameError, NotObservableError
+from ospc.errors import FrameError, NotObservableError
+from ospc.formats.files import write_text
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
 
@@ -106,13 +106,7 @@ class RigScale:
         FormatError
             If it cannot be written.
         """
-        place = Path(path)
-        try:
-            return write_atomically(place, json.dumps(self.as_dict(), indent=1, allow_nan=False).encode() + b"\n")
-        except OSError as error:
-            raise FormatError(
-                f"{place}: cannot be written ({error.strerror}); check that the folder exists"
-            ) from None
+        return write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
 
 
 @dataclass(frozen=True)

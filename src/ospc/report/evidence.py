@@ -88,15 +88,15 @@ def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
     low, high = _limits(metadata[shown], estimated[shown])
     axes.plot([low, high], [low, high], "--", color=BLACK, lw=1.2, label="equal", zorder=1)
     if not few.all():
-        label = f"pair of frames (median |Δ ln k| {ratios.misfit:.2g})"
-        axes.plot(metadata[~few], estimated[~few], "o", color=GREEN, ms=4, mew=0, alpha=0.65, label=label)
+        axes.plot(metadata[~few], estimated[~few], "o", color=GREEN, ms=4, mew=0, alpha=0.65, label="pair of frames")
     if few.any():
         label = f"pair with fewer than {FEW_SAMPLES} samples"
         axes.plot(metadata[few], estimated[few], "o", mfc="none", mec=GREY, ms=4, label=label)
     axes.set(xlabel="exposure ratio k by the metadata", ylabel="k from the images")
     logarithmic(axes, "x", low, high)
     logarithmic(axes, "y", low, high * (high / low) ** 0.45)  # room for the legend
-    axes.legend(loc="upper left")
+    title = f"median |Δ ln k| of all {ratios.metadata.size} pairs: {ratios.misfit:.2g}"
+    axes.legend(loc="upper left", title=title, alignment="left")
     return axes
 
 

@@ -11,11 +11,12 @@ from typing import Any
 import cv2
 
 from ospc.arrays import Image
+from ospc.formats.files import write_bytes
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.report.charts import WIDTH_IN, Chart, Findings, charts_of
 from ospc.report.examples import Examples, PicturePair
 from ospc.report.html import Html, document, join, tag
-from ospc.report.style import as_svg, new_figure, rules, write_whole
+from ospc.report.style import as_svg, new_figure, rules
 from ospc.report.tables import basis_of, name_of, sentence, settings_of, shown, tracking_rows
 from ospc.report.words import facts, gaps, headline, overall_state
 
@@ -34,7 +35,7 @@ def write_page(findings: Findings, path: Path) -> Path:
         If it cannot be written.
     """
     # A file name or a JSON text may hold half a surrogate pair, which UTF-8 cannot express.
-    return write_whole(path, page(findings).encode("utf-8", "replace"))
+    return write_bytes(path, page(findings).encode("utf-8", "replace"))
 
 
 def page(findings: Findings) -> str:

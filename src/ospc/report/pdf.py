@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from ospc.formats.files import write_bytes
 from ospc.report.charts import Chart, Findings, charts_of
-from ospc.report.style import new_figure, printable, rules, write_whole
+from ospc.report.style import new_figure, printable, rules
 from ospc.report.tables import basis_of, name_of, sentence, settings_of, shown, tracking_rows
 from ospc.report.words import facts, gaps, headline
 
@@ -48,7 +49,7 @@ def write_pdf(findings: Findings, path: Path) -> Path:
     with rules(), PdfPages(content, metadata={"Title": title, "Creator": "ospc", "CreationDate": None}) as pdf:
         for figure in pages(findings):
             pdf.savefig(figure)
-    return write_whole(path, content.getvalue())
+    return write_bytes(path, content.getvalue())
 
 
 def pages(findings: Findings) -> Iterator[Any]:

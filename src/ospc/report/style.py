@@ -11,8 +11,8 @@ from pathlib import Path
 from threading import RLock
 from typing import Any, Literal
 
-from ospc.atomic import write_atomically
 from ospc.errors import FormatError
+from ospc.formats.files import write_bytes
 
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#999999", "#000000"
 """Colours that colour-blind readers can tell apart: Okabe and Ito, 2008, "Color universal design"."""
@@ -84,7 +84,7 @@ def save(figure: Any, path: Path) -> Path:
         figure.savefig(picture, format=kind, dpi=DPI, **fast)
     except ValueError:
         raise FormatError(f"{path}: not a known kind of picture; give a .png, .svg or .pdf") from None
-    return write_whole(path, picture.getvalue())
+    return write_bytes(path, picture.getvalue())
 
 
 def as_svg(figure: Any, title: str) -> str:
@@ -105,20 +105,6 @@ def as_svg(figure: Any, title: str) -> str:
     inner = content[content.index("<defs>") :]
     assert size is not None
     return f'<svg class="chart" {size.group()} role="img" aria-label="{escape(title)}">{inner.rstrip()}'
-
-
-def write_whole(path: Path, content: bytes) -> Path:
-    """Write a file, whole or not at all, and return its path.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
-    try:
-        return write_atomically(path, content)
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written ({error.strerror}); check that its folder exists") from None
 
 
 def printable(text: str) -> str:
