@@ -120,22 +120,10 @@ def tracking(recording: Path, calibration: str, assume_missing: bool, kind: str 
 
 
 def _print_tracking(result: TrackingComparison) -> None:
-    rows = [
-        ("mean life", "{0.mean_life:.1f}", "frames"),
-        ("median life", "{0.median_life}", "frames"),
-        ("lost", "{lost:.2%}", "of the steps from frame to frame"),
-        ("brightness residual", "{0.residual:.3f}", "of the local contrast, median"),
-    ]
-    click.echo(f"{'':20} {'raw':>10} {'corrected':>10}")
-    for label, form, unit in rows:
-        cells = []
-        for figures in (result.raw, result.corrected):
-            share = sum(figures.lost.values()) / max(figures.steps, 1)
-            cells.append(form.format(figures, lost=share).replace("None", f"> {result.horizon}"))
-        click.echo(f"{label:20} {cells[0]:>10} {cells[1]:>10}   {unit}")
-        for cause in result.raw.lost if label == "lost" else ():
-            shares = [figures.lost[cause] / max(figures.steps, 1) for figures in (result.raw, result.corrected)]
-            click.echo(f"  {cause:18} {shares[0]:>10.2%} {shares[1]:>10.2%}")
+    from ospc.report.sections import tracking_rows
+
+    for label, before, after, unit in [("", "raw", "corrected", ""), *tracking_rows(result)]:
+        click.echo(f"{label:20} {before:>10} {after:>10}   {unit}".rstrip())
     click.echo(
         f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; exposures change by "
         f"up to {result.largest_step:.3g}:1 from frame to frame"

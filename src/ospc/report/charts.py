@@ -59,12 +59,15 @@ class Chart:
         Draws it into a cell of a grid and returns the topmost axes.
     height_in
         Height in inches at a width of :data:`WIDTH_IN`.
+    unknown
+        Why there is nothing to draw, which the drawing says too; empty where there is.
     """
 
     title: str
     caption: str
     draw: Callable[[Any], Any]
     height_in: float = 3.2
+    unknown: str = ""
 
     def draw_into(self, cell: Any) -> None:
         """Draw the chart with its title into a cell of a grid."""
@@ -92,6 +95,7 @@ def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Cha
             "convention. The lowest panel counts the observations.",
             partial(curves.draw_response, calibration=calibration, reference=response),
             4.6,
+            _unknown(calibration, "response"),
         ),
         "vignette": Chart(
             "Vignette V",
@@ -99,6 +103,7 @@ def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Cha
             "diagonals.",
             partial(curves.draw_vignette, calibration=calibration, reference=vignette),
             4.6,
+            _unknown(calibration, "vignette"),
         ),
     }
     if calibration.vignette is not None:
@@ -108,6 +113,13 @@ def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Cha
             partial(curves.draw_vignette_map, vignette=calibration.vignette),
         )
     return charts
+
+
+def _unknown(calibration: Calibration, part: str) -> str:
+    if getattr(calibration, part) is not None:
+        return ""
+    verdict = calibration.verdicts.get(part)
+    return "Not known." if verdict is None else f"Not known: {verdict.reason}."
 
 
 def _exposures(calibration: Calibration, exposures_ms: FloatArray | None) -> dict[str, Chart]:

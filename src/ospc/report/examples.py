@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import FloatArray, Image
 from ospc.errors import OspcError
 from ospc.evaluation.frame_kinds import RawFrames
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
@@ -18,6 +17,7 @@ from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
 from ospc.recording import Frame, Recording
+from ospc.recording.derived import DerivedRecording
 
 TRACKED_FRAMES = 12
 """Frames of the excerpt through which points are tracked: enough to show the effect, few enough to take no time."""
@@ -121,13 +121,14 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
         notes.append(f"no pictures: {error}")
     if tracked_frames < 2:
         return Examples(pictures, notes=tuple(notes))
-    excerpt = _Excerpt.where_exposure_changes(recording, tracked_frames, reach)
+    excerpt = _where_exposure_changes(recording, tracked_frames, reach)
     tracking = None
     try:
         tracking = compare_tracking(excerpt, corrector)
     except OspcError as error:
         notes.append(f"no points were tracked: {error}")
-    return Examples(pictures, tracking, (excerpt.first, excerpt.first + len(excerpt)), tuple(notes))
+    first = int(excerpt.frames[0])
+    return Examples(pictures, tracking, (first, first + len(excerpt)), tuple(notes))
 
 
 def exposures_beside(folder: Path) -> FloatArray | None:
@@ -140,45 +141,13 @@ def exposures_beside(folder: Path) -> FloatArray | None:
         return None
 
 
-@dataclass(frozen=True)
-class _Excerpt:
-    """Successive frames of a recording, as a recording."""
-
-    recording: Recording
-    first: int
-    count: int
-
-    @classmethod
-    def where_exposure_changes(cls, recording: Recording, count: int, reach: int) -> _Excerpt:
-        """Return the excerpt with the largest range of exposures, the earliest of several."""
-        count = min(count, reach)
-        log_exposure = np.log(np.maximum(recording.exposures_ms[:reach], 1e-12))
-        pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
-        return cls(recording, int(np.argmax(np.ptp(pieces, axis=1).round(3))), count)
-
-    path = property(lambda self: self.recording.path)
-    kind = property(lambda self: self.recording.kind)
-    size = property(lambda self: self.recording.size)
-    max_grey = property(lambda self: self.recording.max_grey)
-    notes = property(lambda self: self.recording.notes)
-
-    @property
-    def exposures_ms(self) -> FloatArray:
-        return np.asarray(self.recording.exposures_ms[self.first : self.first + self.count])
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        return np.asarray(self.recording.stamps_s[self.first : self.first + self.count])
-
-    def __len__(self) -> int:
-        return self.count
-
-    def __iter__(self) -> Iterator[Frame]:
-        for frame in self.recording:
-            if frame.index >= self.first + self.count:
-                return
-            if frame.index >= self.first:
-                yield frame
+def _where_exposure_changes(recording: Recording, count: int, reach: int) -> DerivedRecording:
+    """Return the successive frames with the largest range of exposures, the earliest of several."""
+    count = min(count, reach)
+    log_exposure = np.log(np.maximum(recording.exposures_ms[:reach], 1e-12))
+    pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
+    frames = int(np.argmax(np.ptp(pieces, axis=1).round(3))) + np.arange(count)
+    return DerivedRecording(recording, frames, recording.exposures_ms[frames])
 
 
 def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
@@ -197,9 +166,8 @@ def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
 
 
 def _stands_still(coverage: Coverage | None) -> bool:
-    if coverage is None or not coverage.radius_radius.any():
-        return False
-    return float(np.trace(coverage.radius_radius) / coverage.radius_radius.sum()) > _STILL
+    moves = None if coverage is None else coverage.radius_radius
+    return moves is not None and bool(moves.any()) and float(np.trace(moves) / moves.sum()) > _STILL
 
 
 def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, int]]:
@@ -238,11 +206,8 @@ def _corrected(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
 
 
 def _reduced(images: tuple[Image, Image]) -> tuple[Image, Image]:
-    first, second = (cv2.resize(image, _small(image), interpolation=cv2.INTER_AREA) for image in images)
-    return first, second
-
-
-def _small(image: Image) -> ImageSize:
-    height, width = image.shape
+    height, width = images[0].shape
     scale = min(1.0, _WIDTH_PX / width)
-    return max(1, round(width * scale)), max(1, round(height * scale))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    first, second = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images)
+    return first, second
