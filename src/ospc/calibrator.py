@@ -119,16 +119,15 @@ class OnlineCalibrator(Engine):
         FormatError
             If there is no such file, it is torn or damaged, or another version wrote it.
         """
-        saved = load_run(path, EngineState)
-        settings = _settings_of(saved.run.settings, saved.name)
-        method = saved.method(MaximumLikelihoodState)
+        run, method = load_run(path, EngineState, MaximumLikelihoodState)
+        settings = _settings_of(run.settings, str(path))
         try:
-            lag = saved.run.correct_lag
-            calibrator = cls(settings, correct_lag="trusted" if lag == "trusted" else lag_choice(lag))
-            calibrator.restore(saved.run, method)
+            lag: LagChoice = "trusted" if run.correct_lag == "trusted" else lag_choice(run.correct_lag)
+            calibrator = cls(settings, correct_lag=lag)
+            calibrator.restore(run, method)
         except (ValueError, SettingError) as error:
-            raise FormatError(f"{saved.name}: not readable as a state ({error})") from None
-        calibrator.source, calibrator.saved_by = saved.run.source, saved.run.versions
+            raise FormatError(f"{path}: not readable as a state ({error})") from None
+        calibrator.source, calibrator.saved_by = run.source, run.versions
         return calibrator
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -11,7 +10,7 @@ from pathlib import Path
 
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
-from ospc.formats.files import read_text
+from ospc.formats.files import json_object
 from ospc.formats.opening import Photometry
 from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.calibration import Calibration
@@ -251,8 +250,4 @@ def _is_earlier_output(place: Path) -> bool:
     # A run that was killed before its end leaves only its state, finished or half written.
     if all(_STATE.fullmatch(entry.name) for entry in place.iterdir()):
         return True
-    try:
-        content = json.loads(read_text(place / "calibration.json"))
-    except (OspcError, ValueError, RecursionError):
-        return False
-    return isinstance(content, dict) and str(content.get("schema")).startswith(_SCHEMA_BEGINNING)
+    return str(json_object(place / "calibration.json").get("schema")).startswith(_SCHEMA_BEGINNING)
