@@ -84,15 +84,8 @@ def _verdict(name: str, verdict: Verdict) -> Html:
 def _drawn(chart: Chart) -> Html:
     if chart.unknown:
         return join(tag("h3", chart.title), tag("p", chart.unknown, class_="soft"))
-    left, right, top, bottom = (_MARGINS_IN[side] for side in ("left", "right", "top", "bottom"))
     with rules():
-        figure = new_figure(WIDTH_IN, chart.height_in, layout=None)
-        figure.subplots_adjust(
-            left=left / WIDTH_IN,
-            right=1 - right / WIDTH_IN,
-            top=1 - top / chart.height_in,
-            bottom=bottom / chart.height_in,
-        )
+        figure = new_figure(WIDTH_IN, chart.height_in, _MARGINS_IN)
         chart.draw_into(figure.add_gridspec(1, 1)[0])
         drawing = Html(as_svg(figure, chart.title))
     return tag("figure", drawing, tag("figcaption", chart.caption))

@@ -18,6 +18,14 @@ _A4_IN = (8.27, 11.69)
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.09, 0.95, 0.95, 0.05
 """Edges of the printed area, in shares of the page."""
 
+_MARGINS_IN = {
+    "left": (_LEFT + 0.025) * _A4_IN[0],
+    "right": (1 - _RIGHT) * _A4_IN[0],
+    "top": (1 - _TOP + 0.02) * _A4_IN[1],
+    "bottom": _BOTTOM * _A4_IN[1],
+}
+"""Room around charts, whose labels stay inside the printed area."""
+
 _LINE_SPACING = 1.25
 """Distance of lines of text, in font sizes."""
 
@@ -126,9 +134,7 @@ def _text_pages(lines: list[str]) -> Iterator[Any]:
 
 
 def _page() -> Any:
-    figure = new_figure(*_A4_IN, layout=None)
-    figure.subplots_adjust(left=_LEFT + 0.025, right=_RIGHT, top=_TOP - 0.02, bottom=_BOTTOM)
-    return figure
+    return new_figure(*_A4_IN, _MARGINS_IN)
 
 
 def _write(figure: Any, lines: list[str], top: float, points: float = _TEXT_POINTS, weight: str = "normal") -> float:
