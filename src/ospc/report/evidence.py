@@ -13,8 +13,8 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.exposure_ratios import weighted_median
-from ospc.report.curves import RADIUS_LABEL, axes_in, logarithmic, map_axes_in
-from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE
+from ospc.report.curves import axes_in, logarithmic, map_axes_in
+from ospc.report.style import BLACK, GREEN, GREY
 
 FEW_SAMPLES = 50
 """A pair of frames with fewer samples may be matched wrongly; it is drawn, but as an open grey circle."""
@@ -118,16 +118,6 @@ def draw_radius_coverage(cell: Any, coverage: Coverage) -> Any:
     return axes
 
 
-def draw_grey_residual(cell: Any, by_grey: FloatArray, max_grey: int) -> Any:
-    """Draw the residuals over grey levels; ``by_grey`` has the quantiles of each class, shape (greys, 3)."""
-    return _draw_residual(axes_in(cell), by_grey, float(max_grey), "grey level M", BLUE)
-
-
-def draw_radius_residual(cell: Any, by_radius: FloatArray) -> Any:
-    """Draw the residuals over radii; ``by_radius`` has the quantiles of each class, shape (radii, 3)."""
-    return _draw_residual(axes_in(cell), by_radius, 1.0, RADIUS_LABEL, ORANGE)
-
-
 def draw_place_residual(cell: Any, by_place: FloatArray) -> Any:
     """Draw the median residuals over the image, shape (rows, columns)."""
     axes, bar = map_axes_in(cell)
@@ -161,8 +151,12 @@ def _draw_counts(cell: Any, counts: IntArray, extent: tuple[float, float, float,
     return axes
 
 
-def _draw_residual(axes: Any, quantiles: FloatArray, x_end: float, x_label: str, colour: str) -> Any:
-    """Draw the middle of the residuals and where two thirds of them lie, in equal classes from 0 to ``x_end``."""
+def draw_residual(cell: Any, quantiles: FloatArray, x_end: float, x_label: str, colour: str) -> Any:
+    """Draw the middle of the residuals and where two thirds of them lie, in equal classes from 0 to ``x_end``.
+
+    ``quantiles`` has those of each class, shape (classes, 3).
+    """
+    axes = axes_in(cell)
     middle = (np.arange(len(quantiles)) + 0.5) / len(quantiles) * x_end
     low, median, high = 100 * quantiles.T
     axes.axhline(0, color=BLACK, lw=0.8, ls="--")
