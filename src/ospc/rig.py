@@ -16,6 +16,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.correspondence.features import Features, SiftExtractor, match
@@ -267,7 +268,11 @@ def _epipolar(points0: FloatArray, points1: FloatArray) -> BoolArray:
 
 def _solved(names: Sequence[str], pairs: tuple[PairScale, ...], left_out: dict[str, str]) -> RigScale:
     """Return the scales that agree best with all overlaps, by least squares, given that of the first camera."""
-    reached = _reached(names[0], pairs)
+    overlap = np.eye(len(names))
+    for pair in pairs:
+        overlap[names.index(pair.cameras[0]), names.index(pair.cameras[1])] = 1
+    part = connected_components(overlap, directed=False)[1]
+    reached = {name for name, number in zip(names, part, strict=True) if number == part[0]}
     left_out = left_out | {
         name: f"its view overlaps with none that leads to {names[0]}" for name in names if name not in reached
     }
@@ -295,13 +300,3 @@ def _solved(names: Sequence[str], pairs: tuple[PairScale, ...], left_out: dict[s
         left_out,
         misfit if len(used) >= len(inside) else 0.0,
     )
-
-
-def _reached(start: str, pairs: Sequence[PairScale]) -> set[str]:
-    reached, before = {start}, set[str]()
-    while reached != before:
-        before = set(reached)
-        for pair in pairs:
-            if reached & set(pair.cameras):
-                reached |= set(pair.cameras)
-    return reached

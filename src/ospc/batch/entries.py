@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ospc.errors import SettingError
@@ -47,24 +48,12 @@ class Entry:
 
     @property
     def correct_lag(self) -> LagChoice:
-        """By how many frames to shift exposures before calibrating: ``"auto"``, ``"never"``, or a number.
-
-        Raises
-        ------
-        SettingError
-            If the option is something else.
-        """
+        """By how many frames to shift exposures before calibrating: ``"auto"``, ``"never"``, or a number."""
         return lag_choice(dict(self.options).get("correct_lag", "auto"))
 
     @property
     def settings(self) -> DefaultSettings:
-        """Settings of the method.
-
-        Raises
-        ------
-        SettingError
-            If an option is unknown or its value is wrong.
-        """
+        """Settings of the method."""
         given = {name: value for name, value in self.options if name not in (*_OWN, *_READING)}
         settings = with_overrides(DefaultSettings(), given)
         assert isinstance(settings, DefaultSettings)
@@ -72,18 +61,12 @@ class Entry:
 
     @property
     def reading(self) -> ReadingOptions:
-        """How the recording is read.
-
-        Raises
-        ------
-        SettingError
-            If an option does not take its value.
-        """
+        """How the recording is read."""
         return ReadingOptions.of({name: value for name, value in self.options if name in _READING})
 
-    def with_defaults(self, defaults: tuple[tuple[str, str], ...]) -> Entry:
+    def with_defaults(self, defaults: Mapping[str, str]) -> Entry:
         """Return the entry with options added that it does not have itself."""
-        return Entry(self.recording, self.camera, tuple({**dict(defaults), **dict(self.options)}.items()))
+        return replace(self, options=tuple({**defaults, **dict(self.options)}.items()))
 
     def checked(self) -> Entry:
         """Return the entry itself, after checking its options.
@@ -91,7 +74,7 @@ class Entry:
         Raises
         ------
         SettingError
-            If an option is unknown or has a wrong value.
+            If an option is unknown or has a wrong value; the properties above raise the same.
         """
         try:
             _ = self.settings, self.reading, self.correct_lag

@@ -6,6 +6,7 @@ import csv
 import glob
 import io
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ def read_manifest(
     if len(entries) > _MOST_ENTRIES:
         raise RecordingError(f"{manifest}: more than {_MOST_ENTRIES} recordings; split it")
     if camera is not None:
-        entries = [Entry(entry.recording, camera, entry.options) for entry in entries]
+        entries = [replace(entry, camera=camera) for entry in entries]
     return list(dict.fromkeys(entry.checked() for entry in entries))
 
 

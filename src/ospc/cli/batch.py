@@ -110,7 +110,7 @@ def _entries(manifest: str, camera: str | None, options: tuple[str, ...]) -> tup
 
     left_out: list[str] = []
     found = read_manifest(manifest, camera, left_out.append)
-    defaults = tuple(named(options, "rounds=4").items())
+    defaults = named(options, "rounds=4")
     return [entry.with_defaults(defaults).checked() for entry in found], left_out
 
 

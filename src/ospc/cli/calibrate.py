@@ -229,7 +229,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
 def _calibrate_rig(request: _Request) -> int:
     """Calibrate one camera after the other; what goes wrong with one does not keep the others from it."""
-    from ospc.cli.rig_scale import rig_scale_or_error
+    from ospc.cli.rig_scale import add_rig_scale
 
     contents: dict[str, dict[str, Any]] = {}
     cameras = request.reading.cameras(request.path)
@@ -248,7 +248,11 @@ def _calibrate_rig(request: _Request) -> int:
     code = next((c for c in (INTERRUPTED, 1, 3) if c in codes), 0)
     scale = None
     if len(cameras) > 1 and not request.interruption.requested:
-        scale = rig_scale_or_error(request.out, cameras, talkative=request.talkative)
+        try:
+            scale = add_rig_scale(request.out, cameras, talkative=request.talkative)
+        except OspcError as error:  # the calibrations are worth more than the scale
+            click.echo(f"ospc: error: no relative irradiance scale: {error}", err=True)
+            scale = {"error": str(error)}
     if request.as_json:
         print_json({"exit_code": code, "cameras": contents, "relative_scale": scale})
     return code

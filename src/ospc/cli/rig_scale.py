@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.errors import NotObservableError, OspcError
+from ospc.errors import NotObservableError
 
 if TYPE_CHECKING:
     from ospc.recording import Recording
@@ -58,14 +58,3 @@ def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, 
             click.echo(f"warning: overlaps contradict each other by {found.misfit:.0f} standard deviations", err=True)
         click.echo(f"written to {out / RIG_NAME}")
     return found.as_dict()
-
-
-def rig_scale_or_error(
-    out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool
-) -> dict[str, Any]:
-    """Do the same, but let a failure be one line: the calibrations are worth more than the scale."""
-    try:
-        return add_rig_scale(out, cameras, talkative=talkative)
-    except OspcError as error:
-        click.echo(f"ospc: error: no relative irradiance scale: {error}", err=True)
-        return {"error": str(error)}
