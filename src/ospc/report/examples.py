@@ -190,13 +190,13 @@ def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int,
         if first in frames and second in frames:
             a, b = frames[first], frames[second]
             longer_ms = max(a.exposure_ms, b.exposure_ms)
-            corrected = (_corrected(corrector, a, longer_ms), _corrected(corrector, b, longer_ms))
+            corrected = (corrected_picture(corrector, a, longer_ms), corrected_picture(corrector, b, longer_ms))
             exposures_ms = (a.exposure_ms, b.exposure_ms)
             found.append(PicturePair((first, second), exposures_ms, _reduced(raw.pair(a, b)), _reduced(corrected)))
     return tuple(found)
 
 
-def _corrected(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
+def corrected_picture(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
     """Return what the camera would have recorded without vignette at another exposure, in 8 bit."""
     light = corrector.correct(frame.image, frame.exposure_ms, mark_saturated=False)
     irradiance = np.clip(np.nan_to_num(np.asarray(light, np.float64)) * exposure_ms, 0.0, 1.0)
