@@ -62,25 +62,10 @@ class Camera:
 def merged_cameras(
     rows: Sequence[Row], store: Store, folder: Path, progress: Callable[[int, int], None]
 ) -> tuple[list[Camera], list[Row]]:
-    """Merge the results of each camera, and write its folder.
+    """Merge the results of each camera into its folder.
 
-    Parameters
-    ----------
-    rows
-        The recordings.
-    store
-        Their results.
-    folder
-        Folder of the batch.
-    progress
-        Told how many cameras of how many are done.
-
-    Returns
-    -------
-    cameras
-        In the order in which the rows name them.
-    rows
-        The same rows with ``differs`` filled in.
+    Returns the cameras in the order of the rows, and the rows with ``differs`` filled in; ``progress`` is told how
+    many cameras of how many are done.
     """
     by_name: dict[str, list[Row]] = {}
     for row in rows:

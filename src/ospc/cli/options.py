@@ -19,8 +19,11 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 PATH = click.Path(path_type=Path)
 
+_HELP_COLUMNS = 76
+"""Width of help texts in a terminal of 80 columns, less their indentation."""
 
-class _Size(click.ParamType[Any]):
+
+class _Size(click.ParamType):  # type: ignore[type-arg]  # generic in new versions of click only
     """Width and height such as ``640x480``."""
 
     name = "size"
@@ -41,7 +44,7 @@ class _Size(click.ParamType[Any]):
         return size
 
 
-class _Lag(click.ParamType[Any]):
+class _Lag(click.ParamType):  # type: ignore[type-arg]
     """``auto``, ``never`` or a number of frames."""
 
     name = "lag"
@@ -77,7 +80,9 @@ def exit_codes(meanings: dict[int, str]) -> str:
     every = {1: "error", 2: "wrong usage"} | meanings
     width = max(len(str(code)) for code in every)
     lines = [
-        textwrap.fill(every[code], 100, initial_indent=f"  {code:<{width}}  ", subsequent_indent=" " * (width + 4))
+        textwrap.fill(
+            every[code], _HELP_COLUMNS, initial_indent=f"  {code:<{width}}  ", subsequent_indent=" " * (width + 4)
+        )
         for code in sorted(every)
     ]
     return "\b\n" + "\n".join(["Exit codes:", *lines])

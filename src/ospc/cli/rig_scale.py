@@ -23,14 +23,7 @@ _LARGE_MISFIT = 4.0
 def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool) -> dict[str, Any]:
     """Find the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
 
-    Parameters
-    ----------
-    out
-        Folder that holds the folder of each camera.
-    cameras
-        What opens the recording of each.
-    talkative
-        Whether to say what was found.
+    ``out`` holds the folder of each camera.
     """
     from ospc.photometry.calibration import Calibration
     from ospc.rig import rig_scale

@@ -27,17 +27,7 @@ _LEAST_RESIDUAL = 0.5
 
 
 def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) -> Any:
-    """Draw the exposure of every frame according to the metadata, and as estimated from the images.
-
-    Parameters
-    ----------
-    cell
-        Where to draw.
-    exposures_ms
-        From the metadata, shape (frames,).
-    ratios
-        Exposure ratios of pairs of these frames.
-    """
+    """Draw the exposure of every frame according to the metadata, and as estimated from the images."""
     axes = axes_in(cell)
     frames, estimated_ms = exposures_from_images(exposures_ms, ratios)
     chosen = _thinned(len(frames))
@@ -53,22 +43,11 @@ def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) 
 
 
 def exposures_from_images(exposures_ms: FloatArray, ratios: ExposureRatios) -> tuple[IntArray, FloatArray]:
-    """Return frames and their exposures as estimated from the images.
+    """Return frames in ascending order and their exposures in ms as estimated from the images.
 
     A pair of frames gives the exposure of the later one: that of the earlier one by the metadata, divided by the
-    ratio between the two. A frame gets the median over its pairs, weighted by their samples.
-
-    Parameters
-    ----------
-    exposures_ms
-        From the metadata, shape (frames,).
-    ratios
-        Exposure ratios of pairs of these frames; those with few samples are not used.
-
-    Returns
-    -------
-    tuple
-        Frame numbers in ascending order, and exposures in ms, shape (estimated frames,) each.
+    ratio between the two. A frame gets the median over its pairs, weighted by their samples; pairs with few samples
+    are not used.
     """
     pairs = np.flatnonzero(ratios.samples >= FEW_SAMPLES)
     first, second = ratios.frames[pairs].T

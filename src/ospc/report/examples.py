@@ -92,16 +92,9 @@ class Examples:
 
 
 def examples_of(calibration: Calibration, recording: Recording, tracked_frames: int = TRACKED_FRAMES) -> Examples:
-    """Try a calibration on a recording.
+    """Try a calibration on a recording of its camera; an unknown response or vignette is taken to be the identity.
 
-    Parameters
-    ----------
-    calibration
-        An unknown response or vignette is taken to be the identity.
-    recording
-        The recording it was made from, or another of the same camera.
-    tracked_frames
-        Length of the excerpt in which to track points, placed where the exposure changes most; 0 for none.
+    Points are tracked through an excerpt of so many frames where the exposure changes most; through none if it is 0.
     """
     if calibration.size != recording.size:
         return Examples(notes=("no pictures: the recording has another image size than the calibration",))
