@@ -19,6 +19,9 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 PATH = click.Path(path_type=Path)
 
+_MOST_LAG_FRAMES = 1000
+"""Largest lag that can be stated; no camera buffers nearly as many frames."""
+
 _HELP_COLUMNS = 76
 """Width of help texts in a terminal of 80 columns, less their indentation."""
 
@@ -54,9 +57,14 @@ class _Lag(click.ParamType):  # type: ignore[type-arg]
         from ospc.exposures.findings import lag_choice
 
         try:
-            return lag_choice(str(value))
+            choice = lag_choice(str(value))
         except SettingError as error:
             self.fail(str(error), param, ctx)
+        if isinstance(choice, int) and abs(choice) > _MOST_LAG_FRAMES:
+            self.fail(
+                f"no camera is {abs(choice)} frames late; at most {_MOST_LAG_FRAMES} can be corrected", param, ctx
+            )
+        return choice
 
 
 SIZE = _Size()

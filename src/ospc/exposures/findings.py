@@ -26,9 +26,6 @@ _UNEXPLAINED_SHARE = 0.25
 _NOTABLE_RMS_LOG = 0.006
 """Unexplained change of ln brightness a frame below which nothing is doubted: registration alone leaves as much."""
 
-_MOST_LAG_FRAMES = 1000
-"""Largest lag that can be stated; no camera buffers nearly as many frames."""
-
 _FEW_FRAMES = 40
 """Recordings with fewer frames, such as a series of photographs, cannot be checked and are not doubted for it."""
 
@@ -154,12 +151,9 @@ def lag_choice(text: str) -> LagChoice:
     if named == "never":
         return "never"
     try:
-        frames = int(named)
+        return int(named)
     except ValueError:
-        frames = _MOST_LAG_FRAMES + 1
-    if abs(frames) > _MOST_LAG_FRAMES:
-        raise SettingError(f"{text!r} is neither auto nor never nor a number of frames such as 2 or -1")
-    return frames
+        raise SettingError(f"{text!r} is neither auto nor never nor a number of frames such as 2 or -1") from None
 
 
 def check_lag(choice: LagChoice, frames: int) -> None:
