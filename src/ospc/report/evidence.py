@@ -75,7 +75,7 @@ def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
     logarithmic(axes, "x", low, high)
     logarithmic(axes, "y", low, high * (high / low) ** 0.45)  # room for the legend
     title = f"median |Δ ln k| of all {ratios.metadata.size} pairs: {ratios.misfit:.2g}"
-    axes.legend(loc="upper left", title=title, alignment="left")
+    axes.legend(loc="upper left", title=title, title_fontsize=8, alignment="left")
     return axes
 
 
