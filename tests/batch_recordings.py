@@ -47,7 +47,6 @@ class Pretending:
 
     failing: dict[str, int] = field(default_factory=dict)
     asked: list[tuple[str, str]] = field(default_factory=list)
-    name = "pretending"
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Give the answers in order."""

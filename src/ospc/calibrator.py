@@ -10,7 +10,7 @@ from typing import Any
 from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, SettingError
-from ospc.exposures.findings import LagChoice, check_lag
+from ospc.exposures.findings import LagChoice, check_lag, lag_choice
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
@@ -119,22 +119,16 @@ class OnlineCalibrator(Engine):
         FormatError
             If there is no such file, it is torn or damaged, or another version wrote it.
         """
-        saved = load_run(path, EngineState)
-        settings = _settings_of(saved.run.settings, saved.name)
-        method = saved.method(MaximumLikelihoodState)
+        run, method = load_run(path, EngineState, MaximumLikelihoodState)
+        settings = _settings_of(run.settings, str(path))
         try:
-            calibrator = cls(settings, correct_lag=_lag_choice(saved.run.correct_lag))
-            calibrator.restore(saved.run, method)
+            lag: LagChoice = "trusted" if run.correct_lag == "trusted" else lag_choice(run.correct_lag)
+            calibrator = cls(settings, correct_lag=lag)
+            calibrator.restore(run, method)
         except (ValueError, SettingError) as error:
-            raise FormatError(f"{saved.name}: not readable as a state ({error})") from None
-        calibrator.source, calibrator.saved_by = saved.run.source, saved.run.versions
+            raise FormatError(f"{path}: not readable as a state ({error})") from None
+        calibrator.source, calibrator.saved_by = run.source, run.versions
         return calibrator
-
-
-def _lag_choice(text: str) -> LagChoice:
-    if text in ("auto", "never", "trusted"):
-        return text  # type: ignore[return-value]  # one of the three literals
-    return int(text)
 
 
 def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:

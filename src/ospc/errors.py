@@ -55,3 +55,9 @@ class MissingExtraError(OspcError):
 def said_by(error: BaseException, most: int | None = None) -> str:
     """Return the message of an error on one line, of at most so many characters."""
     return " ".join(str(error).split())[:most]
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an error says on one line; one that nobody expected with its type."""
+    text = said_by(error)
+    return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -11,7 +10,7 @@ from pathlib import Path
 
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
-from ospc.formats.files import read_text
+from ospc.formats.files import json_object
 from ospc.formats.opening import Photometry
 from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.calibration import Calibration
@@ -143,19 +142,17 @@ class OutputFolder:
         stop
             Called before each picture; true to leave out the rest.
         """
-        written = Written()
-        exposures_ms = exposures_beside(self.path)
-        for name in PICTURES:
-            if stop():
-                return written + Written(notes=("interrupted before all pictures were drawn",))
-            try:
-                drawn = write_picture(name, calibration, self.path / name, truth, exposures_ms)
-            except OspcError as error:
-                return written + Written(problems=(str(error),))
-            except Exception as error:  # a failed picture must not cost the files that follow
-                return written + Written(problems=(f"{self.path / name}: cannot be drawn ({error})",))
-            written += Written(() if drawn is None else (drawn,))
-        return written
+
+        def pictures() -> Iterator[Written]:
+            findings = Findings(calibration, exposures_beside(self.path), truth=truth)
+            for name in PICTURES:
+                if stop():
+                    yield Written(notes=("interrupted before all pictures were drawn",))
+                    return
+                drawn = write_picture(name, findings, self.path / name)
+                yield Written(() if drawn is None else (drawn,))
+
+        return _collected(pictures(), f"{self.path}: the pictures cannot be drawn")
 
     def report(
         self,
@@ -178,22 +175,17 @@ class OutputFolder:
         pdf
             Whether to write the PDF too.
         """
-        written = Written()
-        try:
-            findings = self._findings(calibration, recording, truth)
-            written += Written((write_page(findings, self.path / "report.html"),))
-            if pdf:
-                written += Written((write_pdf(findings, self.path / "report.pdf"),))
-        except OspcError as error:
-            return written + Written(problems=(str(error),))
-        except Exception as error:  # a failed report must not cost the files that follow
-            return written + Written(problems=(f"{self.path}: the report cannot be written ({error})",))
-        return written
 
-    def _findings(self, calibration: Calibration, recording: Recording | None, truth: Photometry | None) -> Findings:
-        if recording is None:
-            return Findings(calibration, exposures_beside(self.path), Examples(), truth)
-        return Findings(calibration, recording.exposures_ms, examples_of(calibration, recording), truth)
+        def reports() -> Iterator[Written]:
+            if recording is None:
+                findings = Findings(calibration, exposures_beside(self.path), Examples(), truth)
+            else:
+                findings = Findings(calibration, recording.exposures_ms, examples_of(calibration, recording), truth)
+            yield Written((write_page(findings, self.path / "report.html"),))
+            if pdf:
+                yield Written((write_pdf(findings, self.path / "report.pdf"),))
+
+        return _collected(reports(), f"{self.path}: the report cannot be written")
 
     @staticmethod
     def _writers(
@@ -221,6 +213,19 @@ class OutputFolder:
                 except OSError as error:
                     problems.append(f"{place}: left by an earlier run, and cannot be removed ({error.strerror})")
         return Written(problems=tuple(problems))
+
+
+def _collected(parts: Iterator[Written], failure: str) -> Written:
+    """Return what is written part by part until one fails; that must not cost the files that follow."""
+    written = Written()
+    try:
+        for part in parts:
+            written += part
+    except OspcError as error:
+        written += Written(problems=(str(error),))
+    except Exception as error:
+        written += Written(problems=(f"{failure} ({error})",))
+    return written
 
 
 def _check(place: Path, recording: Path | None, force: bool) -> None:
@@ -251,8 +256,4 @@ def _is_earlier_output(place: Path) -> bool:
     # A run that was killed before its end leaves only its state, finished or half written.
     if all(_STATE.fullmatch(entry.name) for entry in place.iterdir()):
         return True
-    try:
-        content = json.loads(read_text(place / "calibration.json"))
-    except (OspcError, ValueError, RecursionError):
-        return False
-    return isinstance(content, dict) and str(content.get("schema")).startswith(_SCHEMA_BEGINNING)
+    return str(json_object(place / "calibration.json").get("schema")).startswith(_SCHEMA_BEGINNING)

@@ -16,11 +16,12 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.atomic import write_atomically
 from ospc.correspondence.features import Features, SiftExtractor, match
-from ospc.errors import FormatError, FrameError, NotObservableError
+from ospc.errors import FrameError, NotObservableError
+from ospc.formats.files import write_text
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
 
@@ -106,13 +107,7 @@ class RigScale:
         FormatError
             If it cannot be written.
         """
-        place = Path(path)
-        try:
-            return write_atomically(place, json.dumps(self.as_dict(), indent=1, allow_nan=False).encode() + b"\n")
-        except OSError as error:
-            raise FormatError(
-                f"{place}: cannot be written ({error.strerror}); check that the folder exists"
-            ) from None
+        return write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
 
 
 @dataclass(frozen=True)
@@ -273,7 +268,11 @@ def _epipolar(points0: FloatArray, points1: FloatArray) -> BoolArray:
 
 def _solved(names: Sequence[str], pairs: tuple[PairScale, ...], left_out: dict[str, str]) -> RigScale:
     """Return the scales that agree best with all overlaps, by least squares, given that of the first camera."""
-    reached = _reached(names[0], pairs)
+    overlap = np.eye(len(names))
+    for pair in pairs:
+        overlap[names.index(pair.cameras[0]), names.index(pair.cameras[1])] = 1
+    part = connected_components(overlap, directed=False)[1]
+    reached = {name for name, number in zip(names, part, strict=True) if number == part[0]}
     left_out = left_out | {
         name: f"its view overlaps with none that leads to {names[0]}" for name in names if name not in reached
     }
@@ -301,13 +300,3 @@ def _solved(names: Sequence[str], pairs: tuple[PairScale, ...], left_out: dict[s
         left_out,
         misfit if len(used) >= len(inside) else 0.0,
     )
-
-
-def _reached(start: str, pairs: Sequence[PairScale]) -> set[str]:
-    reached, before = {start}, set[str]()
-    while reached != before:
-        before = set(reached)
-        for pair in pairs:
-            if reached & set(pair.cameras):
-                reached |= set(pair.cameras)
-    return reached

@@ -67,7 +67,7 @@ def test_recordings_named_twice_are_one(recordings):
 
 
 def test_options_of_an_entry_go_before_those_of_the_command():
-    entry = Entry("r", "A", options_of("rounds=4")).with_defaults(options_of("rounds=2;channel=red"))
+    entry = Entry("r", "A", options_of("rounds=4")).with_defaults({"rounds": "2", "channel": "red"})
     assert entry.settings.rounds == 4
     assert entry.reading.channel is Channel.RED
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
 from batch_recordings import QUICK, simulated, variant
+from command_line import ospc
 from ospc.batch.local import ThisProcess
-from ospc.cli.batch import command
 from ospc.errors import RecordingError
 
 SETTINGS = [part for name, value in QUICK for part in ("--set", f"{name}={value}")]
@@ -30,8 +30,7 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr("ospc.batch.local.Processes", lambda _count: ThisProcess())
 
 
-def run(*arguments):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
+run = partial(ospc, "batch")
 
 
 def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
@@ -71,3 +70,20 @@ def test_an_empty_folder_is_one_line(tmp_path):
     result = run(tmp_path / "empty", "-o", tmp_path / "out")
     assert isinstance(result.exception, RecordingError)
     assert "no recordings there" in str(result.exception)
+
+
+def test_folders_without_a_recording_are_named_with_the_reason(folder, tmp_path):
+    for name in ("empty", "notes/deep"):
+        (tmp_path / "data" / name).mkdir(parents=True)
+    (tmp_path / "data" / "notes" / "deep" / "readme.txt").write_text("no recording")
+    (tmp_path / "data" / "A").symlink_to(folder / "A" / "r0")
+    result = run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS)
+    assert result.exit_code == 0, result.output
+    said = [line for line in result.stderr.splitlines() if line.startswith("left out: ")]
+    assert said == [
+        f"left out: {tmp_path / 'data' / 'empty'}: the folder is empty",
+        f"left out: {tmp_path / 'data' / 'notes'}: holds no images",
+    ]
+    assert (
+        len(json.loads(run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS, "--json").stdout)["left_out"]) == 2
+    )

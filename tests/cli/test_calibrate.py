@@ -9,13 +9,13 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from calibrations import SIZE, calibration
-from ospc.cli.calibrate import command
+from command_line import ospc
 from ospc.errors import FrameError, OspcError
 from ospc.formats.dso import read_pcalib, read_vignette, write_pcalib, write_vignette
 from ospc.methods.method import Progress
@@ -87,8 +87,7 @@ def method(monkeypatch):
     return OfThisTest
 
 
-def run(*arguments):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
+run = partial(ospc, "calibrate")
 
 
 def names(folder):

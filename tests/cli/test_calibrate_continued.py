@@ -9,11 +9,11 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.calibrate import command
+from command_line import ospc
 from ospc.errors import SettingError
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
@@ -21,7 +21,7 @@ from ospc.simulation import SimulationSettings, simulate
 
 EXPOSURES = (3.0, 6.0, 12.0, 24.0)
 QUICK = ("--set", "points_per_pair=60", "--set", "max_points=1500", "--set", "rounds=3", "--set", "keyframes=6")
-PROGRAM = "from ospc import output; output.PICTURES = (); from ospc.cli.calibrate import command; command()"
+PROGRAM = "from ospc import output; output.PICTURES = (); from ospc.cli.main import main; main()"
 KILLS_S = (0.0, 0.1, 0.4)
 """How long runs live after they wrote their first checkpoint."""
 
@@ -39,8 +39,7 @@ def recording(tmp_path_factory):
     return simulated(tmp_path_factory.mktemp("recordings") / "first")
 
 
-def run(*arguments):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
+run = partial(ospc, "calibrate")
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +62,7 @@ def test_killed_again_and_again_it_ends_with_the_same_bytes(recording, uninterru
     for after_s in KILLS_S:
         before = (out / "state.ospc").stat().st_mtime_ns if (out / "state.ospc").exists() else 0
         process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            [sys.executable, "-c", PROGRAM, "calibrate", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
         )
         while process.poll() is None:
             if (out / "state.ospc").exists() and (out / "state.ospc").stat().st_mtime_ns > before:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
+from functools import partial
 from pathlib import Path
 
 import cv2
 import pytest
-from click.testing import CliRunner, Result
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
 from filmed import Film, wandering  # (made for the tests of checks)
 
-from ospc.cli.main import cli
-from ospc.errors import OspcError
+from command_line import ospc
+from ospc.errors import ExposureError, OspcError
 from ospc.recording.writing.conversion import convert_recording
 
 FRAMES = 60
@@ -28,8 +29,7 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def check(*arguments: object) -> Result:
-    return CliRunner().invoke(cli, ["check", *map(str, arguments)])
+check = partial(ospc, "check")
 
 
 def test_json_is_one_object_and_the_picture_beside_it(late: Path, tmp_path: Path) -> None:
@@ -89,3 +89,17 @@ def test_real_recordings_agree_with_what_is_known_of_them(real_data: Path) -> No
         "exposures": "identifiable",
     }
     assert said["exposure"]["cycle_frames"] == 6
+
+
+def test_missing_exposures_name_the_way_without_them(late: Path, tmp_path: Path) -> None:
+    shutil.copytree(late, tmp_path / "bare")
+    lines = (tmp_path / "bare" / "times.txt").read_text().splitlines()
+    for times in ("\n".join(" ".join(line.split()[:2]) for line in lines), None):
+        place = tmp_path / "bare" / "times.txt"
+        place.unlink() if times is None else place.write_text(times)
+        for words in (["check"], ["calibrate", "-o", tmp_path / "out"]):
+            result = ospc(words[0], tmp_path / "bare", *words[1:])
+            assert isinstance(result.exception, ExposureError)
+            assert "'ospc calibrate --unknown-exposures'" in str(result.exception)
+    (tmp_path / "bare" / "times.txt").write_text(lines[0])
+    assert "--unknown-exposures" not in str(check(tmp_path / "bare").exception)  # it would not help

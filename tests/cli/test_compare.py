@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.compare import command
+from command_line import ospc
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.lensfun import write_lensfun
@@ -26,7 +25,7 @@ def folders(tmp_path):
 
 
 def run(*arguments: str):
-    result = CliRunner().invoke(command, arguments)
+    result = ospc("compare", *arguments)
     assert result.exit_code == 0, result.output
     return result.output
 
@@ -58,14 +57,14 @@ def test_lensfun_takes_the_image_size_from_the_other_file(folders, tmp_path):
     lens = str(tmp_path / "lens.xml")
     for pair in ((lens, folders[1]), (folders[1], lens)):
         assert json.loads(run(*pair, "--json"))["unaligned"]["vignette_pixel_rmse"] < 1e-5
-    result = CliRunner().invoke(command, [lens, lens])
+    result = ospc("compare", lens, lens)
     assert isinstance(result.exception, SettingError)
 
 
 def test_a_file_of_another_kind_is_not_sent_to_the_repair(folders, tmp_path):
     for name, text in (("lens.txt", "<lensdatabase/>"), ("notes.md", "0 1 2"), ("empty.txt", "")):
         (tmp_path / name).write_text(text)
-        result = CliRunner().invoke(command, [str(tmp_path / name), folders[0]])
+        result = ospc("compare", str(tmp_path / name), folders[0])
         assert isinstance(result.exception, FormatError)
         assert "--repair" not in str(result.exception)
 
@@ -73,3 +72,14 @@ def test_a_file_of_another_kind_is_not_sent_to_the_repair(folders, tmp_path):
 def test_plot(folders, tmp_path):
     assert "plot.svg" in run(*folders, "--plot", str(tmp_path / "plot.svg"))
     assert (tmp_path / "plot.svg").stat().st_size > 1000
+
+
+def test_calibrations_in_folders_of_one_name_are_told_apart(folders, tmp_path):
+    for name, folder in zip(("one", "two"), folders, strict=True):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "seq").symlink_to(folder)
+    pair = [str(tmp_path / name / "seq") for name in ("one", "two")]
+    assert f"{pair[0]}  against  {pair[1]}" in run(*pair, "--plot", str(tmp_path / "plot.svg"))
+    drawn = (tmp_path / "plot.svg").read_text()
+    assert "one/seq" in drawn
+    assert "two/seq" in drawn

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
-from ospc.cli import convert as module
-from ospc.cli.main import cli
+from command_line import ospc
+from ospc.cli.interruption import INTERRUPTED, Interruption
 from ospc.errors import FrameError, OspcError
 from ospc.recording import ArrayRecording, open_recording
 from ospc.recording.writing.conversion import convert_recording
@@ -25,8 +25,7 @@ def recording(tmp_path: Path) -> Path:
     return place
 
 
-def convert(*arguments: object) -> Result:
-    return CliRunner().invoke(cli, ["convert", *map(str, arguments)])
+convert = partial(ospc, "convert")
 
 
 def test_it_says_what_it_wrote(recording: Path, tmp_path: Path) -> None:
@@ -66,12 +65,9 @@ def test_what_cannot_be_is_one_line(
 
 
 def test_interrupted_it_leaves_nothing(recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Interrupted(module.Interruption):
-        requested = True
-
-    monkeypatch.setattr(module, "Interruption", Interrupted)
+    monkeypatch.setattr(Interruption, "requested", True)
     result = convert(recording, "-o", tmp_path / "out")
-    assert result.exit_code == module.INTERRUPTED
+    assert result.exit_code == INTERRUPTED
     assert "nothing was written" in result.stderr
     assert not (tmp_path / "out").exists()
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.correct import command
+from command_line import ospc
 from ospc.correction.recording import correct_recording
 from ospc.errors import ExposureError, FormatError, NotObservableError, OspcError, RecordingError, SettingError
 from ospc.formats.opening import open_photometry
@@ -40,8 +40,7 @@ def calibration(made, tmp_path_factory):
     return known.save(tmp_path_factory.mktemp("calibration") / "calibration.json")
 
 
-def run(*arguments: object):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
+run = partial(ospc, "correct")
 
 
 def written(folder):

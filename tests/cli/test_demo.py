@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from click.testing import CliRunner
+from functools import partial
 
-from ospc.cli.demo import command
+from command_line import ospc
 from ospc.photometry.calibration import Calibration
 
-
-def run(*arguments):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
+run = partial(ospc, "demo")
 
 
 def test_it_makes_a_recording_and_its_calibration_and_can_be_repeated(tmp_path):

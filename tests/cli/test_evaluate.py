@@ -6,9 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.evaluate import command
+from command_line import ospc
 
 
 @pytest.fixture
@@ -24,14 +23,14 @@ def files(tmp_path):
 
 
 def test_ealign_prints_its_figures_with_units(files):
-    result = CliRunner().invoke(command, ["ealign", *files])
+    result = ospc("evaluate", "ealign", *files)
     assert result.exit_code == 0
     for word in ("e_align", "e_s", "e_r", "ATE", "RPE", "degrees", "50, 20 with truth"):
         assert word in result.output
 
 
 def test_ealign_as_json(files):
-    content = json.loads(CliRunner().invoke(command, ["ealign", *files, "--json"]).output)
+    content = json.loads(ospc("evaluate", "ealign", *files, "--json").output)
     assert 0 < content["e_align"] < 0.2
     assert content["e_s"] == pytest.approx(1, abs=0.1)
     assert content["e_r"] == content["e_r_deg"] < 5
@@ -42,8 +41,8 @@ def test_ealign_as_json(files):
 
 
 def test_relative_errors_that_cannot_be_known_do_not_hide_the_others(files):
-    result = CliRunner().invoke(command, ["ealign", *files, "--interval", "100"])
+    result = ospc("evaluate", "ealign", *files, "--interval", "100")
     assert result.exit_code == 0
     assert "apart" in result.output
-    content = json.loads(CliRunner().invoke(command, ["ealign", *files, "--interval", "100", "--json"]).output)
+    content = json.loads(ospc("evaluate", "ealign", *files, "--interval", "100", "--json").output)
     assert content["rpe_translation"] is None

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-from click.testing import CliRunner
+from functools import partial
 
-from ospc.cli.export import command
+import pytest
+
+from command_line import ospc
 from ospc.errors import SettingError
 from ospc.formats.dso import read_vignette
 from ospc.formats.validation import validate
@@ -21,8 +22,7 @@ def calibration(tmp_path):
     )
 
 
-def run(*arguments: object):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
+run = partial(ospc, "export")
 
 
 def test_dso_export_is_valid_for_dso(calibration, tmp_path):

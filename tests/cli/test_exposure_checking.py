@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
 from filmed import Film, wandering  # (made for the tests of checks)
 
-from ospc.cli.calibrate import command
+from command_line import ospc
 from ospc.photometry.calibration import Calibration
 from ospc.recording.writing.conversion import convert_recording
 
@@ -22,7 +22,7 @@ GREY = np.arange(30, 230) / 255
 
 
 def calibrated(recording: Path, out: Path, *options: str) -> tuple[Result, dict, Calibration]:
-    result = CliRunner().invoke(command, [str(recording), "-o", str(out), "--json", *options])
+    result = ospc("calibrate", recording, "-o", out, "--json", *options)
     return result, json.loads(result.stdout), Calibration.load(out / "calibration.json")
 
 
@@ -48,7 +48,7 @@ def test_a_lag_gives_a_corrected_calibration_and_a_note(late: Path, tmp_path: Pa
     assert any("2 frames late" in note for note in said["notes"])
     assert calibration.source["exposure_lag_corrected_frames"] == 2
     assert shape_error(calibration) < 0.01
-    again = CliRunner().invoke(command, [str(late), "-o", str(tmp_path), "--json", "--resume"])
+    again = ospc("calibrate", str(late), "-o", str(tmp_path), "--json", "--resume")
     assert f"going on after frame {FRAMES}" in again.stdout
 
 
@@ -64,6 +64,6 @@ def test_uncorrected_it_is_loud(late: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("choice", "code"), [("sometimes", 2), ("1.5", 2), ("100000", 2), ("500", 1)])
 def test_choices_that_mean_nothing(choice: str, code: int, late: Path, tmp_path: Path) -> None:
-    result = CliRunner().invoke(command, [str(late), "-o", str(tmp_path / "out"), "--correct-lag", choice])
+    result = ospc("calibrate", str(late), "-o", str(tmp_path / "out"), "--correct-lag", choice)
     assert result.exit_code == code
     assert not (tmp_path / "out").exists()

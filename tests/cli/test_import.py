@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.main import cli
+from command_line import ospc
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.lensfun import write_lensfun
@@ -24,8 +23,7 @@ def files(tmp_path):
     return pcalib, write_vignette(LogVignette(SIZE, (-0.6, -0.2), (0.1, 0.0)), tmp_path / "vignette.png")
 
 
-def run(*arguments: object):
-    return CliRunner().invoke(cli, [str(a) for a in arguments])
+run = ospc
 
 
 def test_export_gives_the_same_files_back(files, tmp_path):

@@ -6,12 +6,11 @@ import sys
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
+from command_line import ospc
 from ospc.calibrator import OnlineCalibrator
-from ospc.cli.calibrate import command
-from ospc.cli.live import Pace
 from ospc.cli.live_rerun import RerunStream
+from ospc.cli.pace import Pace
 from ospc.errors import FormatError, MissingExtraError
 from ospc.recording import open_recording
 from ospc.simulation import SimulationSettings, simulate
@@ -85,16 +84,14 @@ def test_the_file_holds_images_matches_curves_and_exposures(tmp_path, bit_depth)
 
 def test_calibrate_streams_to_a_file(recording, tmp_path):
     pytest.importorskip("rerun")
-    done = CliRunner().invoke(
-        command, [str(recording.path), "-o", str(tmp_path / "out"), "-q", "--rerun-file", str(tmp_path / "run.rrd")]
-    )
+    done = ospc("calibrate", recording.path, "-o", tmp_path / "out", "-q", "--rerun-file", tmp_path / "run.rrd")
     assert done.exit_code in (0, 3)
     assert len(read_back(tmp_path / "run.rrd")["/exposure/stated", "Scalars:scalars"]) == FRAMES
 
 
 def test_without_the_package_the_extra_is_named_before_the_work(recording, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    done = CliRunner().invoke(command, [str(recording.path), "-o", str(tmp_path / "out"), "--rerun"])
+    done = ospc("calibrate", str(recording.path), "-o", str(tmp_path / "out"), "--rerun")
     assert isinstance(done.exception, MissingExtraError)
     assert "rerun" in str(done.exception)
     assert not (tmp_path / "out").exists()

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from functools import partial
+from itertools import islice
 
+import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.merge import command
+from command_line import ospc
+from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import read_pcalib, read_vignette
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.pooling.pool import Pool
+from ospc.recording import open_recording
+from ospc.simulation import SimulationSettings, simulate
 from summaries import CAMERA, OTHER_LENS, SIZE, summary
 
 
@@ -35,8 +41,7 @@ def no_pictures(monkeypatch):
     monkeypatch.setattr("ospc.output.PICTURES", ())
 
 
-def run(*arguments):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
+run = partial(ospc, "merge")
 
 
 def test_the_output_is_that_of_a_calibration_and_can_be_merged_again(states, tmp_path):
@@ -82,3 +87,34 @@ def test_wrong_input_is_one_line_and_writes_nothing(states, tmp_path):
     (tmp_path / "full" / "mine.txt").write_text("mine")
     assert isinstance(run(states[0], "-o", tmp_path / "full").exception, SettingError)
     assert not (tmp_path / "out").exists()
+
+
+def test_recordings_of_one_name_are_told_apart_by_the_shortest_paths(tmp_path):
+    folders = [tmp_path / day / "out" for day in ("monday", "tuesday", "friday")]
+    for number, (folder, camera) in enumerate(zip(folders, (CAMERA, CAMERA, OTHER_LENS), strict=True)):
+        folder.mkdir(parents=True)
+        Pool.of([replace(summary(camera, number), name="seq")]).save(folder / "state.ospc")
+    result = run(*folders, "-o", tmp_path / "merged")
+    assert "warning: seq (friday/out) differs from the others" in result.stderr
+    names = [recording["name"] for recording in Calibration.load(tmp_path / "merged").source["recordings"]]
+    assert sorted(names) == ["seq (friday/out)", "seq (monday/out)", "seq (tuesday/out)"]
+    again = run(folders[0], folders[0] / "state.ospc", "-o", tmp_path / "again")
+    assert again.exit_code in (0, 3)
+    assert Calibration.load(tmp_path / "again").source["name"] == "seq"
+
+
+def test_of_an_unfinished_run_the_frames_so_far_count(tmp_path):
+    settings = SimulationSettings(size=(160, 120), frames=24, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0))
+    simulate(tmp_path / "r", settings)
+    calibrator = OnlineCalibrator()
+    for frame in islice(open_recording(tmp_path / "r"), 20):
+        calibrator.push(frame)
+    calibrator.save_state(tmp_path / "checkpoint.ospc")
+    calibrator.save_state(tmp_path / "finished.ospc", complete=True)
+    for name in ("checkpoint", "finished"):
+        result = run(tmp_path / f"{name}.ospc", "-o", tmp_path / name)
+        assert result.exit_code in (0, 3), result.output
+        assert "from 1 recordings, 20 frames" in result.stdout
+    checkpoint, finished = (Pool.load(tmp_path / name).summaries[0] for name in ("checkpoint", "finished"))
+    assert checkpoint.key == finished.key
+    assert np.allclose(checkpoint.vector, finished.vector)

@@ -9,20 +9,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))
 from bag_samples import FLIR, floats, images, metadata, write_bag1  # (made for the tests of readers)
 
-from ospc.cli.main import cli
+from command_line import ospc
 from ospc.recording import open_recording
 
 SIZE = (64, 48)
 FRAMES = [cv2.resize(np.random.default_rng(i).integers(0, 255, (6, 8), np.uint8), SIZE) for i in range(4)]
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(cli, [str(a) for a in arguments])
+run = ospc
 
 
 @pytest.fixture

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.main import cli
+from command_line import ospc
 from ospc.errors import ExposureError, OspcError, SettingError
 from ospc.recording import Frame, open_recording
 from ospc.recording.options import ReadingOptions
@@ -57,7 +56,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_what_is_filmed_is_a_recording(asked: dict[str, Any], tmp_path: Path) -> None:
-    result = CliRunner().invoke(cli, ["record", "opencv:3", "-o", str(tmp_path / "out"), "--gain-unit", "db"])
+    result = ospc("record", "opencv:3", "-o", str(tmp_path / "out"), "--gain-unit", "db")
     assert result.exit_code == 0, (result.output, result.exception)
     assert "6 frames of 1 to 6 ms, 1 repeated ones left out" in result.stdout
     assert "exposures are pretended" in result.stderr
@@ -72,13 +71,13 @@ def test_what_is_filmed_is_a_recording(asked: dict[str, Any], tmp_path: Path) ->
 
 def test_it_ends_after_so_many_frames(asked: dict[str, Any], tmp_path: Path) -> None:
     asked["camera"] = Camera(10**9)
-    assert CliRunner().invoke(cli, ["record", "realsense", "-o", str(tmp_path), "-n", "4", "-q"]).output == ""
+    assert ospc("record", "realsense", "-o", str(tmp_path), "-n", "4", "-q").output == ""
     assert len(open_recording(tmp_path)) == 4
 
 
 def test_what_came_before_a_failure_is_complete(asked: dict[str, Any], tmp_path: Path) -> None:
     asked["camera"] = Camera(fails=True)
-    result = CliRunner().invoke(cli, ["record", "depthai", "-o", str(tmp_path)])
+    result = ospc("record", "depthai", "-o", str(tmp_path))
     assert str(result.exception) == "pretended: no exposure"
     assert len(open_recording(tmp_path)) == 6
 
@@ -86,10 +85,10 @@ def test_what_came_before_a_failure_is_complete(asked: dict[str, Any], tmp_path:
 def test_nothing_is_overwritten_and_no_frame_is_said(asked: dict[str, Any], tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "a.txt").write_text("kept")
-    result = CliRunner().invoke(cli, ["record", "opencv:0", "-o", str(tmp_path / "mine")])
+    result = ospc("record", "opencv:0", "-o", str(tmp_path / "mine"))
     assert isinstance(result.exception, SettingError)
     assert [p.name for p in (tmp_path / "mine").iterdir()] == ["a.txt"]
     asked["camera"] = Camera(0)
-    result = CliRunner().invoke(cli, ["record", "opencv:0", "-o", str(tmp_path / "none")])
+    result = ospc("record", "opencv:0", "-o", str(tmp_path / "none"))
     assert isinstance(result.exception, OspcError)
     assert "delivered no frames" in str(result.exception)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from calibrations import SIZE, calibration
-from ospc.cli import calibrate, report
+from command_line import ospc
 from ospc.errors import FormatError, OspcError
 from ospc.simulation import SimulationSettings, simulate
 
@@ -25,12 +24,8 @@ def folder(tmp_path):
     return tmp_path
 
 
-def call(command, *arguments):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
-
-
 def test_calibrate_writes_one_even_if_nothing_was_found(recording, tmp_path):
-    done = call(calibrate.command, recording, "-o", tmp_path / "out")
+    done = ospc("calibrate", recording, "-o", tmp_path / "out")
     assert done.exit_code == 3
     assert "report.html" in done.output
     content = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
@@ -38,21 +33,21 @@ def test_calibrate_writes_one_even_if_nothing_was_found(recording, tmp_path):
 
 
 def test_calibrate_writes_a_pdf_on_request(recording, tmp_path):
-    call(calibrate.command, recording, "-o", tmp_path / "out", "--pdf")
+    ospc("calibrate", recording, "-o", tmp_path / "out", "--pdf")
     assert (tmp_path / "out" / "report.pdf").read_bytes().startswith(b"%PDF")
-    call(calibrate.command, recording, "-o", tmp_path / "out")
+    ospc("calibrate", recording, "-o", tmp_path / "out")
     assert not (tmp_path / "out" / "report.pdf").exists()  # of an earlier run
 
 
 def test_it_is_made_anew_of_a_calibration(folder):
-    done = call(report.command, folder)
+    done = ospc("report", folder)
     assert done.exit_code == 0
     assert done.output.splitlines() == [str(folder / "report.html")]
     assert "Before and after" not in (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_pictures_come_from_the_recording_named(folder, recording):
-    assert call(report.command, folder, "--recording", recording, "--truth", recording).exit_code == 0
+    assert ospc("report", folder, "--recording", recording, "--truth", recording).exit_code == 0
     content = (folder / "report.html").read_text(encoding="utf-8")
     assert "Before and after" in content
     assert "data:image/jpeg" in content
@@ -62,13 +57,13 @@ def test_pictures_come_from_the_recording_named(folder, recording):
 def test_exposures_come_from_the_times_beside_it(folder):
     lines = [f"{n} {n} {e}" for n, e in enumerate(np.geomspace(1, 3, 41))]
     (folder / "times.txt").write_text("\n".join(lines))
-    call(report.command, folder)
+    ospc("report", folder)
     assert "exposure in ms" in (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_what_is_no_calibration_is_refused_by_name(tmp_path, recording):
     with pytest.raises(OspcError, match="not a folder"):
-        raise call(report.command, tmp_path / "absent").exception
+        raise ospc("report", tmp_path / "absent").exception
     with pytest.raises(FormatError, match=r"calibration\.json"):
-        raise call(report.command, recording).exception
+        raise ospc("report", recording).exception
     assert not (recording / "report.html").exists()

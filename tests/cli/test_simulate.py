@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.simulate import command
+from command_line import ospc
 from ospc.errors import OspcError, SettingError
 from ospc.recording import open_recording
 
 SMALL = ["--frames", "4", "--size", "64x48"]
 
 
-def run(*arguments):
-    return CliRunner().invoke(command, [str(a) for a in arguments], catch_exceptions=True)
+run = partial(ospc, "simulate")
 
 
 def test_it_makes_a_recording_and_says_where_the_truth_is(tmp_path):

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.validate import command
+from command_line import ospc
 from ospc.errors import FormatError
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 
-
-def run(*arguments: object):
-    return CliRunner().invoke(command, [str(a) for a in arguments])
+run = partial(ospc, "validate")
 
 
 @pytest.fixture

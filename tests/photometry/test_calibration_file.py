@@ -346,3 +346,15 @@ def test_a_damaged_map_is_refused_by_name(damage, tmp_path):
     with pytest.raises(FormatError) as refusal:
         Calibration.load(path)
     assert str(path) in str(refusal.value)
+
+
+def test_shown_in_a_terminal_or_notebook_it_is_short_and_harmless():
+    shown = repr(FULL)
+    assert shown == (
+        "<Calibration of é, 12×9 pixels, 12 frames, partial, response identifiable, vignette marginal, "
+        "exposures marginal>"
+    )
+    assert repr(Calibration(SIZE)) == "<Calibration of a camera, 12×9 pixels>"
+    page = replace(FULL, source={"name": "<script>"})._repr_html_()
+    assert "<script" not in page
+    assert all(verdict.reason in page for verdict in FULL.verdicts.values())

@@ -15,6 +15,7 @@ from ospc.report.charts import Findings, charts_of
 from ospc.report.curves import draw_response, draw_vignette, logarithmic
 from ospc.report.evidence import draw_ratios, exposures_from_images
 from ospc.report.style import as_svg, rules
+from ospc.report.words import facts
 
 
 def panels(draw, *arguments):
@@ -72,6 +73,21 @@ def test_an_outlier_of_few_samples_does_not_squeeze_the_others():
     (axes,) = panels(draw_ratios, ExposureRatios(frames, metadata, estimated, samples))
     assert axes.get_xlim()[1] < 3
     assert labels(axes)[-1].startswith("pair with fewer")
+
+
+def test_the_median_of_the_ratios_is_that_of_the_words():
+    """Over the same pairs, those of few samples included."""
+    n = 21
+    metadata = np.geomspace(0.5, 2, n)
+    samples = np.where(np.arange(n) < 5, 4, 200)
+    ratios = ExposureRatios(
+        np.arange(2 * n).reshape(n, 2), metadata, metadata * np.exp(0.02 * np.linspace(-1, 1, n)), samples
+    )
+    (axes,) = panels(draw_ratios, ratios)
+    title = axes.get_legend().get_title().get_text()
+    assert title == f"median |Δ ln k| of all {n} pairs: {ratios.misfit:.2g}"
+    fact = next(fact for fact in facts(calibration(exposure_ratios=ratios)) if "Exposure ratios" in fact)
+    assert f"to {100 * ratios.misfit:.2f} % (median over {n} pairs" in fact
 
 
 def test_exposures_from_images_follow_the_true_exposures():

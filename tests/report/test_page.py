@@ -133,7 +133,7 @@ def test_texts_from_outside_do_not_disturb_pictures_and_pdf(tmp_path):
     findings = hostile_findings()
     assert write_pdf(findings, tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
     for name in PICTURES:
-        write_picture(name, findings.calibration, tmp_path / name, findings.truth, EXPOSURES_MS)
+        write_picture(name, findings, tmp_path / name)
     assert (tmp_path / "figure.png").exists()
 
 

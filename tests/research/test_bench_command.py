@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 
 import pytest
-from click.testing import CliRunner
 
-from ospc.cli.bench import command
+from command_line import ospc
 from ospc.errors import SettingError
 from ospc.research.source import MeasuringTask
 
 
 def invoke(*arguments: object):
-    return CliRunner().invoke(command, ["accuracy", *map(str, arguments)])
+    return ospc("bench", "accuracy", *arguments)
 
 
 @pytest.fixture(scope="module")

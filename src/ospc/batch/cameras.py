@@ -16,6 +16,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference
 from ospc.pooling.pool import Pool
 from ospc.pooling.pooled_calibration import merge
+from ospc.state.container import STATE_NAME
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
 """Characters that folder names do not get: some file system or shell gives them a meaning."""
@@ -61,25 +62,10 @@ class Camera:
 def merged_cameras(
     rows: Sequence[Row], store: Store, folder: Path, progress: Callable[[int, int], None]
 ) -> tuple[list[Camera], list[Row]]:
-    """Merge the results of each camera, and write its folder.
+    """Merge the results of each camera into its folder.
 
-    Parameters
-    ----------
-    rows
-        The recordings.
-    store
-        Their results.
-    folder
-        Folder of the batch.
-    progress
-        Told how many cameras of how many are done.
-
-    Returns
-    -------
-    cameras
-        In the order in which the rows name them.
-    rows
-        The same rows with ``differs`` filled in.
+    Returns the cameras in the order of the rows, and the rows with ``differs`` filled in; ``progress`` is told how
+    many cameras of how many are done.
     """
     by_name: dict[str, list[Row]] = {}
     for row in rows:
@@ -117,7 +103,7 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
         merged = merge(pool)
         place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
         written = place.write(replace(merged.calibration, source=merged.calibration.source | {"name": name}))
-        pool.save(place.path / "state.ospc")
+        pool.save(place.path / STATE_NAME)
     except OspcError as error:
         return replace(camera, error=str(error))
     return replace(

@@ -46,11 +46,6 @@ class Cluster:
     address: str
     patience_s: float = 300.0
 
-    @property
-    def name(self) -> str:
-        """What messages call it."""
-        return f"the workers of {self.address}"
-
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Give the answers as they come.
 

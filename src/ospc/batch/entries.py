@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 from ospc.errors import SettingError
-from ospc.exposures.findings import LagChoice
+from ospc.exposures.findings import LagChoice, lag_choice
 from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, with_overrides
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://")
-_NAMED_LAGS: dict[str, Literal["auto", "never"]] = {"auto": "auto", "never": "never"}
 _OWN = ("kind", "correct_lag")
 _READING = tuple(declared_options())
 
@@ -49,30 +48,12 @@ class Entry:
 
     @property
     def correct_lag(self) -> LagChoice:
-        """By how many frames to shift exposures before calibrating: ``"auto"``, ``"never"``, or a number.
-
-        Raises
-        ------
-        SettingError
-            If the option is something else.
-        """
-        text = dict(self.options).get("correct_lag", "auto")
-        if text in _NAMED_LAGS:
-            return _NAMED_LAGS[text]
-        try:
-            return int(text)
-        except ValueError:
-            raise SettingError(f"option correct_lag is auto, never or a number of frames, not '{text}'") from None
+        """By how many frames to shift exposures before calibrating: ``"auto"``, ``"never"``, or a number."""
+        return lag_choice(dict(self.options).get("correct_lag", "auto"))
 
     @property
     def settings(self) -> DefaultSettings:
-        """Settings of the method.
-
-        Raises
-        ------
-        SettingError
-            If an option is unknown or its value is wrong.
-        """
+        """Settings of the method."""
         given = {name: value for name, value in self.options if name not in (*_OWN, *_READING)}
         settings = with_overrides(DefaultSettings(), given)
         assert isinstance(settings, DefaultSettings)
@@ -80,18 +61,12 @@ class Entry:
 
     @property
     def reading(self) -> ReadingOptions:
-        """How the recording is read.
-
-        Raises
-        ------
-        SettingError
-            If an option does not take its value.
-        """
+        """How the recording is read."""
         return ReadingOptions.of({name: value for name, value in self.options if name in _READING})
 
-    def with_defaults(self, defaults: tuple[tuple[str, str], ...]) -> Entry:
+    def with_defaults(self, defaults: Mapping[str, str]) -> Entry:
         """Return the entry with options added that it does not have itself."""
-        return Entry(self.recording, self.camera, tuple({**dict(defaults), **dict(self.options)}.items()))
+        return replace(self, options=tuple({**defaults, **dict(self.options)}.items()))
 
     def checked(self) -> Entry:
         """Return the entry itself, after checking its options.
@@ -99,7 +74,7 @@ class Entry:
         Raises
         ------
         SettingError
-            If an option is unknown or has a wrong value.
+            If an option is unknown or has a wrong value; the properties above raise the same.
         """
         try:
             _ = self.settings, self.reading, self.correct_lag

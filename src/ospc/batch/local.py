@@ -21,21 +21,13 @@ _PATIENCE_S = 5
 class Runner(Protocol):
     """Does tasks, here or elsewhere."""
 
-    @property
-    def name(self) -> str:
-        """What messages call it."""
-        ...
-
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Give the answers to tasks as they come, one to each, in no particular order."""
         ...
 
 
-@dataclass(frozen=True)
 class ThisProcess:
     """Does one task after the other."""
-
-    name = "this process"
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Give the answers in the order of the tasks."""
@@ -60,11 +52,6 @@ class Processes:
     """
 
     count: int
-
-    @property
-    def name(self) -> str:
-        """What messages call it."""
-        return f"{self.count} processes"
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Give the answers as they come."""

@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import glob
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ospc.batch.entries import Entry, absolute, is_address, options_of
 from ospc.batch.object_store import matches
 from ospc.errors import FormatError, MissingExtraError, RecordingError, SettingError, said_by
-from ospc.recording.kinds import kinds
+from ospc.recording.kinds import kinds, open_recording
 
 _MOST_BYTES = 1_000_000_000
 _MOST_ENTRIES = 5_000_000
@@ -24,7 +25,9 @@ _DEEPEST = 4
 _COLUMNS = ("recording", "camera", "options")
 
 
-def read_manifest(manifest: str, camera: str | None = None) -> list[Entry]:
+def read_manifest(
+    manifest: str, camera: str | None = None, left_out: Callable[[str], None] = lambda _reason: None
+) -> list[Entry]:
     """Return the recordings that a manifest names; none is opened.
 
     Parameters
@@ -40,6 +43,8 @@ def read_manifest(manifest: str, camera: str | None = None) -> list[Entry]:
         - a pattern such as ``recordings/*/cam0``, cameras as before; also of object-store addresses.
     camera
         Name of the camera of all recordings, in place of what the manifest says.
+    left_out
+        Told of each folder below the given one that holds no recording, and why.
 
     Raises
     ------
@@ -56,18 +61,17 @@ def read_manifest(manifest: str, camera: str | None = None) -> list[Entry]:
     if is_address(manifest):
         entries = [Entry(address, _parent_of(address)) for address in matches(manifest)]
     elif place.is_dir():
-        entries = [Entry(str(found.absolute()), found.absolute().parent.name) for found in _recordings_in(place)]
+        entries = [_of_path(found) for found in _recordings_in(place, left_out)]
     elif place.suffix.lower() in (".csv", ".parquet"):
         entries = list(_of_table(place))
     else:
-        found_paths = sorted(glob.glob(manifest, recursive=True))  # noqa: PTH207 (the pattern may be absolute)
-        entries = [Entry(str(Path(path).absolute()), Path(path).absolute().parent.name) for path in found_paths]
+        entries = [_of_path(Path(path)) for path in sorted(glob.glob(manifest, recursive=True))]  # noqa: PTH207 (the pattern may be absolute)
     if not entries:
         raise RecordingError(f"{manifest}: no recordings there; give a folder, a pattern, or a table that names some")
     if len(entries) > _MOST_ENTRIES:
         raise RecordingError(f"{manifest}: more than {_MOST_ENTRIES} recordings; split it")
     if camera is not None:
-        entries = [Entry(entry.recording, camera, entry.options) for entry in entries]
+        entries = [replace(entry, camera=camera) for entry in entries]
     return list(dict.fromkeys(entry.checked() for entry in entries))
 
 
@@ -76,15 +80,38 @@ def _parent_of(address: str) -> str:
     return parts[-2] if len(parts) > 1 else "camera"
 
 
-def _recordings_in(folder: Path, depth: int = 0) -> Iterator[Path]:
+def _of_path(place: Path) -> Entry:
+    return Entry(str(place.absolute()), place.absolute().parent.name)
+
+
+def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0) -> Iterator[Path]:
     """Give the recordings below a folder; a recording is not searched for others."""
     for place in sorted(folder.iterdir()):
         if place.name.startswith("."):
             continue
         if any(kind.recognises(place) for kind in kinds()):
             yield place
-        elif place.is_dir() and not place.is_symlink() and depth + 1 < _DEEPEST:
-            yield from _recordings_in(place, depth + 1)
+        elif place.is_dir():
+            below: list[Path] = []
+            unknown: list[str] = []
+            if not place.is_symlink() and depth + 1 < _DEEPEST:
+                below = list(_recordings_in(place, unknown.append, depth + 1))
+            yield from below
+            # Where nothing is found, the outermost folder is named, not everything in it.
+            for reason in unknown if below else [_why_unknown(place, depth)]:
+                left_out(reason)
+
+
+def _why_unknown(place: Path, depth: int) -> str:
+    if place.is_symlink():
+        return f"{place}: a link that leads to no recording"
+    if depth + 1 >= _DEEPEST and any(inner.is_dir() for inner in place.iterdir()):
+        return f"{place}: folders {_DEEPEST} deep and more are not searched"
+    try:
+        open_recording(place)
+    except RecordingError as error:
+        return str(error).partition(";")[0]
+    return f"{place}: not recognised as a recording"
 
 
 def _of_table(place: Path) -> Iterator[Entry]:

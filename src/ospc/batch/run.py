@@ -16,8 +16,8 @@ from ospc.batch.overview import write_overview
 from ospc.batch.store import Store
 from ospc.batch.table import CSV_NAME, PARQUET_NAME, Row, write_csv, write_parquet
 from ospc.batch.work import Answer, Task
-from ospc.errors import FormatError, MissingExtraError, OspcError, SettingError
-from ospc.formats.files import read_text, write_text
+from ospc.errors import MissingExtraError, OspcError, SettingError
+from ospc.formats.files import json_object, write_text
 from ospc.versions import versions
 
 SCHEMA = "ospc-batch/1"
@@ -251,13 +251,8 @@ def _check(place: Path, *, force: bool) -> None:
         raise SettingError(f"{place}: is a file; name a folder for the output")
     if not place.exists() or not any(place.iterdir()):
         return
-    head = place / _HEAD
-    if head.exists():
-        try:
-            content = json.loads(read_text(head))
-            schema = content.get("schema") if isinstance(content, dict) else None
-        except (FormatError, ValueError, RecursionError):
-            schema = None
+    if (place / _HEAD).exists():
+        schema = json_object(place / _HEAD).get("schema")
         if schema != SCHEMA:
             raise SettingError(
                 f"{place}: holds a batch of another version (schema {schema!r}, expected {SCHEMA!r}); choose another "

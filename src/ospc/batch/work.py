@@ -7,7 +7,7 @@ import os
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from itertools import islice
@@ -18,11 +18,11 @@ import cv2
 from threadpoolctl import threadpool_limits
 
 import ospc
-from ospc.batch.entries import Entry
+from ospc.batch.entries import Entry, is_address
 from ospc.batch.object_store import local_copy
 from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator, drive
-from ospc.errors import OspcError, said_by
+from ospc.errors import one_line
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
 
@@ -82,7 +82,7 @@ def work(task: Task) -> Answer:
     begun_s = time.monotonic()
     answer = Answer(task.number)
     try:
-        with _on_one_core(), _on_this_machine(task.entry) as place:
+        with _on_one_core(), _here(task.entry.recording) as place:
             recording = open_recording(place, task.entry.kind, task.entry.reading)
             source = identity(recording) | {"name": Path(task.entry.recording.rstrip("/")).name}
             key = _key(place, source, task.entry)
@@ -91,9 +91,7 @@ def work(task: Task) -> Answer:
                 result = _calibrated(recording, source, key, task.entry)
                 answer = replace(answer, result=result.to_bytes())
     except Exception as error:  # a failure is a result too: the other recordings go on
-        text = said_by(error)
-        sentence = text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}"
-        answer = replace(answer, error=sentence or type(error).__name__, result=b"")
+        answer = replace(answer, error=one_line(error) or type(error).__name__, result=b"")
     return replace(answer, seconds=time.monotonic() - begun_s, worker=f"{socket.gethostname()}:{os.getpid()}")
 
 
@@ -140,14 +138,9 @@ def _listed(folder: Path) -> Iterator[tuple[str, int]]:
             yield file.relative_to(folder).as_posix(), file.stat().st_size
 
 
-@contextmanager
-def _on_this_machine(entry: Entry) -> Iterator[Path]:
+def _here(recording: str) -> AbstractContextManager[Path]:
     """Give the recording as a path on this machine."""
-    if entry.is_remote:
-        with local_copy(entry.recording) as place:
-            yield place
-    else:
-        yield Path(entry.recording)
+    return local_copy(recording) if is_address(recording) else nullcontext(Path(recording))
 
 
 @contextmanager

@@ -2,49 +2,38 @@
 
 from __future__ import annotations
 
-import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.interruption import Interruption
+from ospc.cli.calibration_report import print_json, say_notes
+from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
+from ospc.cli.options import exit_codes, force_option, json_option, named, out_option, quiet_option
+from ospc.cli.progress import progress_line
 
 if TYPE_CHECKING:
     from ospc.batch.entries import Entry
-    from ospc.batch.local import Runner
     from ospc.batch.run import Outcome, Stage
 
-COMPLETE, SOME_FAILED, INTERRUPTED = 0, 4, 130
-"""Exit codes; 130 is that of a shell for a program that Ctrl-C ended."""
+COMPLETE, SOME_FAILED = 0, 4
 
 _MOST_LISTED = 10
-"""Failures, and contradictions of one camera, that are listed; the table has all."""
+"""Failures, folders left out, and contradictions of one camera, that are listed; the table has all recordings."""
 
 
-@dataclass(frozen=True)
-class _Request:
-    """The options as given."""
-
-    manifest: str
-    out: Path
-    jobs: int | None
-    scheduler: str | None
-    retries: int
-    camera: str | None
-    options: tuple[str, ...]
-    force: bool
-    quiet: bool
-    as_json: bool
-
-
-@click.command("batch")
+@click.command(
+    "batch",
+    epilog=exit_codes(
+        {
+            COMPLETE: "every recording was calibrated",
+            SOME_FAILED: "some recordings failed; the messages and OUT say which and why",
+            INTERRUPTED: "interrupted; run the same command again to go on",
+        }
+    ),
+)
 @click.argument("manifest")
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write the results to.")
+@out_option(help="Folder to write the results to.")
 @click.option("-j", "--jobs", type=click.IntRange(1), help="Processes on this machine; by default one per core.")
 @click.option(
     "--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, such as tcp://host:8786."
@@ -64,10 +53,25 @@ class _Request:
     multiple=True,
     help="A setting of the method or of reading (exposure_unit=us, kind=euroc); those in MANIFEST take precedence.",
 )
-@click.option("--force", is_flag=True, help="Write into OUT even if it holds other files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print only errors.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
-def command(**options: Any) -> None:
+@force_option("Write into OUT even if it holds other files.")
+@quiet_option
+@json_option
+@click.pass_obj
+def command(
+    interruption: Interruption,
+    /,
+    *,
+    manifest: str,
+    out: Path,
+    jobs: int | None,
+    scheduler: str | None,
+    retries: int,
+    camera: str | None,
+    options: tuple[str, ...],
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+) -> int:
     """Calibrate all recordings that MANIFEST names, and merge those of each camera.
 
     MANIFEST is a folder with recordings, a pattern such as 'data/*/cam0', or a .csv or .parquet table with the
@@ -75,56 +79,44 @@ def command(**options: Any) -> None:
 
     OUT gets the page index.html, batch.csv and batch.parquet with a row per recording, and cameras/NAME with the
     calibration of each camera. Run again, the command does only what is new, changed or failed.
-
-    \b
-    Exit codes:
-      0    every recording was calibrated
-      1    error
-      2    wrong usage
-      4    some recordings failed; the messages and OUT say which and why
-      130  interrupted; run the same command again to go on
-    """  # noqa: D301 (click reads the escaped character as "do not rewrap")
-    from ospc.cli.calibrate import one_line
-
-    with Interruption() as interruption:
-        sys.exit(one_line(lambda: _batch(_Request(**options), interruption)))
-
-
-def _batch(request: _Request, interruption: Interruption) -> int:
+    """
+    from ospc.batch.cluster import Cluster
+    from ospc.batch.local import Processes, cores
     from ospc.batch.run import run_batch
 
-    if request.jobs is not None and request.scheduler is not None:
+    if jobs is not None and scheduler is not None:
         raise click.UsageError("--jobs is for this machine and --scheduler for a cluster; give only one of them")
-    entries = _entries(request)
-    visible = not request.quiet and sys.stderr.isatty()
-    with interruption.deferred(), _progress(interruption, visible=visible) as show:
-        outcome = run_batch(
-            entries, request.out, _runner(request), retries=request.retries, force=request.force, progress=show
-        )
-    if request.as_json:
-        click.echo(json.dumps(_as_json(outcome, request.out), indent=1))
-    elif not request.quiet:
-        _say(outcome, request.out)
+    entries, left_out = _entries(manifest, camera, options)
+    if not quiet:
+        say_notes(_shortened(left_out, "folders"), "left out")
+    runner = Processes(jobs or cores()) if scheduler is None else Cluster(scheduler)
+    with leaving("no result was written"), interruption.deferred(), progress_line(quiet=quiet) as show:
+
+        def progress(stage: Stage) -> None:
+            show(stage.name, stage.done, stage.total, f"{stage.failed} failed" if stage.failed else "")
+            interruption.check()
+
+        outcome = run_batch(entries, out, runner, retries=retries, force=force, progress=progress)
+    if as_json:
+        print_json(_as_json(outcome, out) | {"left_out": left_out})
+    elif not quiet:
+        _say(outcome, out)
     return _exit_code(outcome)
 
 
-def _entries(request: _Request) -> list[Entry]:
-    from ospc.batch.entries import options_of
+def _entries(manifest: str, camera: str | None, options: tuple[str, ...]) -> tuple[list[Entry], list[str]]:
+    """Return the recordings with the given options, and which folders hold none and why."""
     from ospc.batch.manifest import read_manifest
-    from ospc.errors import SettingError
 
-    try:
-        defaults = options_of(" ".join(option.replace(" ", "") for option in request.options))
-    except SettingError as error:
-        raise click.UsageError(str(error)) from None
-    return [entry.with_defaults(defaults).checked() for entry in read_manifest(request.manifest, request.camera)]
+    left_out: list[str] = []
+    found = read_manifest(manifest, camera, left_out.append)
+    defaults = named(options, "rounds=4")
+    return [entry.with_defaults(defaults).checked() for entry in found], left_out
 
 
-def _runner(request: _Request) -> Runner:
-    from ospc.batch.cluster import Cluster
-    from ospc.batch.local import Processes, cores
-
-    return Processes(request.jobs or cores()) if request.scheduler is None else Cluster(request.scheduler)
+def _shortened(lines: list[str], what: str) -> list[str]:
+    more = len(lines) - _MOST_LISTED
+    return [*lines[:_MOST_LISTED], f"… and {more} more {what}"] if more > 0 else lines
 
 
 def _exit_code(outcome: Outcome) -> int:
@@ -134,12 +126,9 @@ def _exit_code(outcome: Outcome) -> int:
 
 
 def _say(outcome: Outcome, out: Path) -> None:
-    for note in outcome.notes:
-        click.echo(f"note: {note}", err=True)
-    for row in outcome.failed[:_MOST_LISTED]:
-        click.echo(f"failed: {row.recording}: {row.error} (tried {row.attempts} times)", err=True)
-    if len(outcome.failed) > _MOST_LISTED:
-        click.echo(f"failed: … and {len(outcome.failed) - _MOST_LISTED} more, see {out / 'batch.csv'}", err=True)
+    say_notes(outcome.notes)
+    failed = [f"{row.recording}: {row.error} (tried {row.attempts} times)" for row in outcome.failed]
+    say_notes(_shortened(failed, f"in {out / 'batch.csv'}"), "failed")
     for camera in outcome.cameras:
         for difference in camera.differing[:_MOST_LISTED]:
             click.echo(f"warning: {difference.name} contradicts others of {camera.name}: {difference.text}", err=True)
@@ -177,37 +166,3 @@ def _as_json(outcome: Outcome, out: Path) -> dict[str, Any]:
         "files": [str(file) for file in outcome.files],
         "notes": list(outcome.notes),
     }
-
-
-@contextmanager
-def _progress(interruption: Interruption, *, visible: bool) -> Iterator[Callable[[Stage], None]]:
-    """Give a function that shows how far the batch has come, and stops it when the user asked for that."""
-
-    def stop_if_asked() -> None:
-        if interruption.requested:
-            raise KeyboardInterrupt
-
-    if not visible:
-        yield lambda _stage: stop_if_asked()
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description:14}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[failed]}"),
-        TimeRemainingColumn(compact=True),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        shown: dict[str, Any] = {}
-
-        def show(stage: Stage) -> None:
-            if stage.name not in shown:
-                shown[stage.name] = bar.add_task(stage.name, total=stage.total, failed="")
-            failed = f"{stage.failed} failed" if stage.failed else ""
-            bar.update(shown[stage.name], completed=stage.done, failed=failed)
-            stop_if_asked()
-
-        yield show

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ospc.cli.options import STUDY_SIZE, json_option
 from ospc.cli.studies import (
     data_option,
     finish_study,
     jobs_option,
-    json_option,
-    out_option,
     presets_option,
     print_tables,
     run_tasks,
-    size_of,
+    study_out_option,
 )
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ def command() -> None:
 
 
 @command.command()
-@out_option("ospc-accuracy")
+@study_out_option("ospc-accuracy")
 @presets_option("default,paper")
 @data_option
 @jobs_option
@@ -68,10 +67,15 @@ def accuracy(
 
 
 @command.command()
-@out_option("ospc-speed")
+@study_out_option("ospc-speed")
 @presets_option("default,fast,paper")
 @click.option(
-    "--size", "sizes", multiple=True, metavar="WxH", help="Size of the frames; repeatable. [640x480, 1280x1024]"
+    "--size",
+    "sizes",
+    multiple=True,
+    type=STUDY_SIZE,
+    metavar="WxH",
+    help="Size of the frames; repeatable. [640x480, 1280x1024]",
 )
 @click.option("--frames", type=click.IntRange(2, 1_000_000), default=1500, show_default=True, help="Frames pushed.")
 @click.option("--live", "live_s", type=click.FloatRange(0, 3600), default=10, show_default=True, help="Seconds live.")
@@ -82,7 +86,7 @@ def accuracy(
 def speed(
     out: Path,
     presets: tuple[str, ...],
-    sizes: tuple[str, ...],
+    sizes: tuple[tuple[int, int], ...],
     *,
     frames: int,
     live_s: float,
@@ -97,8 +101,7 @@ def speed(
     from ospc.research.speed.measuring import SIZES, SLOW_FRAMES, measured
     from ospc.research.speed.report import content_of, table_of, write_speed
 
-    chosen = tuple(size_of(text) for text in sizes) or SIZES
-    rows = list(measured(presets, chosen, frames, live_s, rate_hz))
+    rows = list(measured(presets, sizes or SIZES, frames, live_s, rate_hz))
     notes = [f"× decoding: time over that of decoding the same frames in one thread; paper: {SLOW_FRAMES} frames"]
     if not as_json:
         print_tables([table_of(rows)])

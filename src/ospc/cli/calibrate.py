@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,18 +10,29 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.exposure_options import correct_lag_option
-from ospc.cli.interruption import Interruption
+from ospc.cli.calibration_report import print_json
+from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.live import Watching
-from ospc.cli.reading import EACH, Reading, reading_options, say_topics
+from ospc.cli.options import (
+    correct_lag_option,
+    exit_codes,
+    force_option,
+    json_option,
+    list_topics_option,
+    named,
+    out_option,
+    path_argument,
+    quiet_option,
+    truth_option,
+)
+from ospc.cli.progress import progress_of
+from ospc.cli.reading import Reading, print_topics, reading_options
 from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
     from ospc.exposures.findings import LagChoice
     from ospc.recording import Recording
     from ospc.settings import Settings
-
-INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
@@ -32,7 +42,7 @@ class _Request:
     path: Path
     out: Path
     preset_name: str
-    overrides: dict[str, str]
+    overrides: tuple[str, ...]
     reading: Reading
     truth: str | None
     resume: bool
@@ -47,11 +57,20 @@ class _Request:
     quiet: bool
     as_json: bool
     all_cameras: bool
+    interruption: Interruption
 
     @property
-    def watching(self) -> Watching:
-        """How the run is watched."""
-        return Watching(live=self.live, viewer=self.rerun, stream=self.rerun_file)
+    def talkative(self) -> bool:
+        return not (self.quiet or self.as_json)
+
+    @property
+    def settings(self) -> Settings:
+        from ospc.settings import preset, with_overrides
+
+        try:
+            return with_overrides(preset(self.preset_name), named(self.overrides, "max_points=20000"))
+        except SettingError as error:
+            raise click.UsageError(str(error)) from None
 
     def of_camera(self, name: str) -> _Request:
         """Return what is asked for of one camera of a rig."""
@@ -66,19 +85,20 @@ class _Request:
         return replace(self, out=self.out / name, truth=truth, start_from=earlier, rerun_file=stream)
 
 
-def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
-    overrides = {}
-    for value in values:
-        name, found, text = value.partition("=")
-        if not found:
-            raise click.BadParameter(f"{value!r} is not NAME=VALUE, such as max_points=20000")
-        overrides[name.strip()] = text.strip()
-    return overrides
-
-
-@click.command("calibrate")
-@click.argument("path", type=click.Path(path_type=Path))
-@click.option("-o", "--out", type=click.Path(path_type=Path), help="Folder to write the results to; required.")
+@click.command(
+    "calibrate",
+    epilog=exit_codes(
+        {
+            0: "complete: response and vignette are known",
+            1: "error; what was known by then is written as partial if possible",
+            3: "written, but response or vignette could not be determined, the exposures contradict the images, or "
+            "the camera changed during the recording",
+            INTERRUPTED: "interrupted; the partial result is written",
+        }
+    ),
+)
+@path_argument
+@out_option(required=False, help="Folder to write the results to; required.")
 @click.option(
     "--preset",
     "preset_name",
@@ -88,18 +108,9 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     help="The method: maximum likelihood, the same with fewer frames and points, or the paper's.",
 )
 @click.option(
-    "--set",
-    "overrides",
-    metavar="NAME=VALUE",
-    multiple=True,
-    callback=_parse_overrides,
-    help="Change a setting of the preset; repeatable.",
+    "--set", "overrides", metavar="NAME=VALUE", multiple=True, help="Change a setting of the preset; repeatable."
 )
-@click.option(
-    "--truth",
-    metavar="PATH",
-    help="A known calibration to compare with: calibration.json, or a folder with pcalib.txt and vignette.png.",
-)
+@truth_option
 @click.option(
     "--resume", is_flag=True, help="Continue where an earlier run into OUT was stopped or killed, if there was one."
 )
@@ -128,9 +139,9 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     help="What was known of the camera before: a state.ospc, a calibration.json, or a folder with one. It counts as "
     "long as the recording agrees with it; a changed lens or focus is noticed.",
 )
-@click.option("--force", is_flag=True, help="Write into OUT even if it holds other files; those named as results go.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
+@force_option("Write into OUT even if it holds other files; those named as results go.")
+@quiet_option
+@json_option
 @reading_options
 @click.option(
     "--all-cameras",
@@ -144,8 +155,9 @@ def _parse_overrides(_ctx: click.Context, _param: click.Parameter, values: tuple
     help="Estimate the exposures from the images, whatever the recording says of them: everything is then known only "
     "up to one exponent, and labelled so.",
 )
-@click.option("--list-topics", is_flag=True, help="Say what topics the bag at PATH has, and do nothing else.")
-def command(list_topics: bool, **options: Any) -> None:
+@list_topics_option
+@click.pass_obj
+def command(interruption: Interruption, /, *, list_topics: bool, **options: Any) -> int | None:
     """Calibrate the camera of the recording at PATH.
 
     PATH is a folder or file of any kind that is known: a folder with images/ or images.zip and times.txt, a EuRoC
@@ -156,141 +168,91 @@ def command(list_topics: bool, **options: Any) -> None:
     'ospc merge' takes.
 
     Ctrl-C ends the run early; what is known by then is written and marked partial.
-
-    \b
-    Exit codes:
-      0    complete: response and vignette are known
-      1    error; what was known by then is written as partial if possible
-      2    wrong usage
-      3    written, but response or vignette could not be determined, the exposures contradict the images, or the
-           camera changed during the recording
-      130  interrupted; the partial result is written
-    """  # noqa: D301 (click reads the escaped character as "do not rewrap")
+    """
     if list_topics:
-        say_topics(options["path"])
-        return
+        print_topics(options["path"])
+        return None
     if options["out"] is None:
         raise click.UsageError("Missing option '-o' / '--out'.")
     if options["unknown_exposures"] and (options["resume"] or options["start_from"] or options["mask"]):
         raise click.UsageError("--unknown-exposures goes with none of --resume, --start-from and --mask")
-    request = _Request(reading=Reading.taken_from(options), **options)
-    with Interruption() as interruption:
-        sys.exit(one_line(lambda: _calibrate(request, interruption)))
+    request = _Request(reading=Reading.taken_from(options), interruption=interruption, **options)
+    with leaving("no result was written"):
+        if request.all_cameras or request.reading.each_channel:
+            return _calibrate_rig(request)
+        content = _calibrate_one(request, partial(request.reading.open, request.path))
+    if request.as_json:
+        print_json(content)
+    if content["error"]:
+        raise OspcError(content["error"])
+    return int(content["exit_code"])
 
 
-def one_line(work: Callable[[], int]) -> int:
-    """Do the work and return its exit code; let whatever goes wrong end as one line instead of a traceback."""
-    try:
-        return work()
-    except KeyboardInterrupt as interruption:
-        why = f" ({interruption})" if interruption.args else ""
-        click.echo(f"ospc: interrupted; no result was written{why}", err=True)
-        return INTERRUPTED
-    except (OspcError, click.ClickException):
-        raise
-    except Exception as error:
-        from ospc.cli.calibration_run import sentence
-
-        raise OspcError(sentence(error)) from error
-
-
-def _calibrate(request: _Request, interruption: Interruption) -> int:
-    from ospc.cli.calibration_run import print_json
-
-    if request.all_cameras or request.reading.channel == EACH:
-        return _calibrate_rig(request, interruption)
-    return _calibrate_one(request, partial(request.reading.open, request.path), interruption, print_json)
-
-
-def _calibrate_one(
-    request: _Request,
-    opened: Callable[[], Recording],
-    interruption: Interruption,
-    tell: Callable[[dict[str, Any]], None],
-) -> int:
-    from ospc.cli.calibration_run import Options, calibrate_into
+def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
+    from ospc.cli.calibration_run import CalibrationRun
     from ospc.cli.checkpoints import Checkpoints
     from ospc.exposures.findings import check_lag
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.pooling.prior_calibration import PriorCalibration
 
-    settings = _settings(request)
+    settings, exposures_unknown = request.settings, request.reading.options.unknown_exposures
     prior = None if request.start_from is None else PriorCalibration.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
     recording = opened()
-    if request.reading.unknown_exposures:
-        recording = _with_recovered_exposures(recording, request, interruption)
+    if exposures_unknown:
+        from ospc.unknown_exposures import recover_exposures
+
+        with progress_of("exposures", quiet=request.quiet, interruption=request.interruption) as step:
+            recording = recover_exposures(recording, step)
     check_lag(request.correct_lag, len(recording))
     if prior is not None:
         prior.check_size(recording.size)
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
-    # A state says nothing of an exponent: it must not be merged with those of known exposures.
-    keeps_state = not request.reading.unknown_exposures
-    checkpoints = Checkpoints(folder.path, request.checkpoint_s, request.resume, prior) if keeps_state else None
-    options = Options(
+    # A state does not hold an exponent: it must not be merged with states of known exposures.
+    checkpoints = None if exposures_unknown else Checkpoints(folder.path, request.checkpoint_s, request.resume, prior)
+    return CalibrationRun(
+        recording,
+        settings,
+        folder,
+        request.interruption,
         quiet=request.quiet,
         as_json=request.as_json,
         truth=truth,
         checkpoints=checkpoints,
-        pdf=request.pdf,
-        tell=tell,
-        watching=request.watching,
         # Exposures that come from the images cannot disagree with them.
-        correct_lag="trusted" if request.reading.unknown_exposures else request.correct_lag,
-    )
-    return calibrate_into(folder, recording, settings, interruption, options)
+        correct_lag="trusted" if exposures_unknown else request.correct_lag,
+        watching=Watching(live=request.live, viewer=request.rerun, stream=request.rerun_file),
+        pdf=request.pdf,
+    ).calibrate()
 
 
-def _with_recovered_exposures(recording: Recording, request: _Request, interruption: Interruption) -> Recording:
-    from ospc.cli.progress import progress_bar
-    from ospc.unknown_exposures import recover_exposures
-
-    visible = not request.quiet and sys.stderr.isatty()
-    with progress_bar("exposures", len(recording), visible=visible) as show, interruption.deferred():
-
-        def step(done: int, total: int) -> None:
-            if interruption.requested:
-                raise KeyboardInterrupt
-            show(done, total)
-
-        return recover_exposures(recording, step)
-
-
-def _calibrate_rig(request: _Request, interruption: Interruption) -> int:
+def _calibrate_rig(request: _Request) -> int:
     """Calibrate one camera after the other; what goes wrong with one does not keep the others from it."""
-    from ospc.cli.calibration_run import print_json
-    from ospc.cli.rig_scale import rig_scale_or_error
+    from ospc.cli.rig_scale import add_rig_scale
 
-    told: dict[str, Any] = {}
-    codes = []
+    contents: dict[str, dict[str, Any]] = {}
     cameras = request.reading.cameras(request.path)
     for name, opened in cameras.items():
-        if not request.quiet and not request.as_json:
+        if request.talkative:
             click.echo(f"{name}:")
         try:
-            codes.append(
-                _calibrate_one(request.of_camera(name), opened, interruption, partial(told.__setitem__, name))
-            )
+            contents[name] = _calibrate_one(request.of_camera(name), opened)
         except OspcError as error:
-            click.echo(f"ospc: error: {name}: {error}", err=True)
-            told.setdefault(name, {"exit_code": 1, "error": str(error)})
-            codes.append(1)
-        if interruption.requested:
+            contents[name] = {"exit_code": 1, "error": str(error)}
+        if contents[name]["error"]:
+            click.echo(f"ospc: error: {name}: {contents[name]['error']}", err=True)
+        if request.interruption.requested:
             break
+    codes = {content["exit_code"] for content in contents.values()}
     code = next((c for c in (INTERRUPTED, 1, 3) if c in codes), 0)
     scale = None
-    if len(cameras) > 1 and not interruption.requested:
-        scale = rig_scale_or_error(request.out, cameras, talkative=not (request.quiet or request.as_json))
+    if len(cameras) > 1 and not request.interruption.requested:
+        try:
+            scale = add_rig_scale(request.out, cameras, talkative=request.talkative)
+        except OspcError as error:  # the calibrations are worth more than the scale
+            click.echo(f"ospc: error: no relative irradiance scale: {error}", err=True)
+            scale = {"error": str(error)}
     if request.as_json:
-        print_json({"exit_code": code, "cameras": told, "relative_scale": scale})
+        print_json({"exit_code": code, "cameras": contents, "relative_scale": scale})
     return code
-
-
-def _settings(request: _Request) -> Settings:
-    from ospc.settings import preset, with_overrides
-
-    try:
-        return with_overrides(preset(request.preset_name), request.overrides)
-    except SettingError as error:
-        raise click.UsageError(str(error)) from None

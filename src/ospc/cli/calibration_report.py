@@ -1,64 +1,55 @@
-"""What commands say about a calibration: notes, verdicts, errors against a truth."""
+"""What commands say about a calibration they have written: verdicts, files, errors against a truth."""
 
 from __future__ import annotations
 
+import json
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
-    from ospc.cli.calibration_run import Outcome
     from ospc.evaluation.comparison import Comparison
+    from ospc.formats.opening import Photometry
     from ospc.output import OutputFolder, Written
-    from ospc.photometry.calibration import Calibration
+    from ospc.photometry.calibration import Calibration, Verdict
 
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
-_FIGURES = {
+_WIDTH_WHEN_PIPED = 110
+"""Characters per line of a table that does not go to a terminal."""
+
+ERRORS = {
     "response_rmse": "response, RMSE of g",
     "response_shape_rmse": "response shape, RMSE after the best scale",
     "log_ratio_error": "response, log-ratio error κ",
     "vignette_rmse": "vignette, RMSE of the radial profile",
     "vignette_pixel_rmse": "vignette, RMSE over all pixels",
 }
+"""The metrics of a comparison with a truth, and what to call them."""
 
 
-def say_notes(notes: Sequence[str]) -> None:
-    """Print notes on standard error."""
+def print_json(content: Any) -> None:
+    """Print one JSON document on standard output; numbers that are not finite become null."""
+    click.echo(json.dumps(_finite(content), indent=1, allow_nan=False, ensure_ascii=False))
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {name: _finite(value) for name, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def say_notes(notes: Iterable[str], label: str = "note") -> None:
+    """Print notes on standard error, one a line."""
     for note in notes:
-        click.echo(f"note: {note}", err=True)
+        click.echo(f"{label}: {note}", err=True)
 
 
-def say_skipped(outcome: Outcome) -> None:
-    """Print how many frames were skipped, and why the first few were, on standard error."""
-    count = outcome.calibration.counts.get("skipped", 0)
-    if not count:
-        return
-    more = "; …" if count > len(outcome.skipped) else ""
-    click.echo(
-        f"warning: {count} of {outcome.calibration.counts['frames']} frames skipped: "
-        f"{'; '.join(outcome.skipped)}{more}",
-        err=True,
-    )
-
-
-def say_result(outcome: Outcome, total_frames: int, folder: OutputFolder, written: Written) -> None:
-    """Print the verdicts and where the files are."""
-    calibration = outcome.calibration
-    say_verdicts(calibration)
-    counts = calibration.counts
-    seen = f"{counts['frames']} of {total_frames} frames" if calibration.partial else f"{counts['frames']} frames"
-    click.echo(f"from {seen}, {counts.get('pairs', 0)} pairs, {counts.get('samples', 0)} samples")
-    if outcome.interrupted:
-        click.echo("partial: the run was interrupted; more frames would tell more")
-    elif calibration.partial:
-        click.echo("partial: the run failed before its end")
-    names = [str(file.relative_to(folder.path)) for file in written.files]
-    click.echo(f"written to {folder.path}: {', '.join(names)}")
-
-
-def say_verdicts(calibration: Calibration) -> None:
+def say_verdicts(verdicts: Mapping[str, Verdict]) -> None:
     """Print what is known, why, and what to record instead of the rest."""
     from rich.console import Console
     from rich.table import Table
@@ -67,67 +58,88 @@ def say_verdicts(calibration: Calibration) -> None:
     table = Table(show_edge=False, pad_edge=False, header_style="bold")
     for heading in ("", "state", "why, and what to record instead"):
         table.add_column(heading, overflow="fold")
-    for name, verdict in calibration.verdicts.items():
-        explanation = Text(verdict.reason)
-        if verdict.remedy:
-            explanation.append(f"\n→ {verdict.remedy}")
-        table.add_row(name, Text(verdict.state, style=_STYLES[verdict.state]), explanation)
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 110)
+    for name, verdict in verdicts.items():
+        remedy = f"\n→ {verdict.remedy}" if verdict.remedy else ""
+        table.add_row(name, Text(verdict.state, style=_STYLES[verdict.state]), Text(f"{verdict.reason}{remedy}"))
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH_WHEN_PIPED)
     console.print()
     console.print(table)
     console.print()
 
 
-def say_errors(comparison: Comparison | None, calibration: Calibration, truth: str) -> None:
-    """Print how far the calibration is from a truth."""
-    if comparison is None:
-        click.echo(f"\nnothing to compare with {truth}: the estimate knows none of what it holds")
+def say_result(
+    calibration: Calibration, folder: OutputFolder, written: Written, truth: Photometry | None, basis: Iterable[str]
+) -> None:
+    """Print the verdicts, what they rest on, where the files are, and how far the result is from a truth."""
+    say_verdicts(calibration.verdicts)
+    for line in basis:
+        click.echo(line)
+    click.echo(f"written to {folder.path}: {', '.join(str(f.relative_to(folder.path)) for f in written.files)}")
+    say_notes(written.notes)
+    if truth is None:
         return
-    click.echo(f"\nagainst {truth} (nothing aligned):")
-    for name, label in _FIGURES.items():
-        value = getattr(comparison, name)
-        if value is not None:
-            click.echo(f"  {label:42} {value:.4f}")
-    if comparison.response_coverage is not None:
-        share = comparison.response_coverage
-        click.echo(f"  {'response within ±1σ / ±2σ':42} {share.within_1_sigma:.0%} / {share.within_2_sigma:.0%}")
-    spread, bias = ratio_figures(calibration) or (None, None)
-    if spread is not None:
-        click.echo(f"  {'exposure ratios, median |Δ ln k| (bias)':42} {spread:.4f} ({bias:+.4f})")
-
-
-def ratio_figures(calibration: Calibration) -> tuple[float, float] | None:
-    """Return the misfit of the exposure ratios to the metadata and their bias; None without pairs."""
+    comparison = _compared(calibration, truth)
+    if comparison is None:
+        click.echo(f"\nnothing to compare with {truth.name}: the estimate knows none of what it holds")
+        return
+    click.echo(f"\nagainst {truth.name} (nothing aligned):")
+    rows = error_rows(comparison)
     ratios = calibration.exposure_ratios
-    return (ratios.misfit, ratios.bias) if ratios.metadata.size else None
+    if ratios.metadata.size:
+        rows["exposure ratios, median |Δ ln k| (bias)"] = f"{ratios.misfit:.4f} ({ratios.bias:+.4f})"
+    for label, figure in rows.items():
+        click.echo(f"  {label:42} {figure}")
 
 
-def as_json(
-    outcome: Outcome, folder: OutputFolder, written: Written, comparison: Comparison | None
+def error_rows(comparison: Comparison) -> dict[str, str]:
+    """Return the figures of a comparison that are known, as text, by what to call them."""
+    figures = {label: getattr(comparison, name) for name, label in ERRORS.items()}
+    rows = {label: f"{figure:.4f}" for label, figure in figures.items() if figure is not None}
+    share = comparison.response_coverage
+    if share is not None:
+        rows["response within ±1σ / ±2σ"] = f"{share.within_1_sigma:.0%} / {share.within_2_sigma:.0%}"
+    return rows
+
+
+def errors_as_dict(comparison: Comparison) -> dict[str, Any]:
+    """Return the figures of a comparison as JSON-compatible values."""
+    figures: dict[str, Any] = {name: getattr(comparison, name) for name in ERRORS}
+    if comparison.response_coverage is not None:
+        figures["response_coverage"] = comparison.response_coverage._asdict()
+    return figures
+
+
+def result_as_dict(
+    calibration: Calibration, folder: OutputFolder, written: Written, truth: Photometry | None
 ) -> dict[str, Any]:
-    """Return all that is said as JSON-compatible values."""
-    calibration = outcome.calibration
+    """Return what :func:`say_result` prints, and more, as JSON-compatible values."""
     content: dict[str, Any] = {
         "out": str(folder.path),
         "partial": calibration.partial,
-        "interrupted": outcome.interrupted,
-        "error": outcome.failure or None,
         "verdicts": {name: vars(verdict) for name, verdict in calibration.verdicts.items()},
         "converged": calibration.converged,
         "exponent_sigma": calibration.exponent_sigma,
         "counts": calibration.counts,
-        "skipped": list(outcome.skipped),
         "advice": list(calibration.advice),
-        "exposure_lag_frames": calibration.source.get("exposure_lag_frames"),
-        "exposure_lag_corrected_frames": calibration.source.get("exposure_lag_corrected_frames", 0),
         "warnings": list(calibration.warnings),
         "files": [str(file) for file in written.files],
     }
-    ratios = ratio_figures(calibration)
-    if ratios is not None:
-        content["exposure_ratios"] = {"median_abs_log_error": ratios[0], "bias": ratios[1]}
+    ratios = calibration.exposure_ratios
+    if ratios.metadata.size:
+        content["exposure_ratios"] = {"median_abs_log_error": ratios.misfit, "bias": ratios.bias}
+    comparison = None if truth is None else _compared(calibration, truth)
     if comparison is not None:
-        content["errors"] = {name: getattr(comparison, name) for name in _FIGURES}
-        if comparison.response_coverage is not None:
-            content["errors"]["response_coverage"] = comparison.response_coverage._asdict()
+        content["errors"] = errors_as_dict(comparison)
     return content
+
+
+def _compared(calibration: Calibration, truth: Photometry) -> Comparison | None:
+    """Return the errors against a truth; None where the two have nothing in common."""
+    from ospc.evaluation.comparison import compare
+    from ospc.formats.opening import Photometry
+
+    estimate = Photometry("estimate", calibration.response, calibration.vignette, calibration)
+    for part in ("response", "vignette"):
+        if getattr(estimate, part) is not None and getattr(truth, part) is not None:
+            return compare(estimate, truth)
+    return None

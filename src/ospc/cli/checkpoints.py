@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import re
-import time
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ospc.cli.pace import Pace
 from ospc.errors import FormatError, SettingError
+from ospc.state.container import STATE_NAME
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.prior_calibration import PriorCalibration
     from ospc.settings import Settings
-
-STATE_NAME = "state.ospc"
-"""Name of the state in an output folder."""
 
 _LARGEST_SHARE = 0.02
 """Checkpoints may take so much of a run's time at most."""
@@ -52,8 +51,12 @@ class Checkpoints:
     prior: PriorCalibration | None = None
     notes: list[str] = field(default_factory=list)
     saved: bool = False
-    _next_s: float = field(default=0.0, repr=False)
+    _pace: Pace = field(init=False, repr=False)
     _failed: bool = field(default=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Set how often a state is saved."""
+        self._pace = Pace(self.every_s, _LARGEST_SHARE if self.every_s else math.inf)
 
     @property
     def place(self) -> Path:
@@ -76,9 +79,12 @@ class Checkpoints:
             If it is of another recording or of other settings, or the method has none.
         """
         self._remove_unfinished()
-        self._next_s = time.monotonic() + self.every_s
+        with self._pace.look():
+            pass  # the first is due only after that time
         if not calibrator.has_state:
-            self._refuse_resuming(calibrator.settings)
+            if self.resume:
+                name = calibrator.settings.name
+                raise SettingError(f"--resume: preset {name} has no checkpoints; leave --resume out")
             return calibrator
         if self.resume and self.place.exists():
             calibrator = self._loaded(calibrator)
@@ -89,28 +95,21 @@ class Checkpoints:
 
     def after_frame(self, calibrator: OnlineCalibrator) -> None:
         """Save the state if it is time to."""
-        if self._failed or not calibrator.has_state or time.monotonic() < self._next_s:
-            return
-        begun_s = time.monotonic()
-        self._save(calibrator, complete=False)
-        now_s = time.monotonic()
-        pause_s = (now_s - begun_s) / _LARGEST_SHARE if self.every_s else 0.0
-        self._next_s = now_s + max(self.every_s, pause_s)
+        if self._pace.due and calibrator.has_state and not self._failed:
+            with self._pace.look():
+                self._save(calibrator, complete=False)
 
     def at_the_end(self, calibrator: OnlineCalibrator) -> None:
         """Save the final state, with the summary that it can be merged by; or remove one of an earlier run."""
-        self._note_change(calibrator)
+        difference = None if self.prior is None else self.prior.difference(calibrator.summary())
+        if self.prior is not None and difference is not None:
+            self.notes.append(f"this is not the camera of {self.prior.name} as it was: {difference.text}")
         if calibrator.has_state:
             self._save(calibrator, complete=True)
             self.saved = not self._failed
         else:
             with suppress(OSError):
                 self.place.unlink(missing_ok=True)
-
-    def _note_change(self, calibrator: OnlineCalibrator) -> None:
-        difference = None if self.prior is None else self.prior.difference(calibrator.summary())
-        if self.prior is not None and difference is not None:
-            self.notes.append(f"this is not the camera of {self.prior.name} as it was: {difference.text}")
 
     def _save(self, calibrator: OnlineCalibrator, *, complete: bool) -> None:
         try:
@@ -143,22 +142,12 @@ class Checkpoints:
         found.source = new.source
         return found
 
-    def _refuse_resuming(self, settings: Settings) -> None:
-        if self.resume:
-            raise SettingError(f"--resume: preset {settings.name} has no checkpoints; leave --resume out")
-
     def _remove_unfinished(self) -> None:
         """Remove what a killed run was writing."""
-        if self.folder.is_dir():
-            for place in self.folder.iterdir():
-                if is_unfinished(place):
-                    with suppress(OSError):
-                        place.unlink()
-
-
-def is_unfinished(place: Path) -> bool:
-    """Tell whether a file is a state that a killed run did not finish."""
-    return _UNFINISHED.fullmatch(place.name) is not None
+        for place in self.folder.glob(".*.part"):
+            if _UNFINISHED.fullmatch(place.name):
+                with suppress(OSError):
+                    place.unlink()
 
 
 def _differences(one: Settings, other: Settings) -> list[str]:

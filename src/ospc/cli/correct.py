@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from ospc.cli.progress import progress_bar
+from ospc.cli.calibration_report import say_notes
+from ospc.cli.interruption import INTERRUPTED, leaving
+from ospc.cli.options import (
+    PATH,
+    assume_missing_option,
+    exit_codes,
+    force_option,
+    kind_option,
+    out_option,
+    quiet_option,
+)
+from ospc.cli.progress import progress_of
 
-if TYPE_CHECKING:
-    from ospc.correction.result import Corrected
-
-INTERRUPTED = 130
+_REASONS_SHOWN = 3
 
 
-@click.command("correct")
-@click.argument("path", metavar="RECORDING", type=click.Path(path_type=Path))
+@click.command(
+    "correct",
+    epilog=exit_codes(
+        {0: "written", INTERRUPTED: "interrupted; OUT holds part of the images and no times.txt"},
+    ),
+)
+@click.argument("path", metavar="RECORDING", type=PATH)
 @click.argument("calibration")
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
+@out_option(help="Folder to write.")
 @click.option(
     "--output",
     type=click.Choice(["irradiance", "grey8", "grey16"]),
@@ -43,23 +55,14 @@ INTERRUPTED = 130
     help="Irradiance that becomes the largest grey value; 1 saturates the camera where there is no vignette.",
 )
 @click.option("--mask-saturated", is_flag=True, help="Make saturated pixels NaN, or the largest grey value.")
-@click.option(
-    "--assume-missing", is_flag=True, help="Take an unknown response as linear, and an unknown vignette as none."
-)
-@click.option("--kind", help="Kind of recording (tum_mono, euroc, …); by default recognised.")
-@click.option("--force", is_flag=True, help="Replace an earlier corrected recording in OUT.")
-@click.option("-q", "--quiet", is_flag=True, help="Print only errors.")
+@assume_missing_option
+@kind_option
+@force_option("Replace an earlier corrected recording in OUT.")
+@quiet_option
 def command(
-    *,
-    path: Path,
-    calibration: str,
-    out: Path,
-    kind: str | None,
-    force: bool,
-    quiet: bool,
-    **options: Any,
+    *, path: Path, calibration: str, out: Path, kind: str | None, force: bool, quiet: bool, **options: Any
 ) -> None:
-    r"""Correct the images of RECORDING for response and vignette.
+    """Correct the images of RECORDING for response and vignette.
 
     CALIBRATION is a calibration.json or its folder, a pair 'pcalib.txt,vignette.png', a folder with these, or a file
     of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml).
@@ -69,13 +72,6 @@ def command(
     constant vignette.png that are valid for them.
 
     Do this before any undistortion, rectification or scaling, never after it.
-
-    \b
-    Exit codes:
-      0    written
-      1    error
-      2    wrong usage
-      130  interrupted; OUT holds part of the images and no times.txt
     """
     from ospc.correction.folder import CorrectedFolder
     from ospc.correction.recording import correct_recording
@@ -87,14 +83,19 @@ def command(
     recording = open_recording(path, kind)
     photometry = open_photometry(calibration, recording.size)
     folder = CorrectedFolder.at(out, recording.path, force=force)
-    try:
-        with progress_bar("correcting", len(recording), visible=not quiet and sys.stderr.isatty()) as progress:
-            result = correct_recording(recording, photometry, folder, settings, progress)
-    except KeyboardInterrupt:
-        click.echo(f"ospc: interrupted; {out} is unfinished", err=True)
-        sys.exit(INTERRUPTED)
-    if not quiet:
-        _report(result)
+    with leaving(f"{out} is unfinished"), progress_of("correcting", quiet=quiet) as step:
+        result = correct_recording(recording, photometry, folder, settings, step)
+    if quiet:
+        return
+    warn_of_assumed(result.assumed)
+    if result.skipped:
+        reasons = "; ".join(result.reasons[:_REASONS_SHOWN])
+        click.echo(f"warning: {result.skipped} frames were skipped: {reasons}", err=True)
+    say_notes(result.notes)
+    click.echo(f"{result.path}: {len(result.frames)} images")
+    click.echo(f"each pixel is {result.formula}")
+    share = f"{result.saturated:.2%} of the pixels were saturated"
+    click.echo(share + (f", {result.clipped:.2%} more are brighter than white" if result.clipped else ""))
 
 
 def warn_of_assumed(parts: tuple[str, ...]) -> None:
@@ -102,16 +103,3 @@ def warn_of_assumed(parts: tuple[str, ...]) -> None:
     for part in parts:
         means = {"response": "linear", "vignette": "none"}[part]
         click.echo(f"warning: the {part} is unknown and taken as {means}", err=True)
-
-
-def _report(result: Corrected) -> None:
-    warn_of_assumed(result.assumed)
-    if result.skipped:
-        shown = "; ".join(result.reasons[:3])
-        click.echo(f"warning: {result.skipped} frames were skipped: {shown}", err=True)
-    for note in result.notes:
-        click.echo(f"note: {note}", err=True)
-    click.echo(f"{result.path}: {len(result.frames)} images")
-    click.echo(f"each pixel is {result.formula}")
-    share = f"{result.saturated:.2%} of the pixels were saturated"
-    click.echo(share + (f", {result.clipped:.2%} more are brighter than white" if result.clipped else ""))

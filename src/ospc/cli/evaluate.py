@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from ospc.cli.calibration_report import print_json
 from ospc.cli.correct import warn_of_assumed
 from ospc.cli.evaluate_odometry import odometry
-from ospc.cli.progress import progress_bar
+from ospc.cli.options import PATH, assume_missing_option, json_option, kind_option
+from ospc.cli.progress import progress_of
 
 if TYPE_CHECKING:
     from ospc.evaluation.tracking import TrackingComparison
@@ -25,10 +27,10 @@ command.add_command(odometry)
 
 
 @command.command("ealign")
-@click.argument("trajectory", type=click.Path(path_type=Path))
-@click.argument("truth", type=click.Path(path_type=Path))
+@click.argument("trajectory", type=PATH)
+@click.argument("truth", type=PATH)
 @click.option("--interval", default=1.0, show_default=True, help="Seconds between the poses of relative errors.")
-@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+@json_option
 def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> None:
     """Compute the drift of TRAJECTORY from its alignments to the two halves of TRUTH.
 
@@ -57,9 +59,7 @@ def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> Non
     except (FormatError, NotObservableError) as problem:
         figures["rpe_missing"] = str(problem)
     if as_json:
-        import json
-
-        click.echo(json.dumps(figures, indent=1))
+        print_json(figures)
         return
     _print_drift(figures)
 
@@ -81,15 +81,13 @@ def _print_drift(figures: dict[str, Any]) -> None:
 
 
 @command.command("tracking")
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=PATH)
 @click.option(
     "--calibration", required=True, help="calibration.json, 'pcalib.txt,vignette.png', or a folder with them."
 )
-@click.option(
-    "--assume-missing", is_flag=True, help="Take an unknown response as linear and an unknown vignette as none."
-)
-@click.option("--kind", help="Kind of recording (tum_mono, euroc, …), if it is not recognised.")
-@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+@assume_missing_option
+@kind_option
+@json_option
 def tracking(recording: Path, calibration: str, assume_missing: bool, kind: str | None, as_json: bool) -> None:
     """Measure whether a calibration helps to track points in RECORDING, and how much.
 
@@ -110,46 +108,22 @@ def tracking(recording: Path, calibration: str, assume_missing: bool, kind: str 
 
     frames = open_recording(recording, kind)
     corrector = corrector_for(frames, open_photometry(calibration), assume_missing=assume_missing)
-    visible = sys.stderr.isatty() and not as_json
-    with progress_bar("tracking", len(frames), visible=visible) as progress:
-        result = compare_tracking(frames, corrector, progress=progress)
+    with progress_of("tracking", quiet=as_json) as step:
+        result = compare_tracking(frames, corrector, progress=step)
     if as_json:
-        _print_tracking_json(result, corrector.assumed)
+        ratios = {"life_ratio": result.life_ratio, "residual_ratio": result.residual_ratio}
+        head = {"sentence": result.sentence, "assumed_identity": list(corrector.assumed)}
+        print_json(head | asdict(result) | ratios)
         return
     warn_of_assumed(corrector.assumed)
     _print_tracking(result)
 
 
-def _print_tracking_json(result: TrackingComparison, assumed: tuple[str, ...]) -> None:
-    import json
-    import math
-    from dataclasses import asdict
-
-    content = asdict(result) | {"life_ratio": result.life_ratio, "residual_ratio": result.residual_ratio}
-    content = {"sentence": result.sentence, "assumed_identity": list(assumed)} | content
-    for figures in (content, content["raw"], content["corrected"]):
-        unknown = [name for name, value in figures.items() if isinstance(value, float) and not math.isfinite(value)]
-        figures.update(dict.fromkeys(unknown))
-    click.echo(json.dumps(content, indent=1, allow_nan=False))
-
-
 def _print_tracking(result: TrackingComparison) -> None:
-    rows = [
-        ("mean life", "{0.mean_life:.1f}", "frames"),
-        ("median life", "{0.median_life}", "frames"),
-        ("lost", "{lost:.2%}", "of the steps from frame to frame"),
-        ("brightness residual", "{0.residual:.3f}", "of the local contrast, median"),
-    ]
-    click.echo(f"{'':20} {'raw':>10} {'corrected':>10}")
-    for label, form, unit in rows:
-        cells = []
-        for figures in (result.raw, result.corrected):
-            share = sum(figures.lost.values()) / max(figures.steps, 1)
-            cells.append(form.format(figures, lost=share).replace("None", f"> {result.horizon}"))
-        click.echo(f"{label:20} {cells[0]:>10} {cells[1]:>10}   {unit}")
-        for cause in result.raw.lost if label == "lost" else ():
-            shares = [figures.lost[cause] / max(figures.steps, 1) for figures in (result.raw, result.corrected)]
-            click.echo(f"  {cause:18} {shares[0]:>10.2%} {shares[1]:>10.2%}")
+    from ospc.report.sections import tracking_rows
+
+    for label, before, after, unit in [("", "raw", "corrected", ""), *tracking_rows(result)]:
+        click.echo(f"{label:20} {before:>10} {after:>10}   {unit}".rstrip())
     click.echo(
         f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; exposures change by "
         f"up to {result.largest_step:.3g}:1 from frame to frame"

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ospc.cli.options import PATH, json_option
 from ospc.cli.studies import (
     calibration_option,
     finish_study,
     given_calibrations,
     jobs_option,
-    json_option,
-    out_option,
     print_tables,
-    progress_of,
+    study_out_option,
+    study_progress,
     until_interrupted,
     words,
 )
@@ -30,10 +30,10 @@ _CONDITIONS = "truth,ours,joint-wgt,joint-wogt,none"
 
 
 @click.command("odometry")
-@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--program", type=click.Path(path_type=Path), help="Your dso_dataset, or one with its arguments.")
+@click.argument("recordings", nargs=-1, required=True, type=PATH)
+@click.option("--program", type=PATH, help="Your dso_dataset, or one with its arguments.")
 @click.option("--builtin", is_flag=True, help="Use the built-in direct odometry; needs simulated recordings.")
-@out_option("ospc-odometry")
+@study_out_option("ospc-odometry")
 @click.option("--runs", type=click.IntRange(1, 1000), default=10, show_default=True, help="Runs of each.")
 @click.option(
     "--conditions",
@@ -84,7 +84,7 @@ def odometry(
     experiment = Experiment(_recordings(recordings), columns, runs, calibrations, out, ends)
     tracker = _odometry(program, arguments, timeout, recordings if builtin else ())
     outcome = Outcome()
-    with progress_of(len(recordings) * len(columns) * runs) as (on_step, finish):
+    with study_progress(len(recordings) * len(columns) * runs) as (on_step, finish):
         watched = replace(experiment, calibrations=replace(calibrations, progress=on_step))
         results = run_experiment(watched, tracker, outcome, jobs, lambda task, share: on_step(task.name, share))
         complete = until_interrupted(results, finish, lambda _stored: None)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from ospc.cli.options import PATH, STUDY_SIZE, named
 from ospc.cli.studies import (
     calibration_option,
     data_option,
     finish_study,
     given_calibrations,
     jobs_option,
-    named,
-    out_option,
     print_tables,
     run_tasks,
-    size_of,
+    study_out_option,
 )
 
 if TYPE_CHECKING:
@@ -54,12 +52,19 @@ def _add(name: str) -> None:
     """Add the command of an experiment; all take the same options."""
 
     @command.command(name, help=_EXPERIMENTS[name])
-    @click.argument("recordings", nargs=-1, type=click.Path(path_type=Path))
-    @out_option("ospc-experiments")
+    @click.argument("recordings", nargs=-1, type=PATH)
+    @study_out_option("ospc-experiments")
     @data_option
     @click.option("--count", type=click.IntRange(1, 1000), help="Number of recordings simulated.")
     @click.option("--frames", type=click.IntRange(2, 1_000_000), help="Frames used of each.")
-    @click.option("--size", default="320x240", show_default=True, help="Size of simulated images.")
+    @click.option(
+        "--size",
+        type=STUDY_SIZE,
+        metavar="WxH",
+        default="320x240",
+        show_default=True,
+        help="Size of simulated images.",
+    )
     @click.option("--speed", type=float, help="Factor of the speed of the simulated motion.")
     @calibration_option
     @click.option(
@@ -134,7 +139,7 @@ def _sources(
     if options["recordings"]:
         return [GivenSource(place, options["frames"]) for place in options["recordings"]]
     count, frames = options["count"] or count, options["frames"] or frames
-    size = size_of(options["size"])
+    size = options["size"]
     if at_rest:
         return [*sweeps(count, frames, size)]
     return [*stand_ins(count, frames, size, options["data"], speed=options["speed"] or speed)]
@@ -146,7 +151,7 @@ def _others(options: dict[str, Any]) -> list[Result]:
     from ospc.research.method import Estimate, Result
 
     calibrations = given_calibrations(options["given"])
-    exposures = {name: read_exposures(file) for name, file in named(options["estimated"]).items()}
+    exposures = {name: read_exposures(file) for name, file in named(options["estimated"], "theirs=times.txt").items()}
     found = []
     for name in dict.fromkeys([*calibrations, *exposures]):
         curves = calibrations.get(name)

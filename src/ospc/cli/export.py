@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from ospc.cli.validate import parse_size
+from ospc.cli.calibration_report import say_notes
+from ospc.cli.options import PATH, SIZE, out_option
 
 
 def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[int, int, int, int] | None:
@@ -30,7 +31,7 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
     required=True,
     help="Program that will read it.",
 )
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="File to write; a folder for dso.")
+@out_option(help="File to write; a folder for dso.")
 @click.option("--crop", metavar="X,Y,WxH", callback=_parse_crop, help="For images cropped to this part.")
 @click.option(
     "--bin",
@@ -40,7 +41,7 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
     default=1,
     help="For images binned by averaging blocks of NxN pixels, after the crop.",
 )
-@click.option("--size", metavar="WxH", callback=parse_size, help="For images scaled to this size, after the crop.")
+@click.option("--size", metavar="WxH", type=SIZE, help="For images scaled to this size, after the crop.")
 @click.option("--values", default=256, show_default=True, help="Grey levels in pcalib.txt (dso).")
 @click.option("--focal-px", type=float, help="Focal length in pixels (adobe, lensfun).")
 @click.option("--focal-mm", type=float, help="Focal length in millimetres (adobe, lensfun).")
@@ -56,9 +57,7 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
     show_default=True,
     help="Radius in half diagonals or in focal lengths (lensfun).",
 )
-@click.option(
-    "--emor", type=click.Path(path_type=Path), help="The base curves emor.txt, to write the response (hugin)."
-)
+@click.option("--emor", type=PATH, help="The base curves emor.txt, to write the response (hugin).")
 def command(
     *,
     calibration: str,
@@ -93,5 +92,4 @@ def command(
     written = export(adapted(open_photometry(calibration), crop, size, binning), program, out, settings)
     for path in written.files:
         click.echo(f"wrote {path}")
-    for note in written.notes:
-        click.echo(f"note: {note}")
+    say_notes(written.notes)

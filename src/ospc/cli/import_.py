@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from ospc.cli.validate import parse_size
+from ospc.cli.options import out_option, size_option
 
 
 @click.command("import")
 @click.argument("pcalib")
 @click.argument("vignette", required=False)
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="calibration.json to write.")
-@click.option("--size", metavar="WxH", callback=parse_size, help="Size of the images, if no file states it.")
+@out_option(help="calibration.json to write.")
+@size_option
 @click.option(
     "--max-grey",
     type=click.IntRange(1, 65535),

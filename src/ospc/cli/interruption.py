@@ -7,8 +7,10 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType, TracebackType
 from typing import Any, Literal
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells expect it: 128 + SIGINT."""
 
 _Mode = Literal["at once", "deferred", "held"]
 
@@ -25,20 +27,21 @@ class Interruption:
     """
 
     def __init__(self) -> None:
-        self._count = 0
+        self.count = 0
+        """Number of signals so far."""
         self._counted_s = -float("inf")
         self._mode: _Mode = "at once"
         self._before: dict[int, Any] = {}
 
     @property
-    def count(self) -> int:
-        """Number of signals so far."""
-        return self._count
-
-    @property
     def requested(self) -> bool:
         """Whether there was a signal."""
-        return self._count > 0
+        return self.count > 0
+
+    def check(self) -> None:
+        """Raise ``KeyboardInterrupt`` if there was a signal."""
+        if self.requested:
+            raise KeyboardInterrupt
 
     @contextmanager
     def deferred(self) -> Iterator[None]:
@@ -59,19 +62,17 @@ class Interruption:
                 self._before[number] = signal.signal(number, self._handle)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def _handle(self, _number: int, _frame: FrameType | None) -> None:
+    def _handle(self, *_signal: object) -> None:
         now_s = time.monotonic()
         if now_s - self._counted_s < _SAME_S and self._mode != "at once":
             return
         self._counted_s = now_s
-        self._count += 1
-        if self._mode == "at once" or (self._mode == "deferred" and self._count > 1):
+        self.count += 1
+        if self._mode == "at once" or (self._mode == "deferred" and self.count > 1):
             raise KeyboardInterrupt
 
     @contextmanager
@@ -81,3 +82,12 @@ class Interruption:
             yield
         finally:
             self._mode = before
+
+
+@contextmanager
+def leaving(state: str) -> Iterator[None]:
+    """Say what state an interruption of the work within leaves things in."""
+    try:
+        yield
+    except KeyboardInterrupt as interruption:
+        raise KeyboardInterrupt(state, *interruption.args) from None

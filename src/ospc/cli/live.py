@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.cli.pace import Pace
+from ospc.cli.progress import ProgressLine, progress_line
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -20,29 +22,18 @@ if TYPE_CHECKING:
     from ospc.methods.preview import Preview
     from ospc.recording import Frame, Recording
 
+Watcher = Callable[["OnlineCalibrator", str, "Frame | None"], None]
+"""Is told where a run stands: the calibrator, the stage in one word, and the frame just used, None where none was."""
+
 _REFRESH_S = 0.4
+"""Shortest time between two pictures, in seconds."""
+
 _LARGEST_SHARE = 0.03
+"""Largest share of the time that watching may take."""
+
 _EARLIER_CURVES = 5
 _MOST_COLUMNS, _ROWS = 42, 9
-_RADII = 51
-
-
-class Watcher(Protocol):
-    """Is told of every frame that was pushed."""
-
-    def __call__(self, calibrator: OnlineCalibrator, stage: str, frame: Frame | None = None) -> None:
-        """Take note of where a run stands.
-
-        Parameters
-        ----------
-        calibrator
-            The run.
-        stage
-            What it does now, in one word.
-        frame
-            The frame just pushed; None where none was.
-        """
-        ...
+"""Size of a drawing in characters."""
 
 
 @dataclass(frozen=True)
@@ -84,85 +75,25 @@ class Watching:
 
                 watchers.append(stack.enter_context(RerunStream.opened(recording, self.stream, spawn=self.viewer)))
             if self.visible:
-                view = LiveView(len(recording)) if self.live else ProgressBar(len(recording))
-                watchers.append(stack.enter_context(view.shown()))
+                show = LiveView(len(recording)).shown if self.live else partial(_bar_shown, len(recording))
+                watchers.append(stack.enter_context(show()))
 
-            def tell(calibrator: OnlineCalibrator, stage: str, frame: Frame | None = None) -> None:
+            def tell(calibrator: OnlineCalibrator, stage: str, frame: Frame | None) -> None:
                 for watcher in watchers:
                     watcher(calibrator, stage, frame)
 
             yield tell
 
 
-NOT_WATCHED = Watching()
-"""Nobody looks."""
+@contextmanager
+def _bar_shown(total: int) -> Iterator[Watcher]:
+    with progress_line() as show:
+        yield lambda calibrator, stage, _frame: _show_status(show, calibrator, stage, total)
 
 
-class Pace:
-    """Says when to look again: not too often, and so that looking takes a small share of the time.
-
-    Parameters
-    ----------
-    least_s
-        Shortest time between looks.
-    share
-        Largest share of all time that looking may take.
-    """
-
-    def __init__(self, least_s: float = _REFRESH_S, share: float = _LARGEST_SHARE) -> None:
-        self._least_s, self._share = least_s, share
-        self._next_s = -float("inf")
-
-    @property
-    def due(self) -> bool:
-        """Whether it is time."""
-        return time.monotonic() >= self._next_s
-
-    @contextmanager
-    def look(self) -> Iterator[None]:
-        """Measure how long a look takes."""
-        begun_s = time.monotonic()
-        yield
-        now_s = time.monotonic()
-        self._next_s = now_s + max(self._least_s, (now_s - begun_s) / self._share)
-
-
-class ProgressBar:
-    """Frames done, and the method's own figures, in one line on standard error.
-
-    Parameters
-    ----------
-    total
-        Number of frames.
-    console
-        Where to; standard error where not given.
-    """
-
-    def __init__(self, total: int, console: Console | None = None) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        self.bar = Progress(
-            TextColumn("{task.description:10}"),
-            BarColumn(bar_width=24),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[figures]}"),
-            TimeRemainingColumn(compact=True),
-            console=console or Console(stderr=True),
-            transient=True,
-        )
-        self._task = self.bar.add_task("comparing", total=total, figures="")
-
-    @contextmanager
-    def shown(self) -> Iterator[Watcher]:
-        """Show it for the time of the context."""
-        with self.bar:
-            yield self
-
-    def __call__(self, calibrator: OnlineCalibrator, stage: str, frame: Frame | None = None) -> None:
-        """Move on."""
-        status = calibrator.status
-        self.bar.update(self._task, completed=status.frames, description=stage, figures=figures(status))
+def _show_status(show: Callable[..., None], calibrator: OnlineCalibrator, stage: str, total: int) -> None:
+    status = calibrator.status
+    show(stage, status.frames, total, figures(status))
 
 
 @dataclass
@@ -179,7 +110,7 @@ class LiveView:
 
     total: int
     console: Console | None = None
-    _pace: Pace = field(default_factory=Pace)
+    _pace: Pace = field(default_factory=partial(Pace, _REFRESH_S, _LARGEST_SHARE))
     _responses: list[FloatArray] = field(default_factory=list)
     _vignettes: list[FloatArray] = field(default_factory=list)
     _spreads: tuple[list[float], list[float]] = field(default_factory=lambda: ([], []))
@@ -191,14 +122,14 @@ class LiveView:
         from rich.live import Live
 
         console = self.console or Console(stderr=True)
-        bar = ProgressBar(self.total, console)
-        with Live(bar.bar, console=console, transient=True, auto_refresh=False) as live:
+        line = ProgressLine(console)
+        with Live(line.bar, console=console, transient=True, auto_refresh=False) as live:
 
-            def show(calibrator: OnlineCalibrator, stage: str, frame: Frame | None = None) -> None:
+            def show(calibrator: OnlineCalibrator, stage: str, _frame: Frame | None) -> None:
                 if self._pace.due or stage != "comparing":
                     with self._pace.look():
-                        bar(calibrator, stage, frame)
-                        live.update(self.picture(bar.bar, calibrator.preview(), console.width), refresh=True)
+                        _show_status(line.show, calibrator, stage, self.total)
+                        live.update(self.picture(line.bar, calibrator.preview(), console.width), refresh=True)
 
             yield show
 
@@ -213,6 +144,9 @@ class LiveView:
         return Group(head, _coverage(preview), self._curves(width))
 
     def _remember(self, preview: Preview) -> None:
+        from ospc.photometry.calibration import PROFILE_RADII
+        from ospc.photometry.vignette import diagonal_profile
+
         if preview.response is None or preview.vignette is None or preview.vignette_sigma is None:
             return
         response = preview.response.inverse(np.linspace(0, 1, 101))
@@ -220,7 +154,7 @@ class LiveView:
             return
         spread = preview.response.inverse_sigma
         self._responses.append(response)
-        self._vignettes.append(_profile(preview))
+        self._vignettes.append(diagonal_profile(preview.vignette, PROFILE_RADII))
         self._spreads[0].append(float(np.nan if spread is None else spread.max()))
         self._spreads[1].append(float(preview.vignette_sigma[-1]))
 
@@ -258,13 +192,6 @@ def figures(status: Status) -> str:
     if progress.vignette_sigma is not None:
         parts.append(f"V ±{progress.vignette_sigma:.2g}")
     return "  ".join(parts)
-
-
-def _profile(preview: Preview) -> FloatArray:
-    """Return the vignette from the centre to the corner at the lower right."""
-    assert preview.vignette is not None
-    half = (np.array(preview.vignette.size) - 1) / 2
-    return np.asarray(preview.vignette.at(half + np.linspace(0, 1, _RADII)[:, None] * half))
 
 
 def _coverage(preview: Preview) -> RenderableType:

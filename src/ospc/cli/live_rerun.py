@@ -10,15 +10,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.cli.live import Pace, Watcher
+from ospc.cli.live import Watcher
+from ospc.cli.pace import Pace
 from ospc.errors import FormatError, MissingExtraError, SettingError
+from ospc.evaluation.frame_kinds import RawFrames
+from ospc.photometry.calibration import PROFILE_RADII
+from ospc.photometry.correction import Corrector
+from ospc.photometry.vignette import diagonal_profile
+from ospc.report.examples import corrected_picture
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
     from ospc.methods.preview import Matches, Preview
     from ospc.recording import Frame, Recording
 
-_SHARE = 0.2
+_REFRESH_S, _LARGEST_SHARE = 0.2, 0.2
+"""Shortest time between two looks at the estimates, and the largest share of the time that they may take."""
+
 _JPEG = 75
 _MOST_POINTS = 300
 _GREEN, _GREY, _BLUE, _ORANGE = (0, 158, 115), (150, 150, 150), (0, 114, 178), (213, 94, 0)
@@ -48,7 +56,7 @@ class RerunStream:
 
     def __init__(self, rerun: Any, stream: Any, pace: Pace | None = None) -> None:
         self._rr, self._stream = rerun, stream
-        self._pace = pace or Pace(0.2, _SHARE)
+        self._pace = pace or Pace(_REFRESH_S, _LARGEST_SHARE)
         self._pairs = -1
         self._longest_ms = 0.0
 
@@ -107,7 +115,7 @@ class RerunStream:
             return  # most frames are not even decoded
         self._pairs = pairs
         self._longest_ms = max(self._longest_ms, frame.exposure_ms)
-        self._log_image("recorded/image", _eight_bit(frame.image, frame.max_grey))
+        self._log_image("recorded/image", RawFrames(frame.max_grey).image(frame))
         if self._pace.due:
             with self._pace.look():
                 preview = calibrator.preview()
@@ -129,9 +137,9 @@ class RerunStream:
             self._log("spread/response", rr.Scalars(float(spread.max())))
         self._log("spread/vignette", rr.Scalars(float(sigma[-1])))
         self._log_curve("response", response.inverse(grey), spread, _BLUE)
-        half = (np.array(vignette.size) - 1) / 2
-        self._log_curve("vignette", vignette.at(half + np.linspace(0, 1, len(sigma))[:, None] * half), sigma, _ORANGE)
-        self._log_image("corrected/image", self._corrected(preview, frame))
+        self._log_curve("vignette", diagonal_profile(vignette, PROFILE_RADII), sigma, _ORANGE)
+        corrector = Corrector(response, vignette, frame.max_grey)
+        self._log_image("corrected/image", corrected_picture(corrector, frame, self._longest_ms))
 
     def _log_matches(self, matches: Matches | None, frame: Frame) -> None:
         rr = self._rr
@@ -150,15 +158,6 @@ class RerunStream:
         lines = [np.stack([across, 1 - y], axis=1) for y in (value, value - 2 * sigma, value + 2 * sigma)]
         self._log(name, self._rr.LineStrips2D(lines, colors=[colour, _GREY, _GREY]))
 
-    def _corrected(self, preview: Preview, frame: Frame) -> Image:
-        from ospc.photometry.correction import Corrector
-
-        corrector = Corrector(preview.response, preview.vignette, frame.max_grey)
-        corrected = corrector.correct(frame.image, frame.exposure_ms, mark_saturated=False)
-        light = np.asarray(corrected, dtype=np.float64)
-        assert preview.response is not None
-        return np.rint(255 * preview.response(np.clip(light * self._longest_ms, 0, 1))).astype(np.uint8)
-
     def _log_image(self, name: str, image: Image) -> None:
         picture = self._rr.Image(image, color_model="L")
         self._log(name, picture if image.size < 4096 else picture.compress(jpeg_quality=_JPEG))
@@ -174,10 +173,6 @@ def _check_place(file: Path) -> None:
         file.open("ab").close()
     except OSError as error:
         raise FormatError(f"{file}: cannot be written ({error.strerror}); name another file") from None
-
-
-def _eight_bit(image: Image, max_grey: int) -> Image:
-    return image if max_grey == 255 else np.rint(255.0 / max_grey * image.astype(np.float64)).astype(np.uint8)
 
 
 def _style(rr: Any, stream: Any) -> None:

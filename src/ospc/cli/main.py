@@ -8,7 +8,8 @@ from importlib import import_module
 import click
 
 from ospc import __version__
-from ospc.errors import OspcError
+from ospc.cli.interruption import INTERRUPTED, Interruption
+from ospc.errors import OspcError, one_line
 
 _COMMANDS = {
     "batch": "Calibrate many recordings, locally or on a cluster, and merge those of one camera.",
@@ -36,7 +37,7 @@ _MODULES = {"import": "import_"}
 
 
 class _Commands(click.Group):
-    """A group that lists its commands without importing them."""
+    """A group that lists its commands without importing them, and ends every failure as one line."""
 
     def list_commands(self, _ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
@@ -44,12 +45,26 @@ class _Commands(click.Group):
     def get_command(self, _ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        command: click.Command = import_module(f"ospc.cli.{_MODULES.get(name, name.replace('-', '_'))}").command
+        command: click.Command = import_module(f"ospc.cli.{_MODULES.get(name, name)}").command
         return command
 
     def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Call a command, which returns its exit code or None; the context's object is the interruption."""
+        with Interruption() as ctx.obj:
+            try:
+                code = super().invoke(ctx)
+            except KeyboardInterrupt as interruption:
+                click.echo("; ".join(["ospc: interrupted", *map(str, interruption.args)]), err=True)
+                code = INTERRUPTED
+            except (OspcError, click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+                raise
+            except Exception as error:
+                raise OspcError(one_line(error)) from error
+        return ctx.exit(code or 0)
 
 
 @click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -2,148 +2,117 @@
 
 from __future__ import annotations
 
-import json
-import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.checkpoints import STATE_NAME
+from ospc.cli.calibration_report import print_json, result_as_dict, say_notes, say_result
+from ospc.cli.options import PATH, exit_codes, force_option, json_option, out_option, quiet_option, truth_option
+from ospc.errors import FormatError
 
 if TYPE_CHECKING:
-    from ospc.formats.opening import Photometry
-    from ospc.output import OutputFolder, Written
-    from ospc.photometry.calibration import Calibration
-    from ospc.pooling.agreement import Difference
+    from ospc.pooling.summary import Summary
 
 COMPLETE, UNDETERMINED = 0, 3
 
 
-@dataclass(frozen=True)
-class _Request:
-    """The options as given."""
-
-    states: tuple[Path, ...]
-    out: Path
-    truth: str | None
-    force: bool
-    quiet: bool
-    as_json: bool
-
-
-@click.command("merge")
-@click.argument("states", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder to write the results to.")
-@click.option("--truth", metavar="PATH", help="A known calibration to compare with, as for 'ospc calibrate'.")
-@click.option(
-    "--force",
-    is_flag=True,
-    help="Write into OUT even if it holds other files; earlier results go.",
+@click.command(
+    "merge",
+    epilog=exit_codes(
+        {
+            COMPLETE: "complete: response and vignette are known",
+            UNDETERMINED: "written, but response or vignette could not be determined",
+        }
+    ),
 )
-@click.option("-q", "--quiet", is_flag=True, help="Print only errors and warnings.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON summary on standard output.")
-def command(**options: Any) -> None:
+@click.argument("states", nargs=-1, required=True, type=PATH)
+@out_option(help="Folder to write the results to.")
+@truth_option
+@force_option("Write into OUT even if it holds other files; earlier results go.")
+@quiet_option
+@json_option
+def command(
+    states: tuple[Path, ...], *, out: Path, truth: str | None, force: bool, quiet: bool, as_json: bool
+) -> int:
     """Merge the STATES of recordings of one camera into one calibration.
 
     STATES are state.ospc files that 'ospc calibrate' or 'ospc merge' wrote, or the folders that hold them, in any
-    order. A recording given twice counts once. The checkpoint of an unfinished run is refused: finish the run with
-    'ospc calibrate --resume' first. Recordings that contradict the others are reported and left out.
+    order. A recording given twice counts once. Of a run that is not finished, the frames so far count. Recordings
+    that contradict the others are reported and left out.
 
     OUT gets the files that 'ospc calibrate' writes; OUT/state.ospc can be merged again with others.
-
-    \b
-    Exit codes:
-      0  complete: response and vignette are known
-      1  error
-      2  wrong usage
-      3  written, but response or vignette could not be determined
-    """  # noqa: D301 (click reads the escaped character as "do not rewrap")
-    sys.exit(_merge(_Request(**options)))
-
-
-def _merge(request: _Request) -> int:
-    from ospc.errors import FormatError
+    """
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder, Written
     from ospc.pooling.pool import Pool
     from ospc.pooling.pooled_calibration import merge
+    from ospc.state.container import STATE_NAME
 
-    known = None if request.truth is None else open_photometry(request.truth)
-    folder = OutputFolder.at(request.out, force=request.force)
-    pool = Pool.of(summary for place in request.states for summary in Pool.load(place).summaries)
+    known = None if truth is None else open_photometry(truth)
+    folder = OutputFolder.at(out, force=force)
+    pool = Pool.of(_named_apart([(place, summary) for place in states for summary in _summaries(place)]))
     merged = merge(pool)
-    calibration = merged.calibration
+    calibration, differing = merged.calibration, list(merged.agreement.differing.values())
     written = folder.write(calibration)
     written += Written((pool.save(folder.path / STATE_NAME),))
     written += folder.report(calibration, None, known)
     written += folder.draw(calibration, known)
-    differing = list(merged.agreement.differing.values())
-    if request.as_json:
-        click.echo(json.dumps(_as_json(calibration, differing, folder, written, known), indent=1))
+    code = COMPLETE if calibration.complete else UNDETERMINED
+    if as_json:
+        print_json(
+            {
+                "exit_code": code,
+                **result_as_dict(calibration, folder, written, known),
+                "differing": [vars(difference) for difference in differing],
+                "notes": list(written.notes),
+            }
+        )
     else:
-        _say(calibration, differing, folder, written, known, quiet=request.quiet)
+        say_notes((f"{d.name} differs from the others: {d.text}" for d in differing), "warning")
+    if not (quiet or as_json):
+        counts = calibration.counts
+        basis = f"from {counts['recordings']} recordings, {counts['frames']} frames, {counts['samples']} samples"
+        say_result(calibration, folder, written, known, [basis])
     if written.problems:
         raise FormatError("; ".join(written.problems))
-    return COMPLETE if calibration.complete else UNDETERMINED
+    return code
 
 
-def _say(
-    calibration: Calibration,
-    differing: list[Difference],
-    folder: OutputFolder,
-    written: Written,
-    known: Photometry | None,
-    *,
-    quiet: bool,
-) -> None:
-    from ospc.cli.calibration_report import say_errors, say_notes, say_verdicts
+def _summaries(place: Path) -> Sequence[Summary]:
+    """Return the summaries in a state; of the checkpoint of an unfinished run, that of the frames so far."""
+    from ospc.calibrator import OnlineCalibrator
+    from ospc.pooling.pool import Pool
+    from ospc.pooling.summary import Summary
+    from ospc.state.container import STATE_NAME, kind_of
+    from ospc.state.run import KIND, load_summary
 
-    for difference in differing:
-        click.echo(f"warning: {difference.name} differs from the others: {difference.text}", err=True)
-    if quiet:
-        return
-    say_verdicts(calibration)
-    counts = calibration.counts
-    click.echo(f"from {counts['recordings']} recordings, {counts['frames']} frames, {counts['samples']} samples")
-    click.echo(f"written to {folder.path}: {', '.join(str(f.relative_to(folder.path)) for f in written.files)}")
-    say_notes(written.notes)
-    if known is not None:
-        say_errors(_compared(calibration, known), calibration, known.name)
+    file = place / STATE_NAME if place.is_dir() else place
+    if kind_of(file) != KIND:
+        return Pool.load(file).summaries
+    summary = load_summary(file, Summary) or OnlineCalibrator.load_state(file).summary()
+    if summary is None:
+        raise FormatError(f"{file}: nothing could be learned of this recording; leave it out")
+    return [summary]
 
 
-def _compared(calibration: Calibration, known: Photometry) -> Any:
-    from ospc.errors import FormatError
-    from ospc.evaluation.comparison import compare
-    from ospc.formats.opening import Photometry
+def _named_apart(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:
+    """Tell recordings of one name apart by the places of their states, as briefly as possible."""
+    named = []
+    for place, summary in found:
+        others = {
+            other for other, another in found if another.name == summary.name and another.key != summary.key
+        } - {place}
+        where = _shortest_distinct(place, others)
+        named.append(replace(summary, name=f"{summary.name} ({where})") if others else summary)
+    return named
 
-    try:
-        return compare(Photometry("merged", calibration.response, calibration.vignette, calibration), known)
-    except FormatError:  # they have neither response nor vignette in common
-        return None
 
-
-def _as_json(
-    calibration: Calibration,
-    differing: list[Difference],
-    folder: OutputFolder,
-    written: Written,
-    known: Photometry | None,
-) -> dict[str, Any]:
-    content: dict[str, Any] = {
-        "exit_code": COMPLETE if calibration.complete else UNDETERMINED,
-        "out": str(folder.path),
-        "verdicts": {name: vars(verdict) for name, verdict in calibration.verdicts.items()},
-        "counts": calibration.counts,
-        "differing": [
-            {"name": d.name, "parts": list(d.parts), "sigmas": d.sigmas, "text": d.text} for d in differing
-        ],
-        "files": [str(file) for file in written.files],
-        "notes": list(written.notes),
-    }
-    comparison = None if known is None else _compared(calibration, known)
-    if comparison is not None:
-        names = ("response_rmse", "response_shape_rmse", "log_ratio_error", "vignette_rmse", "vignette_pixel_rmse")
-        content["errors"] = {name: getattr(comparison, name) for name in names}
-    return content
+def _shortest_distinct(place: Path, others: set[Path]) -> str:
+    """Return the shortest end of a path that no other path has."""
+    parts = place.absolute().parts
+    ends = [parts[-count:] for count in range(1, len(parts) + 1)]
+    distinct = (end for end in ends if all(other.absolute().parts[-len(end) :] != end for other in others))
+    return "/".join(next(distinct, parts))

@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 
 import click
 
-from ospc.errors import SettingError
+from ospc.cli.options import PATH
+from ospc.errors import ExposureError, OspcError, RecordingError, SettingError
 from ospc.recording import Recording, cameras_of
 from ospc.recording.kinds import kinds
 from ospc.recording.masking import Region, masked, read_mask
@@ -25,6 +26,7 @@ _WIDTH_WHEN_PIPED = 200
 """Characters per line of a table that does not go to a terminal; long topic names fit."""
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
+_Opener = Callable[[], Recording]
 
 
 @dataclass(frozen=True)
@@ -59,23 +61,8 @@ class Reading:
         each = texts.get("channel") == EACH
         if each:
             del texts["channel"]
-        return cls(
-            replace(ReadingOptions.of(texts), unknown_exposures=unknown_exposures),
-            options.pop("kind"),
-            options.pop("mask"),
-            options.pop("roi"),
-            each,
-        )
-
-    @property
-    def channel(self) -> object:
-        """Channel that is asked for; :data:`EACH` for all of them."""
-        return EACH if self.each_channel else self.options.channel
-
-    @property
-    def unknown_exposures(self) -> bool:
-        """Whether the exposures are to be estimated."""
-        return self.options.unknown_exposures
+        stated = replace(ReadingOptions.of(texts), unknown_exposures=unknown_exposures)
+        return cls(stated, options.pop("kind"), options.pop("mask"), options.pop("roi"), each)
 
     def open(self, path: Path) -> Recording:
         """Open a recording.
@@ -83,7 +70,7 @@ class Reading:
         Raises
         ------
         RecordingError
-            If it cannot be read.
+            If it cannot be read; an error for want of exposures names the option to go without them.
         SettingError
             If an option does not fit it.
         """
@@ -91,9 +78,9 @@ class Reading:
             raise click.UsageError("only 'ospc calibrate' takes --channel each; choose one channel")
         from ospc.recording import open_recording
 
-        return self._masked(open_recording(path, self.kind, self.options))
+        return self._opened(path, lambda options: open_recording(path, self.kind, options))
 
-    def cameras(self, path: Path) -> dict[str, Callable[[], Recording]]:
+    def cameras(self, path: Path) -> dict[str, _Opener]:
         """Return an opener for each camera of a rig by its name; if each channel is asked for, one for each of them.
 
         Raises
@@ -102,8 +89,7 @@ class Reading:
             If the path cannot be read.
         """
         if not self.each_channel:
-            found = cameras_of(path, self.kind, self.options)
-            return {name: partial(self._opened, opener) for name, opener in found.items()}
+            return {name: partial(self._camera, path, name) for name in cameras_of(path, self.kind, self.options)}
         of_channels = {name: self._of_channel(name).cameras(path) for name in ("red", "green", "blue")}
         several = len(of_channels["green"]) > 1
         return {
@@ -112,16 +98,31 @@ class Reading:
             for name, opener in cameras.items()
         }
 
+    def _camera(self, path: Path, name: str) -> Recording:
+        return self._opened(path, lambda options: cameras_of(path, self.kind, options)[name]())
+
     def _of_channel(self, name: str) -> Reading:
         channel = ReadingOptions.of({"channel": name}).channel
         return replace(self, options=replace(self.options, channel=channel), each_channel=False)
 
-    def _opened(self, opener: Callable[[], Recording]) -> Recording:
-        return self._masked(opener())
-
-    def _masked(self, recording: Recording) -> Recording:
+    def _opened(self, path: Path, opener: Callable[[ReadingOptions], Recording]) -> Recording:
+        try:
+            recording = opener(self.options)
+        except RecordingError as error:
+            if self.options.unknown_exposures or not self._opens_without_exposures(opener):
+                raise
+            hint = "if there are none, 'ospc calibrate --unknown-exposures' estimates them from the images"
+            raise ExposureError(f"{error}; {hint}") from error
         mask = None if self.mask is None else read_mask(self.mask, recording.size)
         return masked(recording, mask, self.region)
+
+    def _opens_without_exposures(self, opener: Callable[[ReadingOptions], Recording]) -> bool:
+        """Tell whether nothing but exposures is missing."""
+        try:
+            opener(replace(self.options, unknown_exposures=True))
+        except OspcError:
+            return False
+        return True
 
 
 def _check_kind(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
@@ -136,22 +137,6 @@ def _parse_region(_ctx: click.Context, _param: click.Parameter, value: str | Non
         return None if value is None else Region.parse(value)
     except SettingError as error:
         raise click.BadParameter(str(error)) from None
-
-
-_OWN_OPTIONS = (
-    click.option(
-        "--kind", callback=_check_kind, help="Kind of recording, instead of recognising it (tum_mono, euroc, …)."
-    ),
-    click.option(
-        "--mask",
-        type=click.Path(path_type=Path),
-        metavar="IMAGE",
-        help="Image of the frames' size; pixels that are black in it are not used.",
-    ),
-    click.option(
-        "--roi", metavar="X,Y,W,H", callback=_parse_region, help="Use only this part of the image, in pixels."
-    ),
-)
 
 
 def stated_option(name: str, *, each: bool = False) -> Callable[[_Command], _Command]:
@@ -179,14 +164,27 @@ def stated_option(name: str, *, each: bool = False) -> Callable[[_Command], _Com
 def reading_options(command: _Command) -> _Command:
     """Give a command the options that :class:`Reading` takes; 'ospc calibrate' adds ``--unknown-exposures``."""
     names = [name for name in declared_options() if name != "unknown_exposures"]
-    stated = [stated_option(name, each=name == "channel") for name in names]
-    kind, *masks = _OWN_OPTIONS
-    for option in reversed([kind, *stated, *masks]):
+    options = (
+        click.option(
+            "--kind", callback=_check_kind, help="Kind of recording, instead of recognising it (tum_mono, euroc, …)."
+        ),
+        *(stated_option(name, each=name == "channel") for name in names),
+        click.option(
+            "--mask",
+            type=PATH,
+            metavar="IMAGE",
+            help="Image of the frames' size; pixels that are black in it are not used.",
+        ),
+        click.option(
+            "--roi", metavar="X,Y,W,H", callback=_parse_region, help="Use only this part of the image, in pixels."
+        ),
+    )
+    for option in reversed(options):
         command = option(command)
     return command
 
 
-def say_topics(path: Path) -> None:
+def print_topics(path: Path) -> None:
     """Print the topics of a bag, and what each can be used for.
 
     Raises

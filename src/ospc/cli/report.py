@@ -7,18 +7,16 @@ from typing import Any
 
 import click
 
+from ospc.cli.calibration_report import say_notes
+from ospc.cli.options import PATH, truth_option
 from ospc.cli.reading import Reading, reading_options
 from ospc.errors import OspcError
 
 
 @click.command("report")
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option(
-    "--recording", type=click.Path(path_type=Path), help="Recording from which to show pictures and track points."
-)
-@click.option(
-    "--truth", metavar="PATH", help="A known calibration to compare with: calibration.json, or a folder with one."
-)
+@click.argument("folder", type=PATH)
+@click.option("--recording", type=PATH, help="Recording from which to show pictures and track points.")
+@truth_option
 @click.option("--pdf", is_flag=True, help="Write report.pdf too.")
 @reading_options
 def command(folder: Path, recording: Path | None, truth: str | None, pdf: bool, **options: Any) -> None:
@@ -36,8 +34,7 @@ def command(folder: Path, recording: Path | None, truth: str | None, pdf: bool, 
     frames = None if recording is None else Reading.taken_from(options).open(recording)
     known = None if truth is None else open_photometry(truth)
     written = OutputFolder(folder).report(calibration, frames, known, pdf=pdf)
-    for note in written.notes:
-        click.echo(f"note: {note}", err=True)
+    say_notes(written.notes)
     if written.problems:
         raise OspcError("; ".join(written.problems))
     for file in written.files:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.errors import NotObservableError, OspcError
+from ospc.errors import NotObservableError
 
 if TYPE_CHECKING:
     from ospc.recording import Recording
@@ -16,18 +16,14 @@ if TYPE_CHECKING:
 RIG_NAME = "rig.json"
 """Name of the file with the relative scales in the folder of the cameras' folders."""
 
+_LARGE_MISFIT = 4.0
+"""Standard deviations by which overlaps contradict each other before the user is warned."""
+
 
 def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool) -> dict[str, Any]:
     """Find the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
 
-    Parameters
-    ----------
-    out
-        Folder that holds the folder of each camera.
-    cameras
-        What opens the recording of each.
-    talkative
-        Whether to say what was found.
+    ``out`` holds the folder of each camera.
     """
     from ospc.photometry.calibration import Calibration
     from ospc.rig import rig_scale
@@ -51,18 +47,7 @@ def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, 
                 click.echo(f"  {name}: {scale:.4f} ± {found.sigma[name]:.4f}")
         for name, why in found.left_out.items():
             click.echo(f"  {name}: unknown, {why}")
-        if found.misfit > 4:
+        if found.misfit > _LARGE_MISFIT:
             click.echo(f"warning: overlaps contradict each other by {found.misfit:.0f} standard deviations", err=True)
         click.echo(f"written to {out / RIG_NAME}")
     return found.as_dict()
-
-
-def rig_scale_or_error(
-    out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool
-) -> dict[str, Any]:
-    """Do the same, but let a failure be one line: the calibrations are worth more than the scale."""
-    try:
-        return add_rig_scale(out, cameras, talkative=talkative)
-    except OspcError as error:
-        click.echo(f"ospc: error: no relative irradiance scale: {error}", err=True)
-        return {"error": str(error)}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ospc.cli.options import PATH, SIZE, force_option
+from ospc.cli.progress import progress_of
 from ospc.errors import SettingError
 
 if TYPE_CHECKING:
@@ -23,13 +25,6 @@ def _numbers(_context: click.Context, _parameter: click.Parameter, value: str | 
         raise click.BadParameter(f"'{value}' is not a list of numbers") from None
 
 
-def _size(_context: click.Context, _parameter: click.Parameter, value: str) -> tuple[int, int]:
-    parts = value.lower().replace("×", "x").split("x")
-    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
-        raise click.BadParameter(f"'{value}' is not WIDTHxHEIGHT in pixels, like 640x480")
-    return int(parts[0]), int(parts[1])
-
-
 def _exposures_of(path: Path) -> tuple[float, ...]:
     """Read exposures in milliseconds: the last column of a text file, such as times.txt."""
     from ospc.recording.text_file import lines_of, parse_number, read_text
@@ -41,9 +36,9 @@ def _exposures_of(path: Path) -> tuple[float, ...]:
 
 
 @click.command()
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=PATH)
 @click.option("--frames", default=500, show_default=True, help="Number of images.")
-@click.option("--size", default="640x480", show_default=True, callback=_size, help="Width x height in pixels.")
+@click.option("--size", default="640x480", show_default=True, type=SIZE, help="Width x height in pixels.")
 @click.option("--fps", default=20.0, show_default=True, help="Images per second.")
 @click.option("--seed", default=0, show_default=True, help="Seed of scene, motion and noise.")
 @click.option(
@@ -100,26 +95,18 @@ def _exposures_of(path: Path) -> tuple[float, ...]:
 @click.option("--bit-depth", default=8, show_default=True, help="Bits per grey value, 8 to 16.")
 @click.option("--jpg", is_flag=True, help="Store JPEG instead of PNG.")
 @click.option("--archive", is_flag=True, help="Store images.zip instead of the folder images.")
-@click.option("--force", is_flag=True, help="Replace an earlier simulated recording at OUT.")
+@force_option("Replace an earlier simulated recording at OUT.")
 def command(out: Path, force: bool, **options: Any) -> None:
     """Simulate a recording with known truth in the folder OUT.
 
     The folder contains images, times.txt and camera.txt like a real recording, and the truth in pcalib.txt,
     vignette.png, groundtruthSync.txt and truth.json.
     """
-    from rich.progress import Progress
-
     from ospc.simulation import simulate
 
     settings = _settings(options)
-    with Progress(transient=True) as bar:
-        task = bar.add_task("simulating", total=settings.frames)
-        made = simulate(
-            out,
-            settings,
-            overwrite=force,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )
+    with progress_of("simulating") as step:
+        made = simulate(out, settings, overwrite=force, progress=step)
     exposures = made.exposures_ms
     click.echo(
         f"{out}: {settings.frames} frames {settings.size[0]}×{settings.size[1]}, exposures {exposures.min():.3g} to "

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from ospc.cli.calibration_report import print_json
+from ospc.cli.options import PATH, named, out_option
+from ospc.cli.progress import progress_line
 from ospc.errors import SettingError
 
 if TYPE_CHECKING:
@@ -20,38 +22,25 @@ if TYPE_CHECKING:
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _Item = TypeVar("_Item")
+EXAMPLE = "theirs=pcalib.txt,vignette.png"
+"""A calibration of another program, as its option takes it."""
+
 OnStep = Callable[[str, float], None]
 """Called with what is under way and the share of it that is done."""
 
-INTERRUPTED = 130
 _WIDTH = 400
 """Columns of tables: the terminal wraps lines that are longer; cells that were cut would be lost."""
 
-_LEAST_SIDE, _LARGEST_SIDE = 16, 8192
-
-
-def out_option(folder: str) -> Callable[[_Command], _Command]:
-    """Give a command the option for the folder of its results."""
-    return click.option(
-        "-o",
-        "--out",
-        type=click.Path(path_type=Path),
-        default=Path(folder),
-        show_default=True,
-        help="Folder of the results.",
-    )
-
-
+study_out_option = partial(out_option, help="Folder of the results.")
 jobs_option = click.option(
     "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Number of processes."
 )
-json_option = click.option("--json", "as_json", is_flag=True, help="Print results as JSON.")
 calibration_option = click.option(
     "--calibration",
     "given",
     multiple=True,
     metavar="NAME=FILES",
-    help="Calibration of another program to be compared, such as theirs=pcalib.txt,vignette.png; repeatable.",
+    help=f"Calibration of another program to be compared, such as {EXAMPLE}; repeatable.",
 )
 
 
@@ -68,9 +57,7 @@ def _folder(_ctx: click.Context, _param: click.Parameter, value: Path | None) ->
     return value
 
 
-data_option = click.option(
-    "--data", type=click.Path(path_type=Path), envvar="OSPC_DATA", callback=_folder, help="Folder of real data."
-)
+data_option = click.option("--data", type=PATH, envvar="OSPC_DATA", callback=_folder, help="Folder of real data.")
 
 
 def _presets(_ctx: click.Context, _param: click.Parameter, value: str) -> tuple[str, ...]:
@@ -89,65 +76,24 @@ def words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
-def size_of(text: str) -> tuple[int, int]:
-    """Return width and height.
-
-    Raises
-    ------
-    SettingError
-        If the text is no size of images.
-    """
-    width, _, height = text.lower().replace("×", "x").partition("x")
-    if width.isdecimal() and height.isdecimal():
-        size = int(width), int(height)
-        if all(_LEAST_SIDE <= side <= _LARGEST_SIDE for side in size):
-            return size
-    raise SettingError(f"'{text}' is no size such as 640x480, of {_LEAST_SIDE} to {_LARGEST_SIDE} pixels a side")
-
-
-def named(entries: Iterable[str]) -> dict[str, str]:
-    """Return entries NAME=FILES as a dictionary.
-
-    Raises
-    ------
-    SettingError
-        If an entry has another form.
-    """
-    found: dict[str, str] = {}
-    for entry in entries:
-        name, equals, files = entry.partition("=")
-        if not (name and equals and files):
-            raise SettingError(f"'{entry}' is not NAME=FILES, such as theirs=pcalib.txt,vignette.png")
-        found[name] = files
-    return found
-
-
 def given_calibrations(entries: Iterable[str]) -> dict[str, Photometry]:
     """Open the calibrations of other programs."""
     from ospc.formats.opening import open_photometry
 
-    return {name: open_photometry(files) for name, files in named(entries).items()}
+    return {name: open_photometry(files) for name, files in named(entries, EXAMPLE).items()}
 
 
 @contextmanager
-def progress_of(total: int) -> Iterator[tuple[OnStep, Callable[[], None]]]:
+def study_progress(total: int) -> Iterator[tuple[OnStep, Callable[[], None]]]:
     """Show a progress bar on standard error; give a function for steps, and one for finished tasks."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     done = 0
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        line = bar.add_task("starting", total=total)
-
-        def on_step(what: str, share: float) -> None:
-            bar.update(line, completed=done + share, description=what)
+    with progress_line() as show:
 
         def finish() -> None:
             nonlocal done
             done += 1
-            bar.update(line, completed=done)
 
-        yield on_step, finish
+        yield lambda what, share: show(what, done + share, total), finish
 
 
 def run_tasks(tasks: Sequence[Task], cache: Path, jobs: int, take: Callable[[Finished], None]) -> bool:
@@ -155,7 +101,7 @@ def run_tasks(tasks: Sequence[Task], cache: Path, jobs: int, take: Callable[[Fin
     from ospc.research.runner import run
     from ospc.research.store import ResultStore
 
-    with progress_of(len(tasks)) as (on_step, finish):
+    with study_progress(len(tasks)) as (on_step, finish):
         results = run(tasks, ResultStore(cache), jobs, lambda task, share: on_step(task.name, share))
         return until_interrupted(results, finish, take)
 
@@ -190,9 +136,9 @@ def print_tables(tables: Iterable[Table]) -> None:
 
 
 def finish_study(written: Written, notes: Iterable[str] = (), *, as_json: Any = None, complete: bool = True) -> None:
-    """Print results as JSON if given, then notes, problems and files; exit if the study was interrupted."""
+    """Print results as JSON if given, then notes, problems and files; raise again if it was interrupted."""
     if as_json is not None:
-        click.echo(json.dumps(as_json, indent=1, allow_nan=False))
+        print_json(as_json)
     for line in notes:
         click.echo(line, err=as_json is not None)
     for line in written.problems:
@@ -201,5 +147,4 @@ def finish_study(written: Written, notes: Iterable[str] = (), *, as_json: Any = 
         names = ", ".join(path.name for path in written.files)
         click.echo(f"written to {written.files[0].parent}: {names}", err=as_json is not None)
     if not complete:
-        click.echo("interrupted: the same command continues where it stopped", err=True)
-        sys.exit(INTERRUPTED)
+        raise KeyboardInterrupt("the same command continues where it stopped")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import re
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from ospc.cli.calibration_report import print_json
+from ospc.cli.options import PATH, json_option, size_option
 
 if TYPE_CHECKING:
     from ospc.formats.validation import Repair, Validation
@@ -15,18 +16,8 @@ if TYPE_CHECKING:
 _COLOURS = {"error": "red", "warning": "yellow", "note": "blue"}
 
 
-def parse_size(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[int, int] | None:
-    """Turn ``640x480`` into (640, 480)."""
-    if value is None:
-        return None
-    match = re.fullmatch(r"([1-9]\d{0,5})[x×]([1-9]\d{0,5})", value)
-    if match is None:
-        raise click.BadParameter(f"{value!r} is not a size; write WIDTHxHEIGHT, such as 640x480")
-    return int(match.group(1)), int(match.group(2))
-
-
 @click.command("validate")
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option(
     "--for",
     "program",
@@ -35,10 +26,10 @@ def parse_size(_ctx: click.Context, _param: click.Parameter, value: str | None) 
     show_default=True,
     help="Apply the rules of DSO and its descendants, or of the TUM monocular data set's own tools.",
 )
-@click.option("--size", metavar="WxH", callback=parse_size, help="Size of the images; by default that in camera.txt.")
+@size_option
 @click.option("--repair", "mend", is_flag=True, help="Write repaired copies <name>.repaired.<ext>.")
-@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
-def command(files: tuple[Path, ...], program: Any, size: tuple[int, int] | None, mend: bool, as_json: bool) -> None:
+@json_option
+def command(files: tuple[Path, ...], program: Any, size: tuple[int, int] | None, mend: bool, as_json: bool) -> int:
     """Check pcalib.txt, vignette.png, times.txt and camera.txt, or folders that hold them.
 
     Reports what the program that reads the files would do with them, and what to do about it. The exit code is 0 if
@@ -59,12 +50,10 @@ def command(files: tuple[Path, ...], program: Any, size: tuple[int, int] | None,
         _print_json(result, repairs, failures)
     else:
         _print_text(result, repairs, failures)
-    sys.exit(0 if result.valid else 1)
+    return 0 if result.valid else 1
 
 
 def _print_json(result: Validation, repairs: list[Repair], failures: list[str]) -> None:
-    import json
-
     content = {
         "program": result.program,
         "size": result.size,
@@ -77,7 +66,7 @@ def _print_json(result: Validation, repairs: list[Repair], failures: list[str]) 
         ],
         "not_repaired": failures,
     }
-    click.echo(json.dumps(content, indent=1))
+    print_json(content)
 
 
 def _print_text(result: Validation, repairs: list[Repair], failures: list[str]) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, OspcError, SettingError
+from ospc.errors import OspcError, SettingError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
-from ospc.formats.files import read_bytes, read_text, write_bytes, write_text
+from ospc.formats.files import json_object, read_bytes, write_bytes, write_text
 from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
@@ -153,11 +153,8 @@ class CorrectedFolder:
 
 
 def _check_replaceable(place: Path, force: bool) -> None:
-    try:
-        note = json.loads(read_text(place / NOTE))
-    except (FormatError, ValueError, RecursionError):
-        note = None
-    if not isinstance(note, dict) or note.get("schema") != SCHEMA:
+    note = json_object(place / NOTE)
+    if note.get("schema") != SCHEMA:
         raise SettingError(f"{place}: holds something other than a corrected recording; choose another folder")
     if note.get("finished") is not False and not force:
         raise SettingError(f"{place}: holds an earlier corrected recording; choose another folder, or add --force")

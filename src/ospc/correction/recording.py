@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ospc.arrays import Image
+from ospc.arrays import FloatArray, Image
 from ospc.correction.folder import CorrectedFolder
-from ospc.correction.result import Corrected, formula_of, notes_on
 from ospc.correction.settings import DTYPES, CorrectionSettings
 from ospc.correction.threads import mapped
 from ospc.errors import FrameError, NotObservableError, RecordingError, SettingError
@@ -22,6 +21,50 @@ from ospc.recording import Frame, Recording, identity
 _DEFAULT = CorrectionSettings()
 _REASONS_KEPT = 20
 """Reasons for unreadable frames that are kept; thousands of equal ones help nobody."""
+
+
+_WIDE = 4.0
+"""Ratio of exposures above which 8-bit output at one scale loses two of its bits."""
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """The outcome of a correction.
+
+    Attributes
+    ----------
+    path
+        The folder that was written.
+    formula
+        The meaning of a pixel value, as a sentence.
+    frames
+        Indices of the written frames; also their numbers in times.txt and their file names.
+    exposures_ms
+        Exposures of the corrected images, shape (frames,).
+    skipped
+        Number of frames that could not be read.
+    reasons
+        Why, for the first few of them.
+    saturated
+        Share of the pixels that were saturated.
+    clipped
+        Share of the other pixels that exceed the range of the output.
+    assumed
+        Names of the unknown parts of the calibration, which were taken to be the identity.
+    notes
+        Further remarks for the user.
+    """
+
+    path: Path
+    formula: str
+    frames: tuple[int, ...]
+    exposures_ms: FloatArray
+    skipped: int
+    reasons: tuple[str, ...]
+    saturated: float
+    clipped: float
+    assumed: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def corrector_for(recording: Recording, photometry: Photometry, *, assume_missing: bool = False) -> Corrector:
@@ -90,9 +133,9 @@ def correct_recording(
     """
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
     reference_ms = settings.reference_for(recording.exposures_ms)
-    notes = tuple(notes_on(recording, photometry, settings))
+    notes = tuple(_notes_on(recording, photometry, settings))
     note = {
-        "formula": formula_of(settings, reference_ms),
+        "formula": settings.formula(reference_ms),
         "settings": vars(settings) | {"reference_ms": reference_ms},
         "calibration": photometry.name,
         "assumed_identity": list(corrector.assumed),
@@ -111,7 +154,7 @@ def correct_recording(
     frames = [w.index for w in written]
     result = Corrected(
         path=folder.path,
-        formula=formula_of(settings, reference_ms),
+        formula=settings.formula(reference_ms),
         frames=tuple(frames),
         exposures_ms=recording.exposures_ms[frames] if reference_ms is None else np.full(len(frames), reference_ms),
         skipped=len(reasons),
@@ -121,19 +164,6 @@ def correct_recording(
         assumed=corrector.assumed,
         notes=notes,
     )
-    _finish(folder, recording, result, note, settings)
-    return result
-
-
-def _finish(
-    folder: CorrectedFolder,
-    recording: Recording,
-    result: Corrected,
-    note: dict[str, Any],
-    settings: CorrectionSettings,
-) -> None:
-    """Write the files beside the images, times.txt last."""
-    frames = list(result.frames)
     if settings.limit is not None:
         folder.write_linear_parameters(recording.size, settings.limit)
     folder.write_note(
@@ -148,7 +178,25 @@ def _finish(
             "copied": folder.copy_geometry(recording.path),
         }
     )
+    # Last, for it makes the folder a recording.
     folder.write_times(frames, recording.stamps_s[frames], result.exposures_ms)
+    return result
+
+
+def _notes_on(recording: Recording, photometry: Photometry, settings: CorrectionSettings) -> Iterator[str]:
+    """Yield remarks that the user should read before using the result."""
+    calibrated = None if photometry.calibration is None else photometry.calibration.max_grey
+    if calibrated not in (None, recording.max_grey):
+        yield (
+            f"the calibration was made with grey values up to {calibrated}; its response is stretched to those of "
+            f"the recording, up to {recording.max_grey}"
+        )
+    low, high = np.min(recording.exposures_ms), np.max(recording.exposures_ms)
+    if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:
+        yield (
+            f"8 bits are too few for exposures from {low:.3g} to {high:.3g} ms at one scale; use grey16 or irradiance"
+        )
+    yield from recording.notes
 
 
 @dataclass(frozen=True)

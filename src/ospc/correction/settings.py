@@ -71,3 +71,18 @@ class CorrectionSettings:
         if self.output == "irradiance":
             return 1.0
         return float(exposures_ms.min() if self.output == "grey16" else np.median(exposures_ms))
+
+    def formula(self, reference_ms: float | None) -> str:
+        """Return the meaning of a pixel value, as a sentence; the exposure is that of :meth:`reference_for`."""
+        if reference_ms is None:
+            light = "irradiance e·L = g(M)/V"
+        elif reference_ms == 1 and self.limit is None:
+            light = "radiance L per ms = g(M)/V / exposure"
+        else:
+            light = f"irradiance at an exposure of {reference_ms:g} ms = g(M)/V · {reference_ms:g} ms / exposure"
+        if self.limit is None:
+            saturated = "; saturated pixels are NaN" if self.mask_saturated else ""
+            return f"{light}, as 32-bit float; 1 saturates the camera where V = 1{saturated}"
+        scale = f"{self.limit}" if self.white == 1 else f"{self.limit} / {self.white:g}"
+        saturated = f"; saturated pixels are {self.limit}" if self.mask_saturated else ""
+        return f"{scale} times the {light}, linear, at most {self.limit}{saturated}"

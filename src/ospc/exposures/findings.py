@@ -137,6 +137,25 @@ def _assess_choice(
     return replace(corrected, lag=found.lag, corrected_frames=certain, notes=(note,))
 
 
+def lag_choice(text: str) -> LagChoice:
+    """Return the choice that a text states: auto, never, or a number of frames.
+
+    Raises
+    ------
+    SettingError
+        If it is something else.
+    """
+    named = text.strip().lower()
+    if named == "auto":
+        return "auto"
+    if named == "never":
+        return "never"
+    try:
+        return int(named)
+    except ValueError:
+        raise SettingError(f"{text!r} is neither auto nor never nor a number of frames such as 2 or -1") from None
+
+
 def check_lag(choice: LagChoice, frames: int) -> None:
     """Refuse a lag that leaves hardly any of the frames.
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 from ospc.atomic import write_atomically
 from ospc.errors import FormatError
@@ -41,6 +43,15 @@ def read_text(path: str | Path, limit: int = LARGEST_TEXT) -> str:
         As :func:`read_bytes`.
     """
     return read_bytes(path, limit).decode("utf-8", errors="replace")
+
+
+def json_object(path: str | Path) -> dict[str, Any]:
+    """Return the object in a JSON file; an empty one where none can be read."""
+    try:
+        content = json.loads(read_text(path))
+    except (FormatError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
 
 
 def write_bytes(path: str | Path, content: bytes) -> Path:

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +37,7 @@ _MAX_BYTES = 100_000_000
 """Largest calibration file that is read: one with a covariance of 100 parameters has less than a megabyte."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Calibration:
     """Response and vignette of a camera with their uncertainties. Unknown parts are None, never invented.
 
@@ -112,6 +113,26 @@ class Calibration:
     def complete(self) -> bool:
         """Whether both response and vignette are known."""
         return self.response is not None and self.vignette is not None
+
+    def __repr__(self) -> str:
+        """Return on one line what it is of, and how well it is known."""
+        states = [f"{name} {verdict.state}" for name, verdict in self.verdicts.items()]
+        return f"<Calibration of {', '.join([self._basis, *states])}>"
+
+    def _repr_html_(self) -> str:
+        """Return what notebooks show: what it is of, and the verdicts with their reasons."""
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(verdict.state)}</td><td>{escape(verdict.reason)}</td></tr>"
+            for name, verdict in self.verdicts.items()
+        )
+        return f"<table><caption>Calibration of {escape(self._basis)}</caption>{rows}</table>"
+
+    @property
+    def _basis(self) -> str:
+        parts = [str(self.source.get("name") or "a camera"), f"{self.size[0]}×{self.size[1]} pixels"]
+        if "frames" in self.counts:
+            parts.append(f"{self.counts['frames']} frames")
+        return ", ".join([*parts, "partial"] if self.partial else parts)
 
     def correct(
         self,

@@ -14,7 +14,7 @@ from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.pooling.summary import Summary
 from ospc.state import container
-from ospc.state.container import Container
+from ospc.state.container import STATE_NAME, Container
 from ospc.state.run import KIND as RUN_KIND
 from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
@@ -101,9 +101,15 @@ class Pool:
         """
         place = Path(path)
         if place.is_dir():
-            place = place / "state.ospc"
+            place = place / STATE_NAME
         if container.kind_of(place) == RUN_KIND:
-            return cls((_summary_of(place),))
+            summary = load_summary(place, Summary)
+            if summary is None:
+                raise FormatError(
+                    f"{place}: nothing could be learned of this recording, or its run did not come to an end: finish "
+                    "it with ospc calibrate --resume"
+                )
+            return cls((summary,))
         found = container.load(place, KIND, VERSION)
         try:
             return cls.of(unpack(cls, found.content, found.arrays).summaries)
@@ -121,13 +127,3 @@ def _check_alike(one: Summary, other: Summary) -> None:
                 f"{one.name} has {first} {what}, {other.name} {second}: they are not recordings of one camera in one "
                 "mode; merge those of each by themselves"
             )
-
-
-def _summary_of(place: Path) -> Summary:
-    found = load_summary(place, Summary)
-    if found is None:
-        raise FormatError(
-            f"{place}: nothing could be learned of this recording, or its run did not come to an end: finish it with "
-            "ospc calibrate --resume"
-        )
-    return found

@@ -12,11 +12,10 @@ from ospc.estimation.fit import Fit
 from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
 from ospc.methods.summary import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration, Verdict
-from ospc.photometry.noise import NoiseModel
 from ospc.pooling.agreement import Agreement, Part, agreement
 from ospc.pooling.pool import Pool
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
-from ospc.pooling.summary import VIGNETTE_PART, Summary, without_part
+from ospc.pooling.summary import VIGNETTE_PART, Summary, joint_range, without_part
 from ospc.settings import DefaultSettings
 from ospc.versions import versions
 
@@ -60,20 +59,33 @@ def merge(pool: Pool) -> Merged:
         "vignette": _judged("vignette", _vignette_verdict(fit, used, agreed), agreed, len(pool)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
-    support = (min(s.support[0] for s in used), max(s.support[1] for s in used)) if used else (0.0, 1.0)
+    support = joint_range(s.support for s in used) if used else (0.0, 1.0)
+    names = sorted(s.name for s in pool.summaries)
     calibration = Calibration(
         size=pool.size,
         response=replace(fit.response(pool.max_grey), support=support) if response else None,
         vignette=fit.vignette(pool.size) if vignette else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if vignette else None,
-        noise=_noise(used),
+        # Of the recording with the most scene points.
+        noise=max(used, key=lambda s: (s.points, s.key)).noise if used else None,
         covariance=covariance_of(fit, response, vignette),
         max_grey=pool.max_grey,
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
-        counts=_counts(pool, agreed),
+        counts={
+            "recordings": len(pool),
+            "differing": len(agreed.differing),
+            "frames": sum(s.frames for s in pool.summaries),
+            "pairs": sum(s.pairs for s in pool.summaries),
+            "samples": sum(s.points for s in pool.summaries),
+        },
         settings={"preset": "pooled", "scatter": agreed.scatter},
-        source=_source(pool, agreed),
+        source={
+            "kind": "pool",
+            "name": names[0] if len(names) == 1 else f"{len(names)} recordings",
+            "recordings": [{"name": s.name, "key": s.key} for s in pool.summaries],
+            "differing": [{"name": d.name, "key": d.key, "text": d.text} for d in agreed.differing.values()],
+        },
         versions=versions(),
         advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
     )
@@ -100,7 +112,7 @@ def _response_alone(summary: Summary) -> Summary:
 def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
     if not used:
         return Verdict("not identifiable", "")
-    range_ms = min(s.exposure_range_ms[0] for s in used), max(s.exposure_range_ms[1] for s in used)
+    range_ms = joint_range(s.exposure_range_ms for s in used)
     return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
 
 
@@ -124,28 +136,3 @@ def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) ->
     if differing:
         reason += f"; {names} left out, for it differs" if len(differing) == 1 else f"; {names} left out"
     return replace(verdict, reason=reason)
-
-
-def _noise(used: Sequence[Summary]) -> NoiseModel | None:
-    """Return the noise of the recording with the most scene points."""
-    return max(used, key=lambda s: (s.points, s.key)).noise if used else None
-
-
-def _counts(pool: Pool, agreed: Agreement) -> dict[str, int]:
-    return {
-        "recordings": len(pool),
-        "differing": len(agreed.differing),
-        "frames": sum(s.frames for s in pool.summaries),
-        "pairs": sum(s.pairs for s in pool.summaries),
-        "samples": sum(s.points for s in pool.summaries),
-    }
-
-
-def _source(pool: Pool, agreed: Agreement) -> dict[str, object]:
-    names = sorted(s.name for s in pool.summaries)
-    return {
-        "kind": "pool",
-        "name": names[0] if len(names) == 1 else f"{len(names)} recordings",
-        "recordings": [{"name": s.name, "key": s.key} for s in pool.summaries],
-        "differing": [{"name": d.name, "key": d.key, "text": d.text} for d in agreed.differing.values()],
-    }

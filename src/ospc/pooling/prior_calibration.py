@@ -25,8 +25,10 @@ from ospc.pooling.summary import (
     VIGNETTE,
     VIGNETTE_PART,
     Summary,
+    joint_range,
     triangle_of,
 )
+from ospc.state.container import STATE_NAME
 
 _LEAST_INFORMATION = 1e-9
 _GIVEN_UP_SIGMA = 0.005
@@ -66,7 +68,7 @@ class PriorCalibration:
         """
         place = Path(path)
         if place.is_dir():
-            place = place / ("state.ospc" if (place / "state.ospc").exists() else "calibration.json")
+            place = place / (STATE_NAME if (place / STATE_NAME).exists() else "calibration.json")
         if place.suffix == ".json":
             return cls(str(path), Pool.of([summary_of_calibration(Calibration.load(place), str(path))]))
         return cls(str(path), Pool.load(place))
@@ -74,32 +76,26 @@ class PriorCalibration:
     @cached_property
     def summary(self) -> Summary:
         """All that its recordings agree on, as if it were one recording."""
-        agreed = agreement(self.pool.summaries)
-        information = Information.of([s for s in self.pool.summaries if s.key not in agreed.differing])
+        summaries = self.pool.summaries
+        agreed = agreement(summaries)
+        information = Information.of([s for s in summaries if s.key not in agreed.differing])
         information = information.weakened(agreed.scatter)
-        first = self.pool.summaries[0]
         return replace(
-            first,
+            summaries[0],
             key="earlier",
             name=self.name,
-            frames=sum(s.frames for s in self.pool.summaries),
-            pairs=sum(s.pairs for s in self.pool.summaries),
+            frames=sum(s.frames for s in summaries),
+            pairs=sum(s.pairs for s in summaries),
             points=information.points,
             groups=information.groups,
             estimate=solve(information).parameters,
             triangle=triangle_of(information.matrix),
             vector=information.vector,
-            exposure_range_ms=(
-                min(s.exposure_range_ms[0] for s in self.pool.summaries),
-                max(s.exposure_range_ms[1] for s in self.pool.summaries),
-            ),
-            reach=max(s.reach for s in self.pool.summaries),
-            standing_still=all(s.standing_still for s in self.pool.summaries),
-            support=(
-                min(s.support[0] for s in self.pool.summaries),
-                max(s.support[1] for s in self.pool.summaries),
-            ),
-            unexplained=float(np.median([s.unexplained for s in self.pool.summaries])),
+            exposure_range_ms=joint_range(s.exposure_range_ms for s in summaries),
+            reach=max(s.reach for s in summaries),
+            standing_still=all(s.standing_still for s in summaries),
+            support=joint_range(s.support for s in summaries),
+            unexplained=float(np.median([s.unexplained for s in summaries])),
         )
 
     def check_size(self, size: tuple[int, int]) -> None:
@@ -185,7 +181,7 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
     """
     if calibration.response is None and calibration.vignette is None:
         raise NotObservableError(f"{name}: knows neither response nor vignette, so there is nothing to start from")
-    matrix, vector = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
+    matrix = np.zeros((PARAMETERS, PARAMETERS))
     estimate = np.concatenate([1 + RESPONSE.knots, np.zeros(len(VIGNETTE))])
     try:
         if calibration.response is not None:
@@ -196,9 +192,7 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
         raise FormatError(
             f"{name}: is no calibration of the default method with its covariance; start from a state.ospc instead"
         ) from None
-    vector = matrix @ estimate
     range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
-    points = int(calibration.counts.get("samples", 1))
     return Summary(
         key=f"calibration {name}",
         name=name,
@@ -206,11 +200,11 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
         max_grey=calibration.max_grey,
         frames=int(calibration.counts.get("frames", 0)),
         pairs=int(calibration.counts.get("pairs", 0)),
-        points=points,
+        points=int(calibration.counts.get("samples", 1)),
         groups=int(calibration.counts.get("pairs", 1)),
         estimate=estimate,
         triangle=triangle_of(matrix),
-        vector=vector,
+        vector=matrix @ estimate,
         exposure_range_ms=(float(range_ms[0]), float(range_ms[1])),
         reach=1.0 if calibration.vignette is not None else 0.0,
         standing_still=calibration.vignette is None,

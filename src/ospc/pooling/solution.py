@@ -18,10 +18,12 @@ from ospc.estimation.response_basis import typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import asked_for
 from ospc.pooling.summary import PARAMETERS, RESPONSE, RESPONSE_PART, VIGNETTE, Summary
+from ospc.settings.estimation import MAX_GAMMA_CHANGE, MIN_GAMMA
 
-_FLOOR = 0.05
 _MOST_ROUNDS = 12
 _SETTLED = 1e-3
+"""The rounds end when the squared change, in standard deviations, is less than this, or after so many."""
+
 _SIMPLER = (
     VignetteBasis(VIGNETTE.radial, free_centre=True),
     VignetteBasis(VIGNETTE.radial),
@@ -82,7 +84,35 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
         Solution for nearly the same information and the same model: its prior is taken, which saves most of the time.
     """
     with threadpool_limits(1, user_api="blas"):
-        return _solve(information, vignette, start)
+        p = len(RESPONSE) + len(vignette)
+        equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], 0.0, np.zeros((p, p)))
+        floor = np.full(p, -np.inf)
+        floor[RESPONSE_PART] = MIN_GAMMA
+        parameters = np.concatenate([typical_gamma(RESPONSE.knots), np.zeros(len(vignette))])
+        if start is not None:
+            parameters = start.parameters
+        # The prior is one of ln γ, linearised where the last round ended: a few rounds settle it.
+        for _ in range(_MOST_ROUNDS):
+            prior = Prior(RESPONSE.knots, parameters[RESPONSE_PART], vignette.prior_sigma)
+            hyperparameters = equations.maximize_evidence(prior) if start is None else start.hyperparameters
+            found = equations.solve(prior, hyperparameters, floor)
+            before = parameters[RESPONSE_PART]
+            found[RESPONSE_PART] = np.clip(found[RESPONSE_PART], before / MAX_GAMMA_CHANGE, before * MAX_GAMMA_CHANGE)
+            change, parameters = found - parameters, found
+            precision = equations.posterior_precision(prior, hyperparameters)
+            if float(change @ precision @ change) < _SETTLED:
+                break
+        return Fit(
+            RESPONSE,
+            vignette,
+            parameters,
+            cho_solve(cho_factor(precision), np.eye(p)),
+            ErrorModel(),
+            hyperparameters,
+            0.0,
+            information.points,
+            information.groups,
+        )
 
 
 def solve_with_chosen_vignette(information: Information) -> Fit:
@@ -93,36 +123,3 @@ def solve_with_chosen_vignette(information: Information) -> Fit:
             break
         fit = solve(information, simpler)
     return fit
-
-
-def _solve(information: Information, vignette: VignetteBasis, start: Fit | None) -> Fit:
-    p = len(RESPONSE) + len(vignette)
-    equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], 0.0, np.zeros((p, p)))
-    floor = np.full(p, -np.inf)
-    floor[RESPONSE_PART] = _FLOOR
-    parameters = np.concatenate([typical_gamma(RESPONSE.knots), np.zeros(len(vignette))])
-    if start is not None:
-        parameters = start.parameters
-    # The prior is one of ln γ, linearised where the last round ended: a few rounds settle it.
-    for _ in range(_MOST_ROUNDS):
-        prior = Prior(RESPONSE.knots, parameters[RESPONSE_PART], vignette.prior_sigma)
-        hyperparameters = equations.maximize_evidence(prior) if start is None else start.hyperparameters
-        found = equations.solve(prior, hyperparameters, floor)
-        found[RESPONSE_PART] = np.clip(
-            found[RESPONSE_PART], parameters[RESPONSE_PART] / 3, parameters[RESPONSE_PART] * 3
-        )
-        change, parameters = found - parameters, found
-        precision = equations.posterior_precision(prior, hyperparameters)
-        if float(change @ precision @ change) < _SETTLED:
-            break
-    return Fit(
-        RESPONSE,
-        vignette,
-        parameters,
-        cho_solve(cho_factor(precision), np.eye(p)),
-        ErrorModel(),
-        hyperparameters,
-        0.0,
-        information.points,
-        information.groups,
-    )

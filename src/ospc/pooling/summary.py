@@ -7,6 +7,7 @@ likelihoods, so A and b add up; the prior comes in once, when the sum is solved.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
@@ -155,6 +156,12 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
 def triangle_of(matrix: FloatArray) -> FloatArray:
     """Return the lower triangle of a matrix that is symmetric but for rounding, shape (p, p) -> (p (p + 1) / 2,)."""
     return np.asarray(((matrix + matrix.T) / 2)[_TRIANGLE])
+
+
+def joint_range(ranges: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    """Return the least and the largest value of ranges."""
+    lows, highs = zip(*ranges, strict=True)
+    return min(lows), max(highs)
 
 
 def _key(first_frames: str, source: dict[str, Any]) -> str:

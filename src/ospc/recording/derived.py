@@ -82,11 +82,13 @@ class DerivedRecording:
     def __iter__(self) -> Iterator[Frame]:
         """Yield the kept frames, numbered from 0."""
         kept = {int(frame): index for index, frame in enumerate(self.frames)}
-        for frame in self.inner:
-            index = kept.get(frame.index)
+        for frame in self.inner if kept else ():
+            index = kept.pop(frame.index, None)
             if index is not None:
                 mask = frame.mask if self.mask is None else self.mask
                 yield replace(frame, index=index, exposure_ms=float(self.exposures_ms[index]), mask=mask)
+            if not kept:
+                return  # the rest of a video need not be decoded
 
     def stored_bytes(self, index: int) -> bytes:
         """Return the stored form of a frame's image and the mask: with another mask it is another recording.

@@ -11,13 +11,17 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.formats.opening import Photometry
-from ospc.photometry.calibration import Calibration
+from ospc.photometry.calibration import Calibration, ExposureRatios
 from ospc.photometry.coverage import Coverage
 from ospc.report import curves, evidence
 from ospc.report.examples import Examples
+from ospc.report.style import BLUE, ORANGE
 
 WIDTH_IN = 4.6
 """Width of a chart; with letters of 9 points, the charts are readable on a telephone too."""
+
+
+_HEIGHT_IN, _HEIGHT_WITH_PANELS_IN = 3.2, 4.6
 
 
 @dataclass(frozen=True)
@@ -59,12 +63,15 @@ class Chart:
         Draws it into a cell of a grid and returns the topmost axes.
     height_in
         Height in inches at a width of :data:`WIDTH_IN`.
+    unknown
+        Why there is nothing to draw, which the drawing says too; empty where there is.
     """
 
     title: str
     caption: str
     draw: Callable[[Any], Any]
-    height_in: float = 3.2
+    height_in: float = _HEIGHT_IN
+    unknown: str = ""
 
     def draw_into(self, cell: Any) -> None:
         """Draw the chart with its title into a cell of a grid."""
@@ -77,10 +84,8 @@ def charts_of(findings: Findings) -> dict[str, Chart]:
     "response" and "vignette" are always there: where one is unknown, the chart says so.
     """
     calibration, coverage = findings.calibration, findings.calibration.coverage
-    charts = _curves(calibration, findings.truth) | _exposures(calibration, findings.exposures_ms)
-    if coverage is not None:
-        charts |= _coverage(coverage, calibration.max_grey) | _residuals(coverage, calibration.max_grey)
-    return charts
+    charts = _curves(calibration, findings.truth) | _exposures(calibration.exposure_ratios, findings.exposures_ms)
+    return charts if coverage is None else charts | _coverage(coverage, calibration.max_grey)
 
 
 def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Chart]:
@@ -91,14 +96,16 @@ def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Cha
             "Irradiance behind each grey level, relative to saturation: g(0) = 0 and g(largest grey level) = 1 by "
             "convention. The lowest panel counts the observations.",
             partial(curves.draw_response, calibration=calibration, reference=response),
-            4.6,
+            _HEIGHT_WITH_PANELS_IN,
+            _unknown(calibration, "response"),
         ),
         "vignette": Chart(
             "Vignette V",
             "Share of the light at the centre that arrives at each distance from it: the mean along the four half "
             "diagonals.",
             partial(curves.draw_vignette, calibration=calibration, reference=vignette),
-            4.6,
+            _HEIGHT_WITH_PANELS_IN,
+            _unknown(calibration, "vignette"),
         ),
     }
     if calibration.vignette is not None:
@@ -110,8 +117,14 @@ def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Cha
     return charts
 
 
-def _exposures(calibration: Calibration, exposures_ms: FloatArray | None) -> dict[str, Chart]:
-    ratios = calibration.exposure_ratios
+def _unknown(calibration: Calibration, part: str) -> str:
+    if getattr(calibration, part) is not None:
+        return ""
+    verdict = calibration.verdicts.get(part)
+    return "Not known." if verdict is None else f"Not known: {verdict.reason}."
+
+
+def _exposures(ratios: ExposureRatios, exposures_ms: FloatArray | None) -> dict[str, Chart]:
     charts: dict[str, Chart] = {}
     if not ratios.metadata.size:
         return charts
@@ -133,7 +146,8 @@ def _exposures(calibration: Calibration, exposures_ms: FloatArray | None) -> dic
 
 
 def _coverage(coverage: Coverage, max_grey: int) -> dict[str, Chart]:
-    return {
+    by_grey, by_radius, by_place = (getattr(coverage, f"residual_by_{name}") for name in ("grey", "radius", "place"))
+    charts = {
         "grey coverage": Chart(
             "Observations by grey level and exposure",
             "The response is found from the same light at several exposures: filled columns are good, empty ones are "
@@ -147,28 +161,24 @@ def _coverage(coverage: Coverage, max_grey: int) -> dict[str, Chart]:
             partial(evidence.draw_radius_coverage, coverage=coverage),
         ),
     }
-
-
-def _residuals(coverage: Coverage, max_grey: int) -> dict[str, Chart]:
-    charts = {}
-    if coverage.residual_by_grey is not None:
+    if by_grey is not None:
         charts["grey residual"] = Chart(
             "Residuals over grey levels",
             "A median away from zero means that the response bends where the model does not. The width of the band "
             "is noise and imperfect matching.",
-            partial(evidence.draw_grey_residual, by_grey=coverage.residual_by_grey, max_grey=max_grey),
+            partial(evidence.draw_residual, quantiles=by_grey, x_end=max_grey, x_label="grey level M", colour=BLUE),
         )
-    if coverage.residual_by_radius is not None:
+    if by_radius is not None:
         charts["radius residual"] = Chart(
             "Residuals over the radius",
             "A median away from zero means that the vignette falls off in a way that the model does not.",
-            partial(evidence.draw_radius_residual, by_radius=coverage.residual_by_radius),
+            partial(evidence.draw_residual, quantiles=by_radius, x_end=1, x_label=curves.RADIUS_LABEL, colour=ORANGE),
         )
-    if coverage.residual_by_place is not None and np.isfinite(coverage.residual_by_place).any():
+    if by_place is not None and np.isfinite(by_place).any():
         charts["place residual"] = Chart(
             "Residuals over the image",
             "A large patch of one colour means shading that the model does not describe, or dirt on the lens. "
             "A random mixture of colours is noise.",
-            partial(evidence.draw_place_residual, by_place=coverage.residual_by_place),
+            partial(evidence.draw_place_residual, by_place=by_place),
         )
     return charts

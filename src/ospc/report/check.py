@@ -25,17 +25,10 @@ _DECIDING = 10
 def plot_report(report: RecordingReport, path: str | Path) -> Path:
     """Draw brightness against exposure, the score of each lag, and the coverage; return the path of the picture.
 
-    Parameters
-    ----------
-    report
-        Result of the check.
-    path
-        Where to write it; the suffix determines the kind of picture.
-
     Raises
     ------
     FormatError
-        If the picture cannot be written.
+        If the picture cannot be written, or its suffix names no kind of picture.
     """
     lag = report.exposure_lag_frames
     title = (

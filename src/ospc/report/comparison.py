@@ -18,17 +18,10 @@ _STYLES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (BLACK, ":"))
 def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> Path:
     """Draw inverse responses and radial profiles of vignettes, and return the path of the picture.
 
-    Parameters
-    ----------
-    photometries
-        At least one; the legend shows their names.
-    path
-        Where to write it; the suffix determines the kind of picture.
-
     Raises
     ------
     FormatError
-        If the picture cannot be written.
+        If the picture cannot be written, or its suffix names no kind of picture.
     """
     with rules():
         figure = new_figure(9.6, 4.4)

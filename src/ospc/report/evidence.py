@@ -13,8 +13,8 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.exposure_ratios import weighted_median
-from ospc.report.curves import RADIUS_LABEL, axes_in, logarithmic, map_axes_in
-from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE
+from ospc.report.curves import axes_in, logarithmic, map_axes_in
+from ospc.report.style import BLACK, GREEN, GREY
 
 FEW_SAMPLES = 50
 """A pair of frames with fewer samples may be matched wrongly; it is drawn, but as an open grey circle."""
@@ -27,17 +27,7 @@ _LEAST_RESIDUAL = 0.5
 
 
 def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) -> Any:
-    """Draw the exposure of every frame according to the metadata, and as estimated from the images.
-
-    Parameters
-    ----------
-    cell
-        Where to draw.
-    exposures_ms
-        From the metadata, shape (frames,).
-    ratios
-        Exposure ratios of pairs of these frames.
-    """
+    """Draw the exposure of every frame according to the metadata, and as estimated from the images."""
     axes = axes_in(cell)
     frames, estimated_ms = exposures_from_images(exposures_ms, ratios)
     chosen = _thinned(len(frames))
@@ -53,22 +43,11 @@ def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) 
 
 
 def exposures_from_images(exposures_ms: FloatArray, ratios: ExposureRatios) -> tuple[IntArray, FloatArray]:
-    """Return frames and their exposures as estimated from the images.
+    """Return frames in ascending order and their exposures in ms as estimated from the images.
 
     A pair of frames gives the exposure of the later one: that of the earlier one by the metadata, divided by the
-    ratio between the two. A frame gets the median over its pairs, weighted by their samples.
-
-    Parameters
-    ----------
-    exposures_ms
-        From the metadata, shape (frames,).
-    ratios
-        Exposure ratios of pairs of these frames; those with few samples are not used.
-
-    Returns
-    -------
-    tuple
-        Frame numbers in ascending order, and exposures in ms, shape (estimated frames,) each.
+    ratio between the two. A frame gets the median over its pairs, weighted by their samples; pairs with few samples
+    are not used.
     """
     pairs = np.flatnonzero(ratios.samples >= FEW_SAMPLES)
     first, second = ratios.frames[pairs].T
@@ -88,15 +67,15 @@ def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
     low, high = _limits(metadata[shown], estimated[shown])
     axes.plot([low, high], [low, high], "--", color=BLACK, lw=1.2, label="equal", zorder=1)
     if not few.all():
-        label = f"pair of frames (median |Δ ln k| {ratios.misfit:.2g})"
-        axes.plot(metadata[~few], estimated[~few], "o", color=GREEN, ms=4, mew=0, alpha=0.65, label=label)
+        axes.plot(metadata[~few], estimated[~few], "o", color=GREEN, ms=4, mew=0, alpha=0.65, label="pair of frames")
     if few.any():
         label = f"pair with fewer than {FEW_SAMPLES} samples"
         axes.plot(metadata[few], estimated[few], "o", mfc="none", mec=GREY, ms=4, label=label)
     axes.set(xlabel="exposure ratio k by the metadata", ylabel="k from the images")
     logarithmic(axes, "x", low, high)
     logarithmic(axes, "y", low, high * (high / low) ** 0.45)  # room for the legend
-    axes.legend(loc="upper left")
+    title = f"median |Δ ln k| of all {ratios.metadata.size} pairs: {ratios.misfit:.2g}"
+    axes.legend(loc="upper left", title=title, title_fontsize=8, alignment="left")
     return axes
 
 
@@ -116,16 +95,6 @@ def draw_radius_coverage(cell: Any, coverage: Coverage) -> Any:
     axes.plot([0, 1], [0, 1], "--", color=BLACK, lw=0.8)
     axes.set(xlabel="radius in one frame (1 = corner)", ylabel="radius in the other")
     return axes
-
-
-def draw_grey_residual(cell: Any, by_grey: FloatArray, max_grey: int) -> Any:
-    """Draw the residuals over grey levels; ``by_grey`` has the quantiles of each class, shape (greys, 3)."""
-    return _draw_residual(axes_in(cell), by_grey, float(max_grey), "grey level M", BLUE)
-
-
-def draw_radius_residual(cell: Any, by_radius: FloatArray) -> Any:
-    """Draw the residuals over radii; ``by_radius`` has the quantiles of each class, shape (radii, 3)."""
-    return _draw_residual(axes_in(cell), by_radius, 1.0, RADIUS_LABEL, ORANGE)
 
 
 def draw_place_residual(cell: Any, by_place: FloatArray) -> Any:
@@ -161,8 +130,12 @@ def _draw_counts(cell: Any, counts: IntArray, extent: tuple[float, float, float,
     return axes
 
 
-def _draw_residual(axes: Any, quantiles: FloatArray, x_end: float, x_label: str, colour: str) -> Any:
-    """Draw the middle of the residuals and where two thirds of them lie, in equal classes from 0 to ``x_end``."""
+def draw_residual(cell: Any, quantiles: FloatArray, x_end: float, x_label: str, colour: str) -> Any:
+    """Draw the middle of the residuals and where two thirds of them lie, in equal classes from 0 to ``x_end``.
+
+    ``quantiles`` has those of each class, shape (classes, 3).
+    """
+    axes = axes_in(cell)
     middle = (np.arange(len(quantiles)) + 0.5) / len(quantiles) * x_end
     low, median, high = 100 * quantiles.T
     axes.axhline(0, color=BLACK, lw=0.8, ls="--")

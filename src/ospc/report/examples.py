@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import FloatArray, Image
 from ospc.errors import OspcError
 from ospc.evaluation.frame_kinds import RawFrames
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
@@ -18,6 +17,7 @@ from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
 from ospc.recording import Frame, Recording
+from ospc.recording.derived import DerivedRecording
 
 TRACKED_FRAMES = 12
 """Frames of the excerpt through which points are tracked: enough to show the effect, few enough to take no time."""
@@ -92,16 +92,9 @@ class Examples:
 
 
 def examples_of(calibration: Calibration, recording: Recording, tracked_frames: int = TRACKED_FRAMES) -> Examples:
-    """Try a calibration on a recording.
+    """Try a calibration on a recording of its camera; an unknown response or vignette is taken to be the identity.
 
-    Parameters
-    ----------
-    calibration
-        An unknown response or vignette is taken to be the identity.
-    recording
-        The recording it was made from, or another of the same camera.
-    tracked_frames
-        Length of the excerpt in which to track points, placed where the exposure changes most; 0 for none.
+    Points are tracked through an excerpt of so many frames where the exposure changes most; through none if it is 0.
     """
     if calibration.size != recording.size:
         return Examples(notes=("no pictures: the recording has another image size than the calibration",))
@@ -121,13 +114,14 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
         notes.append(f"no pictures: {error}")
     if tracked_frames < 2:
         return Examples(pictures, notes=tuple(notes))
-    excerpt = _Excerpt.where_exposure_changes(recording, tracked_frames, reach)
+    excerpt = _where_exposure_changes(recording, tracked_frames, reach)
     tracking = None
     try:
         tracking = compare_tracking(excerpt, corrector)
     except OspcError as error:
         notes.append(f"no points were tracked: {error}")
-    return Examples(pictures, tracking, (excerpt.first, excerpt.first + len(excerpt)), tuple(notes))
+    first = int(excerpt.frames[0])
+    return Examples(pictures, tracking, (first, first + len(excerpt)), tuple(notes))
 
 
 def exposures_beside(folder: Path) -> FloatArray | None:
@@ -140,45 +134,13 @@ def exposures_beside(folder: Path) -> FloatArray | None:
         return None
 
 
-@dataclass(frozen=True)
-class _Excerpt:
-    """Successive frames of a recording, as a recording."""
-
-    recording: Recording
-    first: int
-    count: int
-
-    @classmethod
-    def where_exposure_changes(cls, recording: Recording, count: int, reach: int) -> _Excerpt:
-        """Return the excerpt with the largest range of exposures, the earliest of several."""
-        count = min(count, reach)
-        log_exposure = np.log(np.maximum(recording.exposures_ms[:reach], 1e-12))
-        pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
-        return cls(recording, int(np.argmax(np.ptp(pieces, axis=1).round(3))), count)
-
-    path = property(lambda self: self.recording.path)
-    kind = property(lambda self: self.recording.kind)
-    size = property(lambda self: self.recording.size)
-    max_grey = property(lambda self: self.recording.max_grey)
-    notes = property(lambda self: self.recording.notes)
-
-    @property
-    def exposures_ms(self) -> FloatArray:
-        return np.asarray(self.recording.exposures_ms[self.first : self.first + self.count])
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        return np.asarray(self.recording.stamps_s[self.first : self.first + self.count])
-
-    def __len__(self) -> int:
-        return self.count
-
-    def __iter__(self) -> Iterator[Frame]:
-        for frame in self.recording:
-            if frame.index >= self.first + self.count:
-                return
-            if frame.index >= self.first:
-                yield frame
+def _where_exposure_changes(recording: Recording, count: int, reach: int) -> DerivedRecording:
+    """Return the successive frames with the largest range of exposures, the earliest of several."""
+    count = min(count, reach)
+    log_exposure = np.log(np.maximum(recording.exposures_ms[:reach], 1e-12))
+    pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
+    frames = int(np.argmax(np.ptp(pieces, axis=1).round(3))) + np.arange(count)
+    return DerivedRecording(recording, frames, recording.exposures_ms[frames])
 
 
 def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
@@ -197,9 +159,8 @@ def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
 
 
 def _stands_still(coverage: Coverage | None) -> bool:
-    if coverage is None or not coverage.radius_radius.any():
-        return False
-    return float(np.trace(coverage.radius_radius) / coverage.radius_radius.sum()) > _STILL
+    moves = None if coverage is None else coverage.radius_radius
+    return moves is not None and bool(moves.any()) and float(np.trace(moves) / moves.sum()) > _STILL
 
 
 def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, int]]:
@@ -222,13 +183,13 @@ def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int,
         if first in frames and second in frames:
             a, b = frames[first], frames[second]
             longer_ms = max(a.exposure_ms, b.exposure_ms)
-            corrected = (_corrected(corrector, a, longer_ms), _corrected(corrector, b, longer_ms))
+            corrected = (corrected_picture(corrector, a, longer_ms), corrected_picture(corrector, b, longer_ms))
             exposures_ms = (a.exposure_ms, b.exposure_ms)
             found.append(PicturePair((first, second), exposures_ms, _reduced(raw.pair(a, b)), _reduced(corrected)))
     return tuple(found)
 
 
-def _corrected(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
+def corrected_picture(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
     """Return what the camera would have recorded without vignette at another exposure, in 8 bit."""
     light = corrector.correct(frame.image, frame.exposure_ms, mark_saturated=False)
     irradiance = np.clip(np.nan_to_num(np.asarray(light, np.float64)) * exposure_ms, 0.0, 1.0)
@@ -238,11 +199,8 @@ def _corrected(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
 
 
 def _reduced(images: tuple[Image, Image]) -> tuple[Image, Image]:
-    first, second = (cv2.resize(image, _small(image), interpolation=cv2.INTER_AREA) for image in images)
-    return first, second
-
-
-def _small(image: Image) -> ImageSize:
-    height, width = image.shape
+    height, width = images[0].shape
     scale = min(1.0, _WIDTH_PX / width)
-    return max(1, round(width * scale)), max(1, round(height * scale))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    first, second = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images)
+    return first, second

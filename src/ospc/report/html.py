@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from html import escape
 
+_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+"""What a browser may load for a page: nothing from anywhere, and no scripts."""
+
 _VOID = ("img", "meta", "br")
 """Elements that have no content and no end tag."""
 
@@ -38,3 +41,26 @@ def tag(name: str, /, *content: str, **attributes: str) -> Html:
 def join(*parts: str) -> Html:
     """Return pieces one after another: :class:`Html` as it is, any other text escaped."""
     return Html("".join(part if isinstance(part, Html) else escape(part) for part in parts))
+
+
+def document(title: str, style: str, *content: str) -> str:
+    """Return a whole page that needs neither network nor scripts.
+
+    Parameters
+    ----------
+    title
+        What a browser calls it.
+    style
+        Its style sheet.
+    content
+        What it shows, within ``<main>``, as for :func:`tag`.
+    """
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=_POLICY),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("title", title),
+        tag("style", Html(style)),
+    )
+    return f"<!DOCTYPE html>\n{tag('html', head, tag('body', tag('main', *content)), lang='en')}\n"

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ospc.report.charts import Chart, Findings, charts_of
-from ospc.report.style import new_figure, printable, rules, write_whole
-from ospc.report.tables import basis_of, name_of, sentence, settings_of, shown, tracking_rows
-from ospc.report.words import facts, gaps, headline
+from ospc.formats.files import write_bytes
+from ospc.photometry.calibration import Calibration
+from ospc.report.charts import Chart, Findings
+from ospc.report.sections import Section, basis_of, name_of, sections_of, shown
+from ospc.report.style import new_figure, printable, rules
 
 _A4_IN = (8.27, 11.69)
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.09, 0.95, 0.95, 0.05
 """Edges of the printed area, in shares of the page."""
+
+_MARGINS_IN = {
+    "left": (_LEFT + 0.025) * _A4_IN[0],
+    "right": (1 - _RIGHT) * _A4_IN[0],
+    "top": (1 - _TOP + 0.02) * _A4_IN[1],
+    "bottom": _BOTTOM * _A4_IN[1],
+}
+"""Room around charts, whose labels stay inside the printed area."""
 
 _LINE_SPACING = 1.25
 """Distance of lines of text, in font sizes."""
@@ -48,34 +58,29 @@ def write_pdf(findings: Findings, path: Path) -> Path:
     with rules(), PdfPages(content, metadata={"Title": title, "Creator": "ospc", "CreationDate": None}) as pdf:
         for figure in pages(findings):
             pdf.savefig(figure)
-    return write_whole(path, content.getvalue())
+    return write_bytes(path, content.getvalue())
 
 
 def pages(findings: Findings) -> Iterator[Any]:
-    """Return the pages as matplotlib figures."""
-    charts = charts_of(findings)
-    curves = [charts.pop("response"), charts.pop("vignette")]
-    yield _first_page(findings, curves)
-    rest = list(charts.values())
-    for start in range(0, len(rest), 2 * _CHART_ROWS):
-        yield _chart_page(rest[start : start + 2 * _CHART_ROWS])
-    pictures = [picture for pair in findings.examples.pictures for picture in pair.pictures]
+    """Return the pages as matplotlib figures: the summary, all charts, all pictures, and the text."""
+    summary, *sections = sections_of(findings)
+    charts = [chart for section in sections for chart in section.charts]
+    pictures = [picture for section in sections for pair in section.pictures for picture in pair.pictures]
+    yield _first_page(findings.calibration, summary, charts[:2])
+    for start in range(2, len(charts), 2 * _CHART_ROWS):
+        yield _chart_page(charts[start : start + 2 * _CHART_ROWS])
     if pictures:
         yield _picture_page(pictures)
-    yield from _text_pages(_text(findings))
+    yield from _text_pages([line for section in sections for line in _lines(section)])
 
 
-def _first_page(findings: Findings, curves: list[Chart]) -> Any:
-    calibration = findings.calibration
+def _first_page(calibration: Calibration, summary: Section, curves: list[Chart]) -> Any:
+    """Return the page of the summary with the charts of response and vignette, which are always there."""
     figure = _page()
-    said = [f"• {fact}" for fact in facts(calibration, findings.examples.tracking)]
-    for name, verdict in calibration.verdicts.items():
-        said += ["", f"{name}: {verdict.state}; {verdict.reason}"]
-        said += [f"→ {verdict.remedy}"] if verdict.remedy else []
     top = _write(figure, [f"Photometric calibration of {name_of(calibration)}"], _TOP, _TITLE_POINTS, "bold")
     top = _write(figure, [basis_of(calibration)], top)
-    top = _write(figure, ["", headline(calibration)], top, _HEADLINE_POINTS, "bold")
-    top = _write(figure, ["", *said], top)
+    top = _write(figure, ["", *summary.text], top, _HEADLINE_POINTS, "bold")
+    top = _write(figure, ["", *_content(replace(summary, text=()), between=[""])], top)
     grid = figure.add_gridspec(1, 2, top=top - 0.04, bottom=max(_BOTTOM + 0.03, top - 0.5), **_BETWEEN)
     for cell, chart in zip(grid, curves, strict=True):
         chart.draw_into(cell)
@@ -101,23 +106,21 @@ def _picture_page(pictures: list[tuple[Any, str]]) -> Any:
     return figure
 
 
-def _text(findings: Findings) -> list[str]:
-    calibration, tracking = findings.calibration, findings.examples.tracking
-    lines: list[str] = []
-    if tracking is not None:
-        lines += ["EFFECT ON TRACKING: AS RECORDED → CORRECTED"]
-        lines += [f"{label}: {before} → {after} {unit}" for label, before, after, unit in tracking_rows(tracking)]
-        lines += [""]
-    improvements = [sentence(advice) for advice in calibration.advice]
-    improvements += gaps(calibration.coverage, calibration.max_grey)
-    lines += ["HOW TO IMPROVE IT", *(improvements or ["This recording shows nothing to improve."]), ""]
-    if findings.check is not None:
-        lines += ["CHECK OF THE RECORDING"]
-        lines += [f"{name}: {v['state']}; {v['reason']}" for name, v in findings.check["verdicts"].items()]
-        lines += [*map(str, findings.check["notes"]), ""]
-    for heading, content in settings_of(calibration).items():
-        if content:
-            lines += [heading.upper(), *(f"{name}: {shown(value)}" for name, value in content.items()), ""]
+def _lines(section: Section) -> list[str]:
+    """Return what a section says in words under its heading; nothing where it says nothing."""
+    content = _content(section)
+    return [section.heading.upper(), *content, ""] if content else []
+
+
+def _content(section: Section, between: Sequence[str] = ()) -> list[str]:
+    lines = [*section.text, *(f"• {item}" for item in section.items)]
+    for name, verdict in section.verdicts.items():
+        lines += [*between, f"{name}: {verdict.state}; {verdict.reason}"]
+        lines += [f"→ {verdict.remedy}"] if verdict.remedy else []
+    lines += [f"{label}: {before} → {after} {unit}" for label, before, after, unit in section.figures]
+    lines += [section.remark] if section.remark else []
+    for heading, table in section.tables.items():
+        lines += [heading, *(f"{name}: {shown(value)}" for name, value in table.items()), ""]
     return lines
 
 
@@ -131,9 +134,7 @@ def _text_pages(lines: list[str]) -> Iterator[Any]:
 
 
 def _page() -> Any:
-    figure = new_figure(*_A4_IN, layout=None)
-    figure.subplots_adjust(left=_LEFT + 0.025, right=_RIGHT, top=_TOP - 0.02, bottom=_BOTTOM)
-    return figure
+    return new_figure(*_A4_IN, _MARGINS_IN)
 
 
 def _write(figure: Any, lines: list[str], top: float, points: float = _TEXT_POINTS, weight: str = "normal") -> float:

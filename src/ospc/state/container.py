@@ -28,6 +28,9 @@ from ospc.errors import FormatError
 
 Array = npt.NDArray[Any]
 
+STATE_NAME = "state.ospc"
+"""Name of the state in an output folder."""
+
 _MAX_FILE_BYTES = 256 * 2**20
 _MAX_UNPACKED_BYTES = 2**30
 """Far more than any state takes, and little enough to unpack in memory."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from ospc.errors import FormatError
 from ospc.state import container
@@ -17,45 +16,6 @@ KIND, VERSION = "calibrator", 3
 
 T = TypeVar("T")
 Run = TypeVar("Run")
-
-
-@dataclass(frozen=True)
-class SavedRun(Generic[Run]):
-    """A file's content, of which the larger parts are unpacked when asked for.
-
-    Attributes
-    ----------
-    name
-        What to call the file in messages.
-    run
-        What the run knows beside its method.
-    version
-        Version of ospc that wrote it.
-    """
-
-    name: str
-    run: Run
-    version: str
-    _content: dict[str, Any] = field(repr=False)
-    _arrays: Mapping[str, Array] = field(repr=False)
-
-    def method(self, kind: type[T]) -> T | None:
-        """Return the state of the method, None where no frame had been usable.
-
-        Raises
-        ------
-        FormatError
-            If another version of the method made it.
-        """
-        if self._content.get("method") is None:
-            return None
-        if self._content.get("layout") != layout(kind):
-            raise FormatError(
-                f"{self.name}: was made by another version of the method (ospc {self.version}) and cannot be "
-                "continued; start anew from the recording"
-            )
-
-        return _part(self.name, self._content["method"], kind, self._arrays)
 
 
 def save_run(path: str | Path, run: object, method: object | None, summary: object | None = None) -> Path:
@@ -77,18 +37,26 @@ def save_run(path: str | Path, run: object, method: object | None, summary: obje
     return container.save(Container(KIND, VERSION, content, arrays), path)
 
 
-def load_run(path: str | Path, kind: type[Run]) -> SavedRun[Run]:
-    """Read what :func:`save_run` wrote.
+def load_run(path: str | Path, run: type[Run], method: type[T]) -> tuple[Run, T | None]:
+    """Read what :func:`save_run` wrote: what the run knows, and the state of its method, None where there is none.
 
     Raises
     ------
     FormatError
-        If there is no such file, or it is torn, damaged, none of this kind, or of another version.
+        If there is no such file, or it is torn, damaged, none of this kind, or of another version of the program or
+        of the method.
     """
     found = container.load(path, KIND, VERSION)
-    run = _part(str(path), found.content.get("run"), kind, found.arrays)
-    version = str(getattr(run, "versions", {}).get("ospc", "unknown"))
-    return SavedRun(str(path), run, version, found.content, found.arrays)
+    known = _part(str(path), found.content.get("run"), run, found.arrays)
+    if found.content.get("method") is None:
+        return known, None
+    if found.content.get("layout") != layout(method):
+        version = getattr(known, "versions", {}).get("ospc", "unknown")
+        raise FormatError(
+            f"{path}: was made by another version of the method (ospc {version}) and cannot be continued; start anew "
+            "from the recording"
+        )
+    return known, _part(str(path), found.content["method"], method, found.arrays)
 
 
 def load_summary(path: str | Path, kind: type[T]) -> T | None:

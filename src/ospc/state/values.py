@@ -107,14 +107,11 @@ def _packed(value: Any, hint: Any, place: str, arrays: dict[str, Array]) -> Any:
 
 
 def _packed_scalar(value: Any, place: str) -> Any:
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        number = float(value)
-        return number if math.isfinite(number) else str(number)
-    if isinstance(value, str | dict):
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, bool | int | float | str | dict):
         return value
     raise TypeError(f"{place} of type {type(value).__name__} cannot be stored")
 

@@ -1,0 +1,36 @@
+"""When to do again what costs time beside the work itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class Pace:
+    """Says when to look again: not too often, and so that looking takes a small share of the time.
+
+    Parameters
+    ----------
+    least_s
+        Shortest time between looks.
+    share
+        Largest share of all time that looking may take.
+    """
+
+    def __init__(self, least_s: float, share: float) -> None:
+        self._least_s, self._share = least_s, share
+        self._next_s = -float("inf")
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time."""
+        return time.monotonic() >= self._next_s
+
+    @contextmanager
+    def look(self) -> Iterator[None]:
+        """Measure how long a look takes."""
+        begun_s = time.monotonic()
+        yield
+        now_s = time.monotonic()
+        self._next_s = now_s + max(self._least_s, (now_s - begun_s) / self._share)
