@@ -6,6 +6,14 @@ the file or value, says what is wrong with it and what to do; the command prints
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+_SHOWN_CHARACTERS = 40
+"""Characters of a quotation before it is cut."""
+
+_SHOWN_ITEMS = 3
+"""Items of a list that a message names."""
+
 
 class OspcError(Exception):
     """Root of all errors raised by the library."""
@@ -55,3 +63,22 @@ class MissingExtraError(OspcError):
 def said_by(error: BaseException, most: int | None = None) -> str:
     """Return the message of an error on one line, of at most so many characters."""
     return " ".join(str(error).split())[:most]
+
+
+def quoted(text: str) -> str:
+    """Return a text from a file in quotes, shortened, on one line, with control characters escaped."""
+    if len(text) > _SHOWN_CHARACTERS:
+        text = text[:_SHOWN_CHARACTERS] + "…"
+    return f"'{escaped(text)}'"
+
+
+def escaped(text: str) -> str:
+    """Return a text from a file on one line, with everything escaped that a terminal would interpret."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def listed(items: Sequence[object]) -> str:
+    """Return the first few of many as 'a, b, c and 7 more'."""
+    shown = ", ".join(escaped(str(item)) for item in items[:_SHOWN_ITEMS])
+    rest = len(items) - _SHOWN_ITEMS
+    return f"{shown} and {rest} more" if rest > 0 else shown

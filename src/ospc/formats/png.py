@@ -10,8 +10,8 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import FormatError, FrameError
 from ospc.formats.files import read_bytes, write_bytes
+from ospc.formats.image_header import read_header
 from ospc.photometry.geometry import MOST_PIXELS
-from ospc.recording.image_header import read_header
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

@@ -9,9 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from ospc.errors import ExposureError
+from ospc.errors import ExposureError, listed, quoted
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.wording import listed, quoted
 
 _IN_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _UNITS = {

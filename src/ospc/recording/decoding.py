@@ -7,8 +7,8 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import FrameError
+from ospc.formats.image_header import ImageHeader, read_header
 from ospc.recording.channel import Channel
-from ospc.recording.image_header import ImageHeader, read_header
 from ospc.recording.pixel_layout import StoredImage
 
 MAX_DECODED_BYTES = 512 * 2**20

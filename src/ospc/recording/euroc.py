@@ -9,14 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ospc.errors import ExposureError, RecordingError
+from ospc.errors import ExposureError, RecordingError, listed
 from ospc.recording.frame_table import table_or_unlisted
 from ospc.recording.image_folder import exposure_lists, read_exposures
 from ospc.recording.image_names import by_name
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.wording import listed
 
 _IMAGES, _INDEX = "data", "data.csv"
 _FIRST_CAMERA = ("mav0/cam0", "cam0", ".")

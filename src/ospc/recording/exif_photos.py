@@ -15,14 +15,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from ospc.errors import ExposureError, MissingExtraError, RecordingError
+from ospc.errors import ExposureError, MissingExtraError, RecordingError, listed
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame_table import FrameTable, Row, make_table, table_or_unlisted
 from ospc.recording.image_folder import exposure_lists
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.wording import listed
 
 _HEAD_BYTES = 256 * 1024
 """Read of each photograph: EXIF is a segment of at most 64 KiB near its beginning."""

@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, RecordingError
+from ospc.errors import ExposureError, RecordingError, listed, quoted
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.image_names import by_name, is_image_name
-from ospc.recording.wording import listed, quoted
 
 LARGEST_STAMP = 1e20
 """Larger numbers are not time stamps in any unit."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ospc.errors import ExposureError, RecordingError
+from ospc.errors import ExposureError, RecordingError, listed
 from ospc.recording.exposure_table import names_exposures, read_exposure_table
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.image_list import read_image_list
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.wording import listed
 
 _IMAGE_LIST = "image_list.txt"
 _NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)

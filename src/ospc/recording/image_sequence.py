@@ -8,16 +8,15 @@ from functools import partial
 from pathlib import Path
 
 from ospc.arrays import Image
-from ospc.errors import OspcError
+from ospc.errors import OspcError, escaped
+from ospc.formats.image_header import read_header
 from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, match_images
-from ospc.recording.image_header import read_header
 from ospc.recording.image_source import ImageSource
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
-from ospc.recording.wording import escaped
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

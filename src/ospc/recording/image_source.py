@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import stat
 import threading
@@ -12,10 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Protocol
 
-from ospc.errors import FrameError, RecordingError
+from ospc.errors import FrameError, RecordingError, escaped, quoted
+from ospc.formats.files import read_bytes
 from ospc.recording.decoding import MAX_FILE_BYTES
 from ospc.recording.image_names import by_name, is_image_name
-from ospc.recording.wording import escaped, quoted
 
 MAX_EXPANSION = 200
 """Largest expansion of a zip member; photographs hardly compress at all."""
@@ -102,16 +101,7 @@ class FolderImages:
         FrameError
             If it cannot be read or is too large.
         """
-        try:
-            with (self.place / name).open("rb") as file:
-                # read(limit) would allocate that much memory for every image.
-                size = os.fstat(file.fileno()).st_size
-                data = file.read(min(size, MAX_FILE_BYTES) + 1)
-        except OSError as error:
-            raise FrameError(f"{self.label(name)}: cannot be read ({error.strerror}); check the file") from None
-        if len(data) > MAX_FILE_BYTES:
-            raise FrameError(f"{self.label(name)}: larger than the {MAX_FILE_BYTES} bytes allowed; scale it down")
-        return data
+        return read_bytes(self.place / name, MAX_FILE_BYTES, FrameError)
 
     def close(self) -> None:
         """Do nothing: files are open only while they are read."""

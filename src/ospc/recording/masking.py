@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import BoolArray, ImageSize
-from ospc.errors import FrameError, SettingError
+from ospc.errors import FrameError, SettingError, quoted
+from ospc.formats.files import read_bytes
 from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
 from ospc.recording.derived import with_mask
 from ospc.recording.recording import Recording
-from ospc.recording.wording import quoted
 
 _LEAST_PIXELS = 64
 """Fewer usable pixels are refused: such a mask or region is a mistake."""
@@ -73,14 +72,7 @@ def read_mask(path: Path, size: ImageSize) -> BoolArray:
         If it cannot be read or has another size.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(min(os.fstat(file.fileno()).st_size, MAX_FILE_BYTES) + 1)
-    except OSError as error:
-        raise SettingError(f"{path}: the mask cannot be read ({error.strerror}); check the path") from None
-    if len(data) > MAX_FILE_BYTES:
-        raise SettingError(f"{path}: the mask is larger than the {MAX_FILE_BYTES} bytes allowed; make a smaller file")
-    try:
-        image = decode_grey(data, str(path))
+        image = decode_grey(read_bytes(path, MAX_FILE_BYTES, FrameError), str(path))
     except FrameError as error:
         raise SettingError(str(error)) from None
     if (image.shape[1], image.shape[0]) != size:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, IntArray
-from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.errors import ExposureError, FrameError, RecordingError, escaped, listed
 from ospc.recording.bags.bag import Bag, is_bag
 from ospc.recording.bags.carriers import Carrier, Reading, carrier_of
 from ospc.recording.bags.container import Topic
@@ -26,7 +26,6 @@ from ospc.recording.frame_table import unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
-from ospc.recording.wording import escaped, listed
 
 _NS_PER_S, _NS_PER_MS = 1e9, 1e6
 

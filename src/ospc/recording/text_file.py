@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
-from ospc.errors import RecordingError
-from ospc.recording.wording import quoted
-
-MAX_TEXT_BYTES = 64 * 2**20
-"""Larger text files are refused; a list of a million frames is smaller."""
+from ospc.errors import RecordingError, quoted
+from ospc.formats.files import read_bytes
 
 MAX_LINES = 1_000_000
 """Text files with more lines are refused: that is nine hours at 30 frames per second."""
@@ -31,14 +27,7 @@ def read_text(path: Path) -> str:
     RecordingError
         If it cannot be read, is too large, or is not text.
     """
-    try:
-        with path.open("rb") as file:
-            # read(limit) would allocate that much memory.
-            data = file.read(min(os.fstat(file.fileno()).st_size, MAX_TEXT_BYTES) + 1)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
-    if len(data) > MAX_TEXT_BYTES:
-        raise RecordingError(f"{path}: larger than the {MAX_TEXT_BYTES} bytes allowed; check the file")
+    data = read_bytes(path, error=RecordingError)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

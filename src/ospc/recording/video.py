@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
-from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.errors import ExposureError, FrameError, RecordingError, escaped, listed
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_table import read_exposure_table
 from ospc.recording.frame import Frame
@@ -22,7 +22,6 @@ from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import StoredRecording
 from ospc.recording.video_stream import VideoStream, count_frames
-from ospc.recording.wording import escaped, listed
 
 _SIGNATURES = ((4, b"ftyp"), (4, b"moov"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "))
 """Offsets and bytes that identify MP4 and MOV, MKV and WebM, and AVI files."""

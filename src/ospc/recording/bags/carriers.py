@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ospc.errors import ExposureError
+from ospc.errors import ExposureError, escaped, quoted
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.messages import DamagedMessageError, MessageType, is_field, value_at
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
-from ospc.recording.wording import escaped, quoted
 
 _MAX_TEXT_CHARACTERS = 100_000
 """Longer metadata texts are ignored; those of RealSense cameras have about 1000 characters."""

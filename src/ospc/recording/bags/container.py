@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
-from ospc.errors import OspcError, RecordingError, said_by
-from ospc.recording.wording import escaped
+from ospc.errors import OspcError, RecordingError, escaped, said_by
 
 MAX_CHUNK_BYTES = 256 * 2**20
 """Larger chunks and messages are refused, before and after decompression."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import bz2
 import sys
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import MissingExtraError, RecordingError, quoted
 from ospc.recording.bags.container import MAX_CHUNK_BYTES
-from ospc.recording.wording import quoted
 
 ZSTD_START = b"\x28\xb5\x2f\xfd"
 """Magic number of a Zstandard frame (RFC 8878)."""

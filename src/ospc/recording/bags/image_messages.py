@@ -14,14 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import Image
-from ospc.errors import FrameError
+from ospc.errors import FrameError, quoted
 from ospc.recording.bags.container import Encoding
 from ospc.recording.bags.messages import MessageType
 from ospc.recording.bayer import Mosaic
 from ospc.recording.channel import Channel
 from ospc.recording.decoding import decode_stored
 from ospc.recording.pixel_layout import StoredImage
-from ospc.recording.wording import quoted
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 IMAGE_TYPES = (RAW, COMPRESSED)

@@ -9,10 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from ospc.errors import FrameError
+from ospc.errors import FrameError, escaped
 from ospc.recording.bags.bag import Bag
 from ospc.recording.bags.container import Message, Topic
-from ospc.recording.wording import escaped
 
 _READ_ON = 64
 """Images further ahead than this are searched for by time instead of reading all messages up to them."""

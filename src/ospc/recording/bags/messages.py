@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import MissingExtraError, RecordingError, escaped, quoted
 from ospc.recording.bags.container import Encoding
-from ospc.recording.wording import escaped, quoted
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

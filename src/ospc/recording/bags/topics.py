@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from ospc.errors import ExposureError, RecordingError
+from ospc.errors import ExposureError, RecordingError, escaped, listed, quoted
 from ospc.recording.bags.bag import Bag
 from ospc.recording.bags.carriers import candidates
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import IMAGE_TYPES, RAW
 from ospc.recording.options import ReadingOptions
-from ospc.recording.wording import escaped, listed, quoted
 
 _NOT_PHOTOGRAPHS = ("depth", "disparity", "segmentation", "mask", "label")
 """Topics of images whose names contain one of these hold something other than grey values."""

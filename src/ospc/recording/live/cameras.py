@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ospc.errors import SettingError
+from ospc.errors import SettingError, quoted
 from ospc.recording.live.source import Camera
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.wording import quoted
 
 _MAX_DIGITS = 4
 """Digits of a device number; more are a mistake."""

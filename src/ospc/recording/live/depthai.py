@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import MissingExtraError, RecordingError, quoted
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.live.source import Camera, DriverFrame, ExposureReader, quoted_driver
-from ospc.recording.wording import quoted
 
 SOCKETS = {"colour": "CAM_A", "left": "CAM_B", "right": "CAM_C"}
 """Sockets of the sensors, as DepthAI names them."""

@@ -11,9 +11,9 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import FrameError
+from ospc.formats.image_header import read_header
 from ospc.recording.derived import innermost
 from ospc.recording.frame import Frame
-from ospc.recording.image_header import read_header
 from ospc.recording.image_sequence import ImageSequence
 from ospc.recording.recording import Recording
 
