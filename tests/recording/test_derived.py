@@ -21,7 +21,7 @@ def recorded() -> ArrayRecording:
 def test_a_selection_is_a_recording_of_the_selected_frames() -> None:
     inner = recorded()
     chosen = np.array([1, 2, 5])
-    derived = DerivedRecording(inner, chosen, np.array([7.0, 8.0, 9.0]), remarks=("three frames",))
+    derived = DerivedRecording.of(inner, chosen, np.array([7.0, 8.0, 9.0]), note="three frames")
     assert isinstance(derived, Recording)
     assert len(derived) == 3
     np.testing.assert_array_equal(derived.stamps_s, inner.stamps_s[chosen])

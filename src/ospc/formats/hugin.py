@@ -26,7 +26,7 @@ from ospc.photometry.vignette import Vignette
 COMPONENTS = 5
 """Coefficients of EMoR that hugin uses."""
 
-_SAMPLES = 1024
+EMOR_SAMPLES = 1024
 """Values of each curve in ``emor.txt``."""
 
 _LEAST_STEP = 1e-7
@@ -48,7 +48,7 @@ class EmorBasis:
     mean
         f₀, the mean response, shape (1024,).
     components
-        h₁ … h₅, shape (5, 1024).
+        h₁, h₂, …, shape (n, 1024).
     """
 
     irradiance: FloatArray
@@ -84,16 +84,16 @@ class EmorBasis:
                 method="SLSQP",
                 constraints={
                     "type": "ineq",
-                    "fun": lambda c: (mean_steps + c @ steps - 2 * _LEAST_STEP) * _SAMPLES,
-                    "jac": lambda _c: steps.T * _SAMPLES,
+                    "fun": lambda c: (mean_steps + c @ steps - 2 * _LEAST_STEP) * EMOR_SAMPLES,
+                    "jac": lambda _c: steps.T * EMOR_SAMPLES,
                 },
             ).x
         residual = target - coefficients @ self.components
         return tuple(float(c) for c in coefficients), float(np.sqrt(np.mean(residual**2)))
 
 
-def read_emor(path: str | Path) -> EmorBasis:
-    """Read the base curves from the file ``emor.txt`` that their authors distribute.
+def read_emor(path: str | Path, components: int = COMPONENTS) -> EmorBasis:
+    """Read the first base curves from the file ``emor.txt`` that their authors distribute.
 
     Raises
     ------
@@ -109,13 +109,12 @@ def read_emor(path: str | Path) -> EmorBasis:
                 current = blocks.setdefault(name.strip(), [])
             else:
                 current += [float(word) for word in line.split()]
-        table = np.array(
-            [blocks["E"], blocks["f0"], *(blocks[f"h({i})"] for i in range(1, COMPONENTS + 1))], dtype=np.float64
-        )
+        names = ("E", "f0", *(f"h({i})" for i in range(1, components + 1)))
+        table = np.array([blocks[name] for name in names], dtype=np.float64)
     except (ValueError, KeyError):
         raise FormatError(f"{path}: not the file emor.txt of the empirical model of response") from None
-    if table.shape != (COMPONENTS + 2, _SAMPLES) or not np.all(np.isfinite(table)):
-        raise FormatError(f"{path}: not the file emor.txt, which has {_SAMPLES} values a curve")
+    if table.shape != (components + 2, EMOR_SAMPLES) or not np.all(np.isfinite(table)):
+        raise FormatError(f"{path}: not the file emor.txt, which has {EMOR_SAMPLES} values a curve")
     return EmorBasis(table[0], table[1], table[2:])
 
 

@@ -28,6 +28,11 @@ _HARMONIC_DEGREES = (2, 2, 3, 3)
 """Degrees in x and y of the non-radial terms of :class:`LogVignette`, in its order."""
 
 
+def same_aspect(first: ImageSize, second: ImageSize) -> bool:
+    """Tell whether two sizes can show the same field of view."""
+    return abs(math.log(first[0] * second[1] / (first[1] * second[0]))) <= _ASPECT_TOLERANCE
+
+
 def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     """Return the vignette of the same view at another resolution.
 
@@ -45,7 +50,7 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     """
     width, height = vignette.size
     _check_size(size)
-    if abs(math.log(size[0] * height / (size[1] * width))) > _ASPECT_TOLERANCE:
+    if not same_aspect(size, vignette.size):
         raise SettingError(
             f"{width}x{height} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop first"
         )
