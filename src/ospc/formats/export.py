@@ -106,14 +106,8 @@ def adapted(
 def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_grey: int | None = None) -> Calibration:
     """Return the photometry as a calibration that states where it comes from.
 
-    Parameters
-    ----------
-    photometry
-        From any file.
-    size
-        Width and height of the images, if the photometry does not state them.
-    max_grey
-        Largest grey value of the images; by default that of the calibration or of the table.
+    ``size`` is needed if the photometry does not state it; ``max_grey`` is by default that of the calibration or of
+    the table.
 
     Raises
     ------
@@ -158,10 +152,8 @@ def export(
 
     Parameters
     ----------
-    photometry
-        The calibration.
-    program
-        The program that will read it.
+    photometry, program
+        The calibration, and the program that will read it.
     out
         A folder for ``dso``, which has two files; a file for all others.
     settings

@@ -129,14 +129,10 @@ def write_pto(
 
     Parameters
     ----------
-    path
-        File to write.
-    vignette
-        Fitted about its own centre if it has one; None for no vignette.
-    response
-        Written only together with ``emor``; otherwise the file has the mean response of EMoR.
-    emor
-        Base curves.
+    path, vignette
+        File to write, and what to fit a polynomial to, about its own centre.
+    response, emor
+        Written only together; otherwise the file has the mean response of EMoR.
     size
         Width and height of the images if there is no vignette.
 

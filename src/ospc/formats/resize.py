@@ -36,13 +36,6 @@ def same_aspect(first: ImageSize, second: ImageSize) -> bool:
 def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     """Return the vignette of the same view at another resolution.
 
-    Parameters
-    ----------
-    vignette
-        For the images as calibrated.
-    size
-        Width and height in pixels after scaling.
-
     Raises
     ------
     SettingError
@@ -72,20 +65,15 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
 def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
     """Return the vignette of a part of the image.
 
+    Each pixel keeps its attenuation, so the centre moves in the image. A polynomial about the image centre becomes a
+    map of pixels unless the part is centred.
+
     Parameters
     ----------
     vignette
         For the whole images.
-    offset
-        Column and row of the part's first pixel.
-    size
-        Width and height of the part in pixels.
-
-    Returns
-    -------
-    Vignette
-        Each pixel keeps its attenuation, so the centre moves in the image. A polynomial about the image centre
-        becomes a map of pixels unless the part is centred.
+    offset, size
+        Column and row of the part's first pixel, and its width and height.
 
     Raises
     ------

@@ -27,13 +27,7 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class TimesText:
-    """The text of a times.txt, as the programs read it.
-
-    Attributes
-    ----------
-    text
-        The whole file.
-    """
+    """The text of a times.txt, as the programs read it."""
 
     text: str
 
