@@ -20,9 +20,9 @@ from ospc.recording.bags.image_stream import ImageStream
 from ospc.recording.bags.matching import Times, match
 from ospc.recording.bags.messages import DamagedMessageError
 from ospc.recording.bags.topics import exposure_topic, image_topic, image_topics
-from ospc.recording.exposure_units import EXPOSURE_RANGE_MS, GainUnit, infer_unit
+from ospc.recording.exposure_units import GainUnit, infer_unit
 from ospc.recording.frame import Frame
-from ospc.recording.frame_table import unlisted
+from ospc.recording.frame_table import checked_exposures, unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
@@ -70,7 +70,11 @@ class Rosbag:
             found.images, np.flatnonzero(matching.exposure >= 0), str(path)
         )
         values, unit_notes = _in_ms(found, carrier, _interval_ms(stamps_ns), source)
-        exposures_ms = _checked(values[matching.exposure[messages]], source)
+        exposures_ms = checked_exposures(
+            values[matching.exposure[messages]],
+            lambda frames: f"{source}, image {listed(frames)}",
+            "state the unit or the gain, or ignore it with --gain-unit none",
+        )
         said = (*notes, *unit_notes, *matching.notes, *stamp_notes)
         frames = _Frames(found.images, messages, exposures_ms, stamps_ns / _NS_PER_S)
         return _recording(bag, images, options, frames, said)
@@ -298,18 +302,6 @@ def _in_ms(
         gain_unit = GainUnit.NONE
         notes.append(f"{source}: the gain is constant and ignored")
     return unit.to_ms(found.values) * gain_unit.linear(found.gains), notes
-
-
-def _checked(values: FloatArray, source: str) -> FloatArray:
-    low, high = EXPOSURE_RANGE_MS
-    bad = np.flatnonzero(~((values >= low) & (values <= high)))
-    if bad.size:
-        raise ExposureError(
-            f"{source}: exposure times gain must be a positive number of milliseconds, not {values[bad[0]]:g} as for "
-            f"image {listed([int(i) for i in bad])}; state the unit or the gain, or ignore it with --gain-unit none"
-        )
-    values.setflags(write=False)
-    return values
 
 
 def _load(stream: ImageStream, topic: Topic, options: ReadingOptions, number: int) -> StoredImage:

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
-from ospc.errors import ExposureError, FrameError, RecordingError, escaped, listed
+from ospc.errors import FrameError, RecordingError, escaped
 from ospc.recording.channel import Channel
-from ospc.recording.exposure_table import read_exposure_table
+from ospc.recording.exposure_lists import only_list, read_list
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -64,7 +64,7 @@ class Video:
         if not self.recognises(path):
             raise RecordingError(f"{path}: is not an MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
         table = table_or_unlisted(
-            lambda: read_exposure_table(_list_of(path), options),
+            lambda: read_list(_list_of(path), options),
             str(path),
             count_frames(path) if options.unknown_exposures else 0,
             allowed=options.unknown_exposures,
@@ -133,14 +133,8 @@ def _list_of(path: Path) -> Path:
     found = [path.with_name(name) for name in names if path.with_name(name).is_file()]
     if not found:
         found = [path.with_name(n) for n in ("exposures.csv", "times.txt") if path.with_name(n).is_file()]
-    if len(found) > 1:
-        raise ExposureError(f"{path}: several lists of exposures ({listed([p.name for p in found])}); keep one")
-    if not found:
-        raise ExposureError(
-            f"{path}: a video holds no exposures; put {path.stem}.csv beside it, with a header "
-            f"'timestamp_s,exposure_ms' and a line for each frame"
-        )
-    return found[0]
+    advice = f"put {path.stem}.csv beside it, with a header 'timestamp_s,exposure_ms' and a line for each frame"
+    return only_list(found, path, advice)
 
 
 def _size(stream: VideoStream, path: Path) -> ImageSize:

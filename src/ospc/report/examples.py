@@ -132,7 +132,7 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
 
 def exposures_beside(folder: Path) -> FloatArray | None:
     """Return the exposures in the times.txt of an output folder; None where there is none that can be read."""
-    from ospc.recording.times_file import read_times
+    from ospc.recording.exposure_lists import read_times
 
     try:
         return read_times(folder / "times.txt").exposures_ms
