@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ospc.arrays import FloatArray, Image
 from ospc.errors import ExposureError, FrameError, RecordingError, listed
 from ospc.recording.bit_depth import detect_bit_depth
-from ospc.recording.frame import Frame, check_image
+from ospc.recording.frame import Frame, check_image, check_size, size_of
 from ospc.recording.frame_table import checked_exposures, checked_stamps
 from ospc.recording.recording import StoredRecording
 
@@ -77,7 +77,7 @@ class ArrayRecording(StoredRecording):
         super().__init__(
             path=Path(name),
             kind="array",
-            size=(first.shape[1], first.shape[0]),
+            size=size_of(first),
             max_grey=max_grey,
             exposures_ms=checked_exposures(_column(exposures_ms, len(images), "exposures", name), where),
             stamps_s=checked_stamps(_column(stamps, len(images), "time stamps", name), where),
@@ -98,11 +98,7 @@ class ArrayRecording(StoredRecording):
     def _load(self, index: int) -> Image:
         name = f"{self._name}[{index}]"
         image = check_image(np.asarray(self._images[index]), name)
-        if (image.shape[1], image.shape[0]) != self.size:
-            raise FrameError(
-                f"{name}: is {image.shape[1]}x{image.shape[0]} pixels where the recording has "
-                f"{self.size[0]}x{self.size[1]}; bring all images to one size"
-            )
+        check_size(size_of(image), self.size, name)
         return image
 
 

@@ -69,11 +69,6 @@ def find_green(image: Image) -> GreenPixels | None:
 
     In a grey image, horizontal and vertical neighbours are more alike than diagonal ones, which are further apart.
     In a mosaic, the two green pixels on the diagonal of a block are the most alike.
-
-    Parameters
-    ----------
-    image
-        Shape (height, width).
     """
     if image.shape[0] % 2 or image.shape[1] % 2:
         return None

@@ -50,11 +50,6 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
     """Infer the bit depth from sample images, the brighter the better.
 
     Bits that are zero everywhere are unused: low ones in left-aligned data, high ones in right-aligned data.
-
-    Parameters
-    ----------
-    images
-        Grey images, uint8 or uint16, shape (height, width).
     """
     union = 0
     for image in images:

@@ -11,7 +11,7 @@ from ospc.arrays import Image
 from ospc.errors import OspcError, RecordingError, escaped
 from ospc.formats.image_header import read_header
 from ospc.recording.decoding import decode_stored
-from ospc.recording.frame import Frame
+from ospc.recording.frame import Frame, check_size
 from ospc.recording.frame_table import FrameTable, match_images, table_or_unlisted
 from ospc.recording.image_source import ImageSource
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -54,7 +54,7 @@ class ImageSequence(StoredRecording):
     def _verify(self, name: str) -> None:
         label = self.source.label(name)
         header = read_header(self.source.read(name), label)
-        self.layout.check_size((header.width, header.height), label)
+        check_size((header.width, header.height), self.layout.stored_size, label)
 
     def _load(self, name: str) -> Image:
         label = self.source.label(name)

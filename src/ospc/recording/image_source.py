@@ -44,13 +44,7 @@ class ImageSource(Protocol):
         ...
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of an image file.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read.
-        """
+        """Return the bytes of an image file; FrameError if it cannot be read."""
         ...
 
     def close(self) -> None:
@@ -60,28 +54,14 @@ class ImageSource(Protocol):
 
 @dataclass(frozen=True)
 class FolderImages:
-    """The image files of a folder, not those of its sub-folders.
-
-    Attributes
-    ----------
-    place
-        The folder.
-    names
-        File names, sorted.
-    """
+    """The image files of a folder, not those of its sub-folders."""
 
     place: Path
     names: tuple[str, ...]
 
     @classmethod
     def of(cls, folder: Path) -> FolderImages:
-        """List a folder.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be listed.
-        """
+        """List a folder; RecordingError if that fails."""
         try:
             # is_file() excludes pipes and devices, which could block forever.
             names = [p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file()]
@@ -94,13 +74,7 @@ class FolderImages:
         return escaped(str(self.place / name))
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of an image file.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read or is too large.
-        """
+        """Return the bytes of an image file; FrameError if it cannot be read or is too large."""
         return read_bytes(self.place / name, MAX_FILE_BYTES, FrameError)
 
     def close(self) -> None:
@@ -109,15 +83,7 @@ class FolderImages:
 
 @dataclass(frozen=True)
 class ZipImages:
-    """The image files of a zip archive; threads may share it.
-
-    Attributes
-    ----------
-    place
-        The archive.
-    names
-        Member names, sorted.
-    """
+    """The image files of a zip archive; threads may share it."""
 
     place: Path
     names: tuple[str, ...]
@@ -126,13 +92,7 @@ class ZipImages:
 
     @classmethod
     def of(cls, path: Path) -> ZipImages:
-        """Open an archive.
-
-        Raises
-        ------
-        RecordingError
-            If it is not a zip archive, is damaged, or has suspicious members.
-        """
+        """Open an archive; RecordingError if it is not a zip archive, is damaged, or has suspicious members."""
         try:
             archive = zipfile.ZipFile(path)
         except OSError as error:
@@ -155,13 +115,7 @@ class ZipImages:
         return escaped(f"{self.place}/{name}")
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of a member.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read: damaged, or the archive has been closed.
-        """
+        """Return the bytes of a member; FrameError if it is damaged, or the archive has been closed."""
         size = self._archive.getinfo(name).file_size
         try:
             # With a length, decompression stops there whatever the archive contains.

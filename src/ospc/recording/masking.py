@@ -13,6 +13,7 @@ from ospc.errors import FrameError, SettingError, quoted
 from ospc.formats.files import read_bytes
 from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
 from ospc.recording.derived import with_mask
+from ospc.recording.frame import size_of
 from ospc.recording.recording import Recording
 
 _LEAST_PIXELS = 64
@@ -38,13 +39,7 @@ class Region:
 
     @classmethod
     def parse(cls, text: str) -> Region:
-        """Return the rectangle written as ``x,y,width,height``.
-
-        Raises
-        ------
-        SettingError
-            If the text has another form.
-        """
+        """Return the rectangle written as ``x,y,width,height``; SettingError if the text has another form."""
         match = re.fullmatch(r"\s*(\d{1,6})" + r"\s*,\s*(\d{1,6})" * 3 + r"\s*", text, re.ASCII)
         if match is None:
             raise SettingError(f"a region of interest is written x,y,width,height in pixels, not {quoted(text)}")
@@ -52,14 +47,7 @@ class Region:
 
 
 def read_mask(path: Path, size: ImageSize) -> BoolArray:
-    """Read a mask: an image whose black pixels are not used.
-
-    Parameters
-    ----------
-    path
-        The image file.
-    size
-        Width and height it must have.
+    """Read a mask: an image of the given size whose black pixels are not used.
 
     Returns
     -------
@@ -75,10 +63,10 @@ def read_mask(path: Path, size: ImageSize) -> BoolArray:
         image = decode_grey(read_bytes(path, MAX_FILE_BYTES, FrameError), str(path))
     except FrameError as error:
         raise SettingError(str(error)) from None
-    if (image.shape[1], image.shape[0]) != size:
+    found = size_of(image)
+    if found != size:
         raise SettingError(
-            f"{path}: the mask is {image.shape[1]}x{image.shape[0]} pixels, but frames are {size[0]}x{size[1]}; "
-            f"make it the same size"
+            f"{path}: the mask is {found[0]}x{found[1]} pixels, but frames are {size[0]}x{size[1]}; make them equal"
         )
     return np.asarray(image > 0)
 
@@ -91,16 +79,11 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
     Parameters
     ----------
     recording
-        The recording.
+        The recording; it is returned itself if nothing is masked.
     mask
         True where pixels may be used, shape (height, width).
     region
         Pixels outside it are not used.
-
-    Returns
-    -------
-    Recording
-        The recording itself if nothing is masked.
 
     Raises
     ------

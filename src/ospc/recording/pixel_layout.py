@@ -12,10 +12,19 @@ from ospc.errors import FrameError, RecordingError, SettingError
 from ospc.recording.bayer import GreenPixels, Mosaic, find_green
 from ospc.recording.bit_depth import BitDepth, detect_bit_depth
 from ospc.recording.channel import Channel
+from ospc.recording.frame import check_size, size_of
 from ospc.recording.options import ReadingOptions
 
 _DEPTH_SAMPLES = 4
 """Frames that decide the bit depth: the first readable and those with the longest exposures, which use all bits."""
+
+_TAKEN = {
+    Channel.GREEN: "the mean of the two green pixels",
+    Channel.RED: "the red pixel",
+    Channel.BLUE: "the blue pixel",
+    Channel.LUMINANCE: "0.299 R + 0.587 G + 0.114 B",
+}
+"""What is taken of a Bayer mosaic for a channel."""
 
 
 @dataclass(frozen=True)
@@ -75,23 +84,9 @@ class PixelLayout:
         FrameError
             If its size, type or range of grey values differs from the others.
         """
-        self.check_size((stored.shape[1], stored.shape[0]), label)
+        check_size(size_of(stored), self.stored_size, label)
         aligned = _aligned(stored, self.depth, label)
         return aligned if self.green is None else self._of_mosaic(aligned, self.green)
-
-    def check_size(self, size: ImageSize, label: str) -> None:
-        """Check the size of a stored image.
-
-        Raises
-        ------
-        FrameError
-            If it differs from the others.
-        """
-        if size != self.stored_size:
-            raise FrameError(
-                f"{label}: is {size[0]}x{size[1]} pixels where the recording has "
-                f"{self.stored_size[0]}x{self.stored_size[1]}; remove it or bring all images to one size"
-            )
 
     def _of_mosaic(self, image: Image, green: GreenPixels) -> Image:
         if self.mosaic is None or self.channel is Channel.GREEN:
@@ -154,9 +149,12 @@ def find_layout(
     first = _first(read, len(exposures_ms), place)
     depth = detect_bit_depth(_samples(first.pixels, read, exposures_ms))
     notes = [] if depth.note is None else [depth.note]
-    size = (first.pixels.shape[1], first.pixels.shape[0])
+    size = size_of(first.pixels)
     if first.colour:
-        return PixelLayout(size, depth), [*notes, _colour_note(options.channel)]
+        luma = "colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B"
+        taken = options.channel or Channel.LUMINANCE
+        said = luma if taken is Channel.LUMINANCE else f"the {taken.value} channel is taken of colour images"
+        return PixelLayout(size, depth), [*notes, said]
     mosaic = options.bayer or first.mosaic
     green = find_green(first.pixels) if mosaic is None else mosaic.green
     if green is None:
@@ -174,23 +172,8 @@ def find_layout(
             f"{place}: its images do not state where {channel.value} is in the Bayer mosaic; state the pattern with "
             f"--bayer ({', '.join(Mosaic.PATTERNS)})"
         )
-    return PixelLayout(size, depth, green, channel, mosaic), [*notes, _mosaic_note(channel)]
-
-
-def _colour_note(channel: Channel | None) -> str:
-    if channel in (None, Channel.LUMINANCE):
-        return "colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B"
-    return f"the {channel.value} channel is taken of colour images"
-
-
-def _mosaic_note(channel: Channel) -> str:
-    what = {
-        Channel.GREEN: "the mean of the two green pixels",
-        Channel.RED: "the red pixel",
-        Channel.BLUE: "the blue pixel",
-        Channel.LUMINANCE: "0.299 R + 0.587 G + 0.114 B",
-    }[channel]
-    return f"images are a Bayer mosaic; {what} of each 2×2 block is taken"
+    notes.append(f"images are a Bayer mosaic; {_TAKEN[channel]} of each 2×2 block is taken")
+    return PixelLayout(size, depth, green, channel, mosaic), notes
 
 
 def _first(read: Callable[[int], StoredImage], count: int, place: str) -> StoredImage:
