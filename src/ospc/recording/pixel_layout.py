@@ -132,10 +132,8 @@ def find_layout(
         Returns the image of a frame by its index; raises FrameError if that fails.
     exposures_ms
         Exposure of every frame, shape (frames,).
-    place
-        Where the images are, for messages.
-    options
-        What the user states about them.
+    place, options
+        Where the images are, for messages, and what the user states about them.
     take_green
         Whether to take the green pixels of images that look like a Bayer mosaic; otherwise a note says so.
 

@@ -28,13 +28,7 @@ class RigKind(Protocol):
     """A kind of recording that may hold several cameras."""
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-        """Return the path and the options that open each camera, by its name.
-
-        Raises
-        ------
-        RecordingError
-            If the path cannot be read.
-        """
+        """Return the path and the options that open each camera, by its name; RecordingError if that fails."""
         ...
 
 
@@ -47,10 +41,8 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
     ----------
     path
         Folder or file; a single camera counts as a rig of one.
-    kind
-        Name of the kind of the recordings, to override the recognition.
-    options
-        What their content does not state.
+    kind, options
+        As for :func:`~ospc.recording.kinds.open_recording`.
 
     Returns
     -------

@@ -23,15 +23,7 @@ _HEAD_BYTES = 16
 
 @dataclass(frozen=True)
 class Bag:
-    """A bag.
-
-    Attributes
-    ----------
-    path
-        The file, or the folder with the files.
-    files
-        The files in the order of their names.
-    """
+    """A bag: its path, and its files in the order of their names."""
 
     path: Path
     files: tuple[BagFile, ...]
@@ -80,13 +72,7 @@ class Bag:
         return tuple(sorted(found.values(), key=lambda topic: by_name(topic.name)))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Yield the messages of some topics one by one, in the same order every time.
-
-        Raises
-        ------
-        RecordingError
-            If a file is damaged.
-        """
+        """Yield messages as :meth:`~ospc.recording.bags.container.BagFile.messages` of all files."""
         for file in self.files:
             yield from file.messages(names, start_ns)
 

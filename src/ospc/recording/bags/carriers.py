@@ -30,17 +30,7 @@ _NANOSECONDS = 10**9
 
 
 class Reading(NamedTuple):
-    """The content of a message about an exposure.
-
-    Attributes
-    ----------
-    exposure
-        In the unit of the carrier.
-    gain
-        In its unit; 1 if there is none.
-    stamp_ns
-        Time stamp of the message in nanoseconds; None if it has none.
-    """
+    """The exposure and gain (1 for none) in a message, in the units of the carrier, and its time stamp if any."""
 
     exposure: float
     gain: float
@@ -73,13 +63,7 @@ class Carrier:
     summary: str
 
     def readings(self, topic: Topic) -> Callable[[bytes], Reading | None]:
-        """Return a function that reads the serialised messages of a topic.
-
-        Raises
-        ------
-        DamagedMessageError
-            If the bag does not define their type.
-        """
+        """Return a function that reads serialised messages; DamagedMessageError if the bag does not define them."""
         kind = MessageType(topic.type, topic.encoding, topic.definition, idl=topic.idl)
 
         def read(data: bytes) -> Reading | None:
@@ -220,10 +204,7 @@ def _known(topic: Topic) -> Carrier | None:
 def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
     """Return how the messages of a topic carry exposures; the user's statements take precedence.
 
-    Raises
-    ------
-    ExposureError
-        If the field with the exposures has to be stated.
+    ExposureError if the field with the exposures has to be stated.
     """
     carrier = _known(topic)
     if options.exposure_field is not None:

@@ -53,17 +53,7 @@ class Topic:
 
 
 class Message(NamedTuple):
-    """A message as it is stored.
-
-    Attributes
-    ----------
-    topic
-        Name of its topic.
-    log_ns
-        When it was recorded, in nanoseconds.
-    data
-        The serialised message.
-    """
+    """A serialised message, the name of its topic, and when it was recorded."""
 
     topic: str
     log_ns: int
@@ -71,17 +61,7 @@ class Message(NamedTuple):
 
 
 class BagFile(ABC):
-    """One file of a bag.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Attributes
-    ----------
-    topics
-        Its topics.
+    """One file of a bag, and its topics.
 
     Raises
     ------
@@ -99,19 +79,9 @@ class BagFile(ABC):
             self.topics = tuple(self._topics(reader))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Yield the messages of some topics one by one, in the same order every time.
+        """Yield the messages of the named topics one by one, in the same order every time.
 
-        Parameters
-        ----------
-        names
-            Names of the topics.
-        start_ns
-            Skip messages recorded before this time.
-
-        Raises
-        ------
-        RecordingError
-            If the file is damaged.
+        Those recorded before ``start_ns`` are skipped. RecordingError if the file is damaged.
         """
         with self._reader(names) as reader:
             yield from self._messages(reader, names, start_ns)

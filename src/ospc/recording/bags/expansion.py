@@ -13,16 +13,7 @@ ZSTD_START = b"\x28\xb5\x2f\xfd"
 
 
 def expand(data: bytes, compression: str, size: int | None = None) -> bytes:
-    """Decompress.
-
-    Parameters
-    ----------
-    data
-        The compressed bytes.
-    compression
-        ``zstd``, ``lz4``, ``bz2``, or ``none``.
-    size
-        Exact number of bytes that must come out, if it is stated.
+    """Decompress ``zstd``, ``lz4``, ``bz2``, or ``none``, to exactly ``size`` bytes if it is stated.
 
     Raises
     ------

@@ -70,32 +70,13 @@ _ENCODINGS = {
 
 
 def read_stamp_ns(data: bytes, kind: str, encoding: Encoding) -> int:
-    """Return the time stamp of an image message in nanoseconds; 0 if the camera gave none.
-
-    Raises
-    ------
-    DamagedMessageError
-        If it is not a message of this type.
-    """
+    """Return the time stamp of an image message in nanoseconds, as :func:`read_image`; 0 if the camera gave none."""
     stamp = _type(kind, encoding).decode(data).header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def read_image(data: bytes, kind: str, encoding: Encoding, name: str, channel: Channel | None = None) -> StoredImage:
-    """Read an image message.
-
-    Parameters
-    ----------
-    data
-        The message.
-    kind
-        One of :data:`IMAGE_TYPES`.
-    encoding
-        Serialisation of the message.
-    name
-        Name of the image in messages to the user.
-    channel
-        Channel taken from colour images; luma if None.
+    """Read a message of one of the :data:`IMAGE_TYPES`; the image is called ``name`` in messages to the user.
 
     Raises
     ------

@@ -90,10 +90,7 @@ class MessageType:
     def decode(self, data: bytes) -> Any:
         """Return a message as an object whose attributes are its fields; arrays of numbers are NumPy arrays.
 
-        Raises
-        ------
-        DamagedMessageError
-            If the message does not fit its type.
+        DamagedMessageError if the message does not fit its type.
         """
         if not self._trusted and len(data) > MAX_MESSAGE_BYTES:
             raise DamagedMessageError(f"the message has {len(data)} bytes, more than the {MAX_MESSAGE_BYTES} allowed")
@@ -164,13 +161,7 @@ def _check(types: _Types) -> None:
 
 
 def value_at(message: Any, field: str) -> Any:
-    """Return a field of a message, such as ``exposure_time``, ``camera_info.header`` or ``shutter[0]``.
-
-    Raises
-    ------
-    DamagedMessageError
-        If there is no such field.
-    """
+    """Return a field such as ``exposure_time``, ``info.header`` or ``shutter[0]``; DamagedMessageError if missing."""
     value = message
     for step in _STEP.finditer(field):
         name, index = step.groups()

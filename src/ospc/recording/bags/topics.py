@@ -14,13 +14,7 @@ _NOT_PHOTOGRAPHS = ("depth", "disparity", "segmentation", "mask", "label")
 
 
 def image_topic(bag: Bag, options: ReadingOptions) -> tuple[Topic, list[str]]:
-    """Return the topic with the images, and notes about the choice.
-
-    Raises
-    ------
-    RecordingError
-        If there is none, or the one the user names does not exist or has no images.
-    """
+    """Return the topic with the images, and notes about the choice; RecordingError if there is none."""
     if options.image_topic is not None:
         topic = _named(bag, options.image_topic)
         if topic.type not in IMAGE_TYPES:
@@ -58,10 +52,7 @@ def uses(bag: Bag) -> list[tuple[Topic, str]]:
 def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     """Return the topic with the exposures of the images on another topic.
 
-    Raises
-    ------
-    ExposureError
-        If there is none, or several with names equally similar to that of the images.
+    ExposureError if there is none, or several with names equally similar to that of the images.
     """
     if options.exposure_topic is not None:
         return _named(bag, options.exposure_topic)
