@@ -5,18 +5,24 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from ospc.arrays import BoolArray
+from ospc.arrays import BoolArray, FloatArray
 from ospc.errors import FormatError
 from ospc.formats.dso import LARGEST_ID, write_times
 from ospc.formats.files import read_text
 from ospc.formats.rules import Broken, Context, Format
 from ospc.formats.scanning import scanned
-from ospc.formats.times_lines import LONGEST_LINE, Row, TimesText, neighbour_filled
 
+_LONGEST_LINE = 999
+"""Characters that fit the line buffers of the programs."""
+
+_WORD = re.compile(r"\S+", re.ASCII)
 _WHOLE_NUMBER = re.compile(r"[+-]?\d+", re.ASCII)
 
 _PLAUSIBLE_MS = (0.05, 2000.0)
@@ -37,6 +43,59 @@ _LAYOUT = "every line is 'id stamp[s] exposure[ms]'"
 _WRITE_ANEW = "write times.txt again from the recording's source"
 
 
+class _Row(NamedTuple):
+    """The words of one line, and the number of the line, from 1."""
+
+    number: int
+    words: list[str]
+
+
+@dataclass(frozen=True)
+class TimesText:
+    """The text of a times.txt, as the programs read it."""
+
+    text: str
+
+    @cached_property
+    def rows(self) -> tuple[_Row, ...]:
+        """The words of every line, without comments and blank lines."""
+        lines = enumerate(self.text.split("\n"), start=1)
+        split = (_Row(number, _WORD.findall(line)) for number, line in lines)
+        return tuple(row for row in split if row.words and not row.words[0].startswith("#"))
+
+    @cached_property
+    def scanned(self) -> FloatArray:
+        """Ids, stamps in s and exposures in ms as DSO takes them, shape (lines, 3); a missing exposure is 0."""
+        values: list[list[float]] = []
+        for line in self.text.split("\n"):
+            if len(line) > _LONGEST_LINE:
+                break
+            row = scanned(line, "dff")
+            if len(row) >= 2:
+                values.append([*row, 0.0][:3])
+        return np.array(values, dtype=np.float64).reshape(-1, 3)
+
+    @property
+    def exposures_ms(self) -> FloatArray:
+        """Exposures as DSO stores them, in 32 bits, shape (lines,)."""
+        with np.errstate(over="ignore", under="ignore"):
+            return self.scanned[:, 2].astype(np.float32).astype(np.float64)
+
+    def with_rows(self, rows: list[list[str]]) -> TimesText:
+        """Return a text with other lines."""
+        return TimesText("".join(" ".join(words) + "\n" for words in rows))
+
+
+def _neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
+    """Return the exposures after DSO has replaced each zero by the mean of its positive neighbours, in order."""
+    filled = exposures_ms.copy()
+    for i in np.flatnonzero(filled == 0):
+        neighbours = [filled[j] for j in (i - 1, i + 1) if 0 <= j < filled.size and filled[j] > 0]
+        if neighbours:
+            filled[i] = float(np.mean(neighbours))
+    return filled
+
+
 def _broken(times: TimesText, context: Context) -> Iterator[Broken]:
     yield from _about_the_lines(times)
     yield from _about_the_count(times, context)
@@ -50,9 +109,9 @@ def _broken(times: TimesText, context: Context) -> Iterator[Broken]:
 
 
 def _about_the_lines(times: TimesText) -> Iterator[Broken]:
-    number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > LONGEST_LINE), None)
+    number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > _LONGEST_LINE), None)
     if number is not None:
-        rule = f"lines of up to {LONGEST_LINE} characters; line {number} is longer"
+        rule = f"lines of up to {_LONGEST_LINE} characters; line {number} is longer"
         yield Broken("error", rule, "stops reading there", "shorten the line")
     if bad := [row for row in times.rows if _has_commas(row)]:
         rule = f"values are separated by spaces; {_first_of(bad)}"
@@ -95,7 +154,7 @@ def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]
         rule = f"exposures are positive; {_places(invalid)} negative or not a number"
         effect = "leaves those images uncorrected, or carries NaN into its brightness transfer"
         yield Broken("error", rule, effect, "correct them", _fill_exposures)
-    left = neighbour_filled(exposures_ms) == 0
+    left = _neighbour_filled(exposures_ms) == 0
     if context.program == "dso" and left.any():
         rule = f"a zero exposure has a positive neighbour; {_places(left)} without"
         remedy = "record exposures; if there are none, leave the third column out of all lines"
@@ -175,11 +234,11 @@ def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str
     return times.with_rows(rows), f"{missing} missing or invalid exposures interpolated between their neighbours"
 
 
-def _has_commas(row: Row) -> bool:
+def _has_commas(row: _Row) -> bool:
     return any("," in word or ";" in word for word in row.words)
 
 
-def _has_stamp(row: Row) -> bool:
+def _has_stamp(row: _Row) -> bool:
     stamp = scanned(row.words[1], "f") if len(row.words) >= 2 else []
     return bool(stamp) and math.isfinite(stamp[0])
 
@@ -188,7 +247,7 @@ def _is_whole(word: str) -> bool:
     return _WHOLE_NUMBER.fullmatch(word) is not None
 
 
-def _first_of(rows: list[Row]) -> str:
+def _first_of(rows: list[_Row]) -> str:
     return f"{len(rows)} are not, first line {rows[0].number}: {' '.join(rows[0].words)[:40]!r}"
 
 

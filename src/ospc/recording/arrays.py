@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, Image
 from ospc.errors import ExposureError, FrameError, RecordingError, listed
-from ospc.recording.bit_depth import detect_bit_depth
 from ospc.recording.frame import Frame, check_image, check_size, size_of
 from ospc.recording.frame_table import checked_exposures, checked_stamps
+from ospc.recording.pixel_layout import detect_bit_depth
 from ospc.recording.recording import StoredRecording
 
 

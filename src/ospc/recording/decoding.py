@@ -14,9 +14,6 @@ from ospc.recording.pixel_layout import StoredImage
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that would need more, counting all stored channels, are refused before decoding."""
 
-MAX_FILE_BYTES = 256 * 2**20
-"""Larger image files are refused before reading."""
-
 # The EXIF orientation is ignored: response and vignette belong to the axes of the sensor.
 _STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _GREY, _COLOUR = cv2.IMREAD_GRAYSCALE | _STORED, cv2.IMREAD_COLOR | _STORED

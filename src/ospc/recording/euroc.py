@@ -11,9 +11,8 @@ from pathlib import Path
 
 from ospc.errors import RecordingError
 from ospc.recording.exposure_lists import lists_in, only_list, read_list
-from ospc.recording.image_names import by_name
 from ospc.recording.image_sequence import ImageSequence, open_sequence
-from ospc.recording.image_source import FolderImages
+from ospc.recording.image_source import FolderImages, by_name
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGES, _INDEX = "data", "data.csv"

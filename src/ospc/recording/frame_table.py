@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError, listed, quoted
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
-from ospc.recording.image_names import by_name, is_image_name
+from ospc.recording.image_source import by_name, is_image_name
 
 LARGEST_STAMP = 1e20
 """Larger numbers are not time stamps in any unit."""

@@ -13,8 +13,13 @@ from typing import Protocol
 
 from ospc.errors import FrameError, RecordingError, escaped, quoted
 from ospc.formats.files import read_bytes
-from ospc.recording.decoding import MAX_FILE_BYTES
-from ospc.recording.image_names import by_name, is_image_name
+
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm"})
+"""Suffixes of image files, in lower case."""
+
+
+MAX_FILE_BYTES = 256 * 2**20
+"""Larger image files are refused before reading."""
 
 MAX_EXPANSION = 200
 """Largest expansion of a zip member; photographs hardly compress at all."""
@@ -24,6 +29,23 @@ FREE_EXPANSION_BYTES = 16 * 2**20
 
 MAX_MEMBERS = 1_000_000
 """Zip archives with more members are refused."""
+
+
+def is_image_name(name: str) -> bool:
+    """Tell whether a file name is that of an image; hidden files are not."""
+    return PurePosixPath(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith(".")
+
+
+def by_name(name: str) -> tuple[tuple[object, ...], str]:
+    """Return a sorting key in which 2 comes before 10, with and without leading zeros."""
+    parts = re.split(r"(\d+)", name)
+    return tuple(_as_number(part) if i % 2 else part for i, part in enumerate(parts)), name
+
+
+def _as_number(digits: str) -> tuple[int, str]:
+    # Compared by length and then as text: hostile names may have more digits than Python converts.
+    significant = digits.lstrip("0")
+    return len(significant), significant
 
 
 class ImageSource(Protocol):

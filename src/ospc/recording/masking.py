@@ -11,9 +11,10 @@ import numpy as np
 from ospc.arrays import BoolArray, ImageSize
 from ospc.errors import FrameError, SettingError, quoted
 from ospc.formats.files import read_bytes
-from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
+from ospc.recording.decoding import decode_grey
 from ospc.recording.derived import with_mask
 from ospc.recording.frame import size_of
+from ospc.recording.image_source import MAX_FILE_BYTES
 from ospc.recording.recording import Recording
 
 _LEAST_PIXELS = 64

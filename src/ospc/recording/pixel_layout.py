@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,13 @@ import numpy as np
 from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.errors import FrameError, RecordingError, SettingError
 from ospc.recording.bayer import GreenPixels, Mosaic, find_green
-from ospc.recording.bit_depth import BitDepth, detect_bit_depth
 from ospc.recording.channel import Channel
 from ospc.recording.frame import check_size, size_of
 from ospc.recording.options import ReadingOptions
+
+_SENSOR_BITS = (8, 10, 12, 14, 16)
+"""Bit depths of sensors; others do not exist."""
+
 
 _DEPTH_SAMPLES = 4
 """Frames that decide the bit depth: the first readable and those with the longest exposures, which use all bits."""
@@ -25,6 +28,59 @@ _TAKEN = {
     Channel.LUMINANCE: "0.299 R + 0.587 G + 0.114 B",
 }
 """What is taken of a Bayer mosaic for a channel."""
+
+
+@dataclass(frozen=True)
+class BitDepth:
+    """Bits of a sensor and their position in the stored word.
+
+    Attributes
+    ----------
+    bits
+        Bits that the sensor delivers.
+    shift
+        Empty bits below them; 0 if the values are right-aligned.
+    stored_bits
+        Bits of the stored word, 8 or 16.
+    """
+
+    bits: int
+    shift: int = 0
+    stored_bits: int = 8
+
+    @property
+    def max_grey(self) -> int:
+        """Largest grey value, after the shift."""
+        return (1 << self.bits) - 1
+
+    @property
+    def note(self) -> str | None:
+        """The result for the user to check; None for 8 bits."""
+        if self.stored_bits == 8:
+            return None
+        aligned = f"left-aligned, shifted right by {self.shift}" if self.shift else "right-aligned"
+        used = "" if self.bits == 16 else f", {aligned}"
+        return f"16-bit images are taken as {self.bits}-bit grey values{used}: largest grey value {self.max_grey}"
+
+
+def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
+    """Infer the bit depth from sample images, the brighter the better.
+
+    Bits that are zero everywhere are unused: low ones in left-aligned data, high ones in right-aligned data.
+    """
+    union = 0
+    for image in images:
+        if image.dtype == np.uint8:
+            return BitDepth(8)
+        union |= int(np.bitwise_or.reduce(image, axis=None))
+    if union == 0:
+        return BitDepth(16, 0, 16)
+    highest = union.bit_length()
+    if highest == 16:
+        empty_below = (union & -union).bit_length() - 1
+        bits = next(b for b in _SENSOR_BITS if b >= 16 - empty_below)
+        return BitDepth(bits, 16 - bits, 16)
+    return BitDepth(next(b for b in _SENSOR_BITS if b >= highest), 0, 16)
 
 
 @dataclass(frozen=True)

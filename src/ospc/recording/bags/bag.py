@@ -10,7 +10,7 @@ from ospc.errors import RecordingError, quoted
 from ospc.recording.bags.container import BagFile, Message, Topic
 from ospc.recording.bags.mcap_file import MCAP_START, McapFile
 from ospc.recording.bags.rosbags_files import ROS1_START, SQLITE_START, Ros1File, Sqlite3File
-from ospc.recording.image_names import by_name
+from ospc.recording.image_source import by_name
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _COMPRESSED_SUFFIXES = (".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
