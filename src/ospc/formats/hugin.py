@@ -39,30 +39,14 @@ _RESPONSE_KEYS = ("Ra", "Rb", "Rc", "Rd", "Re")
 
 @dataclass(frozen=True)
 class EmorBasis:
-    """Mean and first components of EMoR.
-
-    Attributes
-    ----------
-    irradiance
-        From 0 to 1, shape (1024,).
-    mean
-        f₀, the mean response, shape (1024,).
-    components
-        h₁, h₂, …, shape (n, 1024).
-    """
+    """Irradiances from 0 to 1, the mean response f₀, each of shape (1024,), and h₁, h₂, …, shape (n, 1024)."""
 
     irradiance: FloatArray
     mean: FloatArray
     components: FloatArray
 
     def response(self, coefficients: tuple[float, ...]) -> Response:
-        """Return the response with f = f₀ + Σ cᵢhᵢ.
-
-        Raises
-        ------
-        FormatError
-            If that does not increase, and so cannot be inverted.
-        """
+        """Return the response with f = f₀ + Σ cᵢhᵢ; FormatError if that does not increase."""
         forward = self.mean + np.asarray(coefficients) @ self.components
         if np.any(np.diff(forward) <= 0):
             raise FormatError("the response of these EMoR coefficients does not increase everywhere")
@@ -93,13 +77,7 @@ class EmorBasis:
 
 
 def read_emor(path: str | Path, components: int = COMPONENTS) -> EmorBasis:
-    """Read the first base curves from the file ``emor.txt`` that their authors distribute.
-
-    Raises
-    ------
-    FormatError
-        If it is not that file.
-    """
+    """Read the first base curves from the file ``emor.txt`` of their authors; FormatError if it is another."""
     blocks: dict[str, list[float]] = {}
     current: list[float] = []
     try:
@@ -174,10 +152,7 @@ def write_pto(
 def read_pto(path: str | Path) -> tuple[RadialFit, ...]:
     """Read the vignette of every image line; ``Vb=0`` means: as in image 0.
 
-    Raises
-    ------
-    FormatError
-        If there is no image line, or one is damaged or holds no vignette.
+    FormatError if there is no image line, or one is damaged or holds no vignette.
     """
     lines = [line for line in read_text(path).splitlines() if line.startswith("i ")]
     if not lines:

@@ -99,27 +99,16 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
 
 
 def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration:
-    """Return the calibration for images scaled to another resolution; the noise of scaled pixels is not known.
-
-    Raises
-    ------
-    SettingError
-        If the aspect ratio differs by more than 1 %.
-    """
+    """Return the calibration for scaled images, as :func:`resize_vignette`; their noise is not known."""
     _check_size(size)
     vignette = None if calibration.vignette is None else resize_vignette(calibration.vignette, size)
     return _changed(calibration, size, vignette, calibration.vignette_sigma, {"resized_to": list(size)})
 
 
 def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> Calibration:
-    """Return the calibration for a part of the images.
+    """Return the calibration for a part of the images, as :func:`crop_vignette`.
 
     The profile's uncertainty is kept where the part is centred, for the radii that remain.
-
-    Raises
-    ------
-    SettingError
-        If the part is not inside the image.
     """
     vignette = None if calibration.vignette is None else crop_vignette(calibration.vignette, offset, size)
     sigma = _cropped_sigma(calibration, offset, size)

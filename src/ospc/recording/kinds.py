@@ -42,13 +42,7 @@ class Kind(Protocol):
         ...
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> Recording:
-        """Open the path.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be read as this kind.
-        """
+        """Open the path; RecordingError, or ExposureError, if it cannot be read as this kind."""
         ...
 
 
