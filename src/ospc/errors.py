@@ -6,7 +6,8 @@ the file or value, says what is wrong with it and what to do; the command prints
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 _SHOWN_CHARACTERS = 40
 """Characters of a quotation before it is cut."""
@@ -58,6 +59,15 @@ class MissingExtraError(OspcError):
         super().__init__(f"{feature} needs an optional dependency: pip install 'ospc[{extra}]'")
         self.feature = feature
         self.extra = extra
+
+
+@contextmanager
+def needs_extra(feature: str, extra: str) -> Iterator[None]:
+    """Raise a :class:`MissingExtraError` if something cannot be imported."""
+    try:
+        yield
+    except ImportError:
+        raise MissingExtraError(feature, extra) from None
 
 
 def said_by(error: BaseException, most: int | None = None) -> str:

@@ -15,7 +15,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from ospc.errors import ExposureError, MissingExtraError, RecordingError, listed
+from ospc.errors import ExposureError, RecordingError, listed, needs_extra
 from ospc.recording.exposure_lists import lists_in
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame_table import FrameTable, make_table
@@ -97,10 +97,8 @@ def _head(path: Path) -> bytes:
 
 def _tags(path: Path) -> Mapping[str, Any]:
     """Return the EXIF tags of a photograph; none if its EXIF is damaged."""
-    try:
+    with needs_extra("reading exposures from photographs", "exif"):
         import exifread
-    except ImportError:
-        raise MissingExtraError("reading exposures from photographs", "exif") from None
     logger = logging.getLogger("exifread")
     if not logger.handlers:
         # Without a handler, its remarks on odd files would be printed.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bz2
 import sys
 
-from ospc.errors import MissingExtraError, RecordingError, quoted
+from ospc.errors import RecordingError, needs_extra, quoted
 from ospc.recording.bags.container import MAX_CHUNK_BYTES
 
 ZSTD_START = b"\x28\xb5\x2f\xfd"
@@ -41,14 +41,12 @@ def _decompressor(compression: str) -> bz2.BZ2Decompressor:
     """Return an incremental decompressor; all have the interface of that in bz2."""
     if compression == "bz2":
         return bz2.BZ2Decompressor()
-    try:
+    with needs_extra("reading compressed bags", "ros"):
         if compression == "lz4":
             from lz4.frame import LZ4FrameDecompressor as Decompressor
         elif sys.version_info >= (3, 14):
             from compression.zstd import ZstdDecompressor as Decompressor
         else:
             from backports.zstd import ZstdDecompressor as Decompressor
-    except ImportError:
-        raise MissingExtraError("reading compressed bags", "ros") from None
     decompressor: bz2.BZ2Decompressor = Decompressor()
     return decompressor

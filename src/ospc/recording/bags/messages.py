@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ospc.errors import MissingExtraError, RecordingError, escaped, quoted
+from ospc.errors import RecordingError, escaped, needs_extra, quoted
 from ospc.recording.bags.container import Encoding
 
 if TYPE_CHECKING:
@@ -104,10 +104,8 @@ class MessageType:
 
 @cache
 def _standard_types(*, ros1: bool) -> Typestore:
-    try:
+    with needs_extra("reading bags", "ros"):
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError:
-        raise MissingExtraError("reading bags", "ros") from None
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     for name, definition in _DRIVER_TYPES.items():
         store.register(get_types_from_msg(definition, name))
@@ -116,10 +114,8 @@ def _standard_types(*, ros1: bool) -> Typestore:
 
 def _defined_types(name: str, definition: str, *, idl: bool) -> Typestore:
     """Return the types that a bag defines."""
-    try:
+    with needs_extra("reading bags", "ros"):
         from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-    except ImportError:
-        raise MissingExtraError("reading bags", "ros") from None
     if len(definition) > MAX_DEFINITION_CHARACTERS:
         raise DamagedMessageError(f"the definition of the type {quoted(name)} has {len(definition)} characters")
     store = get_typestore(Stores.EMPTY)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.errors import MissingExtraError, RecordingError, quoted
+from ospc.errors import RecordingError, needs_extra, quoted
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.live.source import Camera, DriverFrame, quoted_driver
@@ -62,10 +62,8 @@ class DepthAiCamera(Camera):
         """
         if sensor not in SOCKETS:
             raise RecordingError(f"no sensor is called {quoted(sensor)}; known: {', '.join(SOCKETS)}")
-        try:
+        with needs_extra("reading from OAK cameras", "depthai"):
             import depthai
-        except ImportError:
-            raise MissingExtraError("reading from OAK cameras", "depthai") from None
         name = f"DepthAI {sensor}"
         kind = depthai.ImgFrame.Type.BGR888i if sensor == "colour" else depthai.ImgFrame.Type.GRAY8
         try:
