@@ -41,10 +41,8 @@ class RadialFit:
         (v₁, v₂, v₃), for R in units of the half diagonal.
     centre
         Centre relative to the image centre, in half diagonals.
-    rms
-        Root mean square residual over the pixels, relative to the centre; 0 if nothing had to be fitted.
-    worst
-        Largest absolute residual.
+    rms, worst
+        Root mean square and largest residual over the pixels, relative to the centre; 0 if nothing had to be fitted.
     """
 
     size: ImageSize
@@ -96,10 +94,8 @@ class Optics:
 
     Attributes
     ----------
-    focal_mm
-        Focal length in millimetres.
-    focal_px
-        The same in pixels.
+    focal_mm, focal_px
+        Focal length in millimetres, and in pixels.
     crop_factor
         Diagonal of 36x24 mm over that of the sensor.
     aperture

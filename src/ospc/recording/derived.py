@@ -71,14 +71,10 @@ class DerivedRecording(StoredRecording):
         return data if self.mask is None else data + np.packbits(self.mask).tobytes()
 
 
-def with_mask(recording: Recording, mask: BoolArray) -> DerivedRecording:
-    """Return a recording with a mask for all its frames, True where pixels may be used, shape (height, width)."""
-    note = f"{1 - mask.mean():.0%} of every image is masked and not used"
-    return DerivedRecording.of(recording, np.arange(len(recording)), recording.exposures_ms, mask=mask, note=note)
-
-
 def with_exposure_lag(recording: Recording, lag: int) -> Recording:
     """Return a recording with every exposure moved to the frame it was taken with.
+
+    It is shorter by abs(lag) frames, those whose exposure is not listed; the recording itself if the lag is 0.
 
     Parameters
     ----------
@@ -86,11 +82,6 @@ def with_exposure_lag(recording: Recording, lag: int) -> Recording:
         The recording.
     lag
         Number of frames by which the metadata come late: the exposure listed for frame i belongs to frame i − lag.
-
-    Returns
-    -------
-    Recording
-        Shorter by abs(lag) frames, those whose exposure is not listed; the recording itself if the lag is 0.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from ospc.arrays import BoolArray, ImageSize
 from ospc.errors import FrameError, SettingError, quoted
 from ospc.formats.files import read_bytes
 from ospc.recording.decoding import decode_grey
-from ospc.recording.derived import with_mask
+from ospc.recording.derived import DerivedRecording
 from ospc.recording.frame import size_of
 from ospc.recording.image_source import MAX_FILE_BYTES
 from ospc.recording.recording import Recording
@@ -23,15 +23,7 @@ _LEAST_PIXELS = 64
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of pixels.
-
-    Attributes
-    ----------
-    x, y
-        Column and row of its first pixel.
-    width, height
-        Size in pixels.
-    """
+    """A rectangle of pixels: column and row of its first pixel, and its size."""
 
     x: int
     y: int
@@ -48,12 +40,7 @@ class Region:
 
 
 def read_mask(path: Path, size: ImageSize) -> BoolArray:
-    """Read a mask: an image of the given size whose black pixels are not used.
-
-    Returns
-    -------
-    BoolArray
-        True where pixels may be used, shape (height, width).
+    """Read a mask, True where pixels may be used, from an image of the given size whose black pixels are not used.
 
     Raises
     ------
@@ -81,10 +68,8 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
     ----------
     recording
         The recording; it is returned itself if nothing is masked.
-    mask
-        True where pixels may be used, shape (height, width).
-    region
-        Pixels outside it are not used.
+    mask, region
+        True where pixels may be used, shape (height, width); pixels outside the region are not used either.
 
     Raises
     ------
@@ -110,4 +95,5 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
             f"usable pixels lie inside the region and are not black in the mask"
         )
     usable.setflags(write=False)
-    return with_mask(recording, usable)
+    note = f"{1 - usable.mean():.0%} of every image is masked and not used"
+    return DerivedRecording.of(recording, np.arange(len(recording)), recording.exposures_ms, mask=usable, note=note)

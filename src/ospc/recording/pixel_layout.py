@@ -85,17 +85,7 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
 
 @dataclass(frozen=True)
 class StoredImage:
-    """One channel of an image as it is stored.
-
-    Attributes
-    ----------
-    pixels
-        Shape (height, width), uint8 or uint16.
-    colour
-        Whether the image was in colour.
-    mosaic
-        Arrangement of the colours if it is labelled as a Bayer mosaic.
-    """
+    """One channel of an image, as stored; whether the image was in colour, or labelled as a Bayer mosaic."""
 
     pixels: Image
     colour: bool = False
@@ -133,13 +123,7 @@ class PixelLayout:
         return (width, height) if self.green is None else (width // 2, height // 2)
 
     def grey(self, stored: Image, label: str) -> Image:
-        """Convert a stored image to the grey image.
-
-        Raises
-        ------
-        FrameError
-            If its size, type or range of grey values differs from the others.
-        """
+        """Convert a stored image to grey; FrameError if its size, type or range differs from the others."""
         check_size(size_of(stored), self.stored_size, label)
         aligned = _aligned(stored, self.depth, label)
         return aligned if self.green is None else self._of_mosaic(aligned, self.green)

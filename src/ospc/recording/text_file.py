@@ -20,13 +20,7 @@ _LINE_END = re.compile(r"\r\n|\n|\r")
 
 
 def read_text(path: Path) -> str:
-    """Read a text file.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, is too large, or is not text.
-    """
+    """Read a text file; RecordingError if it cannot be read, is too large, or is not text."""
     data = read_bytes(path, error=RecordingError)
     try:
         text = data.decode("utf-8-sig")
@@ -40,10 +34,7 @@ def read_text(path: Path) -> str:
 def lines_of(text: str, source: str) -> list[tuple[int, str]]:
     """Return the lines that are not blank, with their numbers as an editor counts them.
 
-    Raises
-    ------
-    RecordingError
-        If there are too many lines or one is too long.
+    RecordingError if there are too many lines or one is too long.
     """
     if text.count("\n") + text.count("\r") > 2 * MAX_LINES:
         raise RecordingError(f"{source}: has more than the {MAX_LINES} lines allowed; check the file")
@@ -64,19 +55,7 @@ def is_number(text: str) -> bool:
 def parse_number(text: str, what: str, place: str) -> float:
     """Return the number in a field; NaN and infinities count as numbers, for the caller to judge.
 
-    Parameters
-    ----------
-    text
-        The field.
-    what
-        What the field holds, as the subject of a sentence.
-    place
-        File and line, for messages.
-
-    Raises
-    ------
-    RecordingError
-        If it is not a number.
+    RecordingError if it is not a number; the message names the place, file and line, and what the field holds.
     """
     if is_number(text):
         return float(text)

@@ -30,18 +30,14 @@ class Topic:
 
     Attributes
     ----------
-    name
-        Such as ``/camera/image_raw``.
-    type
-        Type of its messages in ROS 2 notation, such as ``sensor_msgs/msg/Image``, for bags of ROS 1 too.
+    name, type
+        Such as ``/camera/image_raw`` and ``sensor_msgs/msg/Image``; types are in the notation of ROS 2.
     messages
         Number of messages; None if the bag does not state it.
     encoding
         Serialisation of the messages.
-    definition
-        Definition of the type; empty if the bag does not include it.
-    idl
-        Whether the definition is in IDL.
+    definition, idl
+        Definition of the type, empty if the bag does not include it, and whether it is in IDL.
     """
 
     name: str

@@ -28,17 +28,7 @@ IMAGE_TYPES = (RAW, COMPRESSED)
 
 @dataclass(frozen=True)
 class _Layout:
-    """How the pixels of an encoding are stored.
-
-    Attributes
-    ----------
-    channels
-        Values per pixel.
-    bits
-        Bits per value.
-    order
-        Positions of blue, green and red for colour; position of the luma if there is chroma too.
-    """
+    """Values per pixel and bits per value; positions of blue, green and red, or of the luma beside chroma."""
 
     channels: int
     bits: int

@@ -59,15 +59,11 @@ class MessageType:
 
     Parameters
     ----------
-    name
-        Such as ``std_msgs/msg/Float64``.
-    encoding
-        Serialisation of the messages.
-    definition
-        Its definition, followed by those of the types it contains, as bags store them. If empty, the type must be
-        part of ROS or of a driver that is supported.
-    idl
-        Whether the definition is in IDL.
+    name, encoding
+        Such as ``std_msgs/msg/Float64``, and the serialisation of its messages.
+    definition, idl
+        Its definition, followed by those of the types it contains, as bags store them, and whether that is in IDL.
+        If empty, the type must be part of ROS or of a driver that is supported.
 
     Raises
     ------

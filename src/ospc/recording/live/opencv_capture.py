@@ -27,12 +27,8 @@ class OpenCvCamera(Camera):
     ----------
     device
         Number of the device.
-    exposure_unit
-        Unit of the exposures; by default that of the system's driver.
-    gain_unit
-        Unit of the gains; without it, the gain must stay constant.
-    channel
-        Channel taken from colour; luma if None.
+    exposure_unit, gain_unit, channel
+        As for every :class:`~ospc.recording.live.source.Camera`; exposures are by default in the driver's unit.
     capture
         A ``cv2.VideoCapture`` that is already open, instead of one for the device.
 
