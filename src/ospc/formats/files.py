@@ -17,8 +17,8 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcErro
 
     Raises
     ------
-    error
-        If there is no such file, it cannot be read, or it is larger.
+    OspcError
+        Of the class ``error``, if there is no such file, it cannot be read, or it is larger.
     """
     place = escaped(str(path))
     try:

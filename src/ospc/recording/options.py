@@ -36,7 +36,7 @@ class Option:
     """
 
     help: str
-    parse: Callable[[str], object] = str
+    parse: Callable[[str], object]
     choices: tuple[str, ...] = ()
     metavar: str | None = None
     aliases: tuple[str, ...] = ()
@@ -73,14 +73,16 @@ class ReadingOptions:
         ),
     ] = None
     image_topic: Annotated[
-        str | None, Option("Topic of a bag with the images.", metavar="TOPIC", aliases=("--topic",))
+        str | None, Option("Topic of a bag with the images.", str, metavar="TOPIC", aliases=("--topic",))
     ] = None
-    exposure_topic: Annotated[str | None, Option("Topic of a bag with the exposures.", metavar="TOPIC")] = None
+    exposure_topic: Annotated[str | None, Option("Topic of a bag with the exposures.", str, metavar="TOPIC")] = None
     exposure_field: Annotated[
         str | None,
-        Option("Field of the messages on that topic with the exposure, such as info.shutter[0].", metavar="FIELD"),
+        Option(
+            "Field of the messages on that topic with the exposure, such as info.shutter[0].", str, metavar="FIELD"
+        ),
     ] = None
-    gain_field: Annotated[str | None, Option("Field of these messages with a gain.", metavar="FIELD")] = None
+    gain_field: Annotated[str | None, Option("Field of these messages with a gain.", str, metavar="FIELD")] = None
     unknown_exposures: Annotated[
         bool,
         Option(
