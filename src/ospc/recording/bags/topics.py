@@ -74,12 +74,8 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
 
 def _shared(name: str, other: str) -> int:
     """Return how many leading parts two names of topics have in common."""
-    count = 0
-    for part, other_part in zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False):
-        if part != other_part:
-            break
-        count += 1
-    return count
+    pairs = list(zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False))
+    return next((count for count, (part, other_part) in enumerate(pairs) if part != other_part), len(pairs))
 
 
 def _named(bag: Bag, name: str) -> Topic:

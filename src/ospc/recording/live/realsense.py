@@ -14,11 +14,8 @@ import numpy as np
 
 from ospc.errors import ExposureError, MissingExtraError, RecordingError
 from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import ExposureUnit, GainUnit
+from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
 from ospc.recording.live.source import Camera, DriverFrame, quoted_driver
-
-_UNIT_GAIN = 16
-"""``gain_level`` at a gain of one."""
 
 _WAITS, _WAIT_MS = 25, 200
 """Attempts to get a frame, and how long each waits: five seconds in all, as a camera needs to start."""
@@ -44,7 +41,7 @@ class RealSenseCamera(Camera):
         channel: Channel | None = None,
         stop: Callable[[], object] = lambda: None,
     ) -> None:
-        note = f"exposures are actual_exposure in µs times gain_level / {_UNIT_GAIN}"
+        note = f"exposures are actual_exposure in µs times gain_level / {REALSENSE_UNIT_GAIN}"
         super().__init__(name, note, ExposureUnit.US, GainUnit.LINEAR, channel=channel, stop=stop)
         self._metadata = _module().frame_metadata_value
         self._wait = wait
@@ -121,7 +118,7 @@ class RealSenseCamera(Camera):
             )
         gain = 1.0
         if frame.supports_frame_metadata(value.gain_level):
-            gain = frame.get_frame_metadata(value.gain_level) / _UNIT_GAIN
+            gain = frame.get_frame_metadata(value.gain_level) / REALSENSE_UNIT_GAIN
         exposure_us = float(frame.get_frame_metadata(value.actual_exposure))
         # The copy outlives the frame, whose memory the library reuses.
         return DriverFrame(np.array(frame.get_data()), exposure_us, gain, float(frame.get_timestamp()) / 1e3)
