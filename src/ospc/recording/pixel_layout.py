@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.errors import FrameError, RecordingError, SettingError
-from ospc.recording.bayer import GreenPixels, Mosaic, find_green
+from ospc.recording.bayer import Mosaic, find_mosaic
 from ospc.recording.channel import Channel
 from ospc.recording.frame import check_size, size_of
 from ospc.recording.options import ReadingOptions
@@ -102,41 +102,26 @@ class PixelLayout:
         Width and height of the stored images.
     depth
         Bit depth of the grey values.
-    green
-        Which pixels of a Bayer mosaic are green; None if all pixels are used.
-    channel
-        Which channel of the mosaic is used.
-    mosaic
-        Positions of its other colours, if they are known.
+    mosaic, channel
+        The Bayer mosaic, None if all pixels are used, and which of its channels is used.
     """
 
     stored_size: ImageSize
     depth: BitDepth
-    green: GreenPixels | None = None
-    channel: Channel = Channel.GREEN
     mosaic: Mosaic | None = None
+    channel: Channel = Channel.GREEN
 
     @property
     def size(self) -> ImageSize:
         """Width and height of the grey images."""
         width, height = self.stored_size
-        return (width, height) if self.green is None else (width // 2, height // 2)
+        return (width, height) if self.mosaic is None else (width // 2, height // 2)
 
     def grey(self, stored: Image, label: str) -> Image:
         """Convert a stored image to grey; FrameError if its size, type or range differs from the others."""
         check_size(size_of(stored), self.stored_size, label)
         aligned = _aligned(stored, self.depth, label)
-        return aligned if self.green is None else self._of_mosaic(aligned, self.green)
-
-    def _of_mosaic(self, image: Image, green: GreenPixels) -> Image:
-        if self.mosaic is None or self.channel is Channel.GREEN:
-            return green.of(image)
-        if self.channel is Channel.RED:
-            return self.mosaic.red(image)
-        if self.channel is Channel.BLUE:
-            return self.mosaic.blue(image)
-        blocks = np.stack([self.mosaic.blue(image), green.of(image), self.mosaic.red(image)], axis=2)
-        return Channel.LUMINANCE.of(blocks)
+        return aligned if self.mosaic is None else self.mosaic.of(aligned, self.channel)
 
 
 def _aligned(image: Image, depth: BitDepth, label: str) -> Image:
@@ -193,25 +178,24 @@ def find_layout(
         taken = options.channel or Channel.LUMINANCE
         said = luma if taken is Channel.LUMINANCE else f"the {taken.value} channel is taken of colour images"
         return PixelLayout(size, depth), [*notes, said]
-    mosaic = options.bayer or first.mosaic
-    green = find_green(first.pixels) if mosaic is None else mosaic.green
-    if green is None:
+    mosaic = options.bayer or first.mosaic or find_mosaic(first.pixels)
+    if mosaic is None:
         if options.channel not in (None, Channel.LUMINANCE):
             raise SettingError(f"{place}: its images are grey and have no {options.channel.value} channel")
         return PixelLayout(size, depth), notes
-    if options.channel is None and mosaic is None and not take_green:
+    if options.channel is None and not mosaic.complete and not take_green:
         notes.append(
             "images look like a Bayer mosaic, whose colours have different responses; choose one with --channel"
         )
         return PixelLayout(size, depth), notes
     channel = options.channel or Channel.GREEN
-    if channel is not Channel.GREEN and mosaic is None:
+    if channel is not Channel.GREEN and not mosaic.complete:
         raise SettingError(
             f"{place}: its images do not state where {channel.value} is in the Bayer mosaic; state the pattern with "
             f"--bayer ({', '.join(Mosaic.PATTERNS)})"
         )
     notes.append(f"images are a Bayer mosaic; {_TAKEN[channel]} of each 2×2 block is taken")
-    return PixelLayout(size, depth, green, channel, mosaic), notes
+    return PixelLayout(size, depth, mosaic, channel), notes
 
 
 def _first(read: Callable[[int], StoredImage], count: int, place: str) -> StoredImage:

@@ -69,7 +69,7 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
     ``image_format`` is the only acceptable format; None for any. FrameError if the file is damaged.
     """
     source, index = innermost(recording, frame.index)
-    if not isinstance(source, ImageSequence) or source.layout.green is not None:
+    if not isinstance(source, ImageSequence) or source.layout.mosaic is not None:
         return None
     data = source.stored_bytes(index)
     kind = "png" if data.startswith(_PNG) else "jpg" if data.startswith(_JPEG) else None
