@@ -13,7 +13,7 @@ from ospc.output import OWN_NAMES, REPORTS, OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import ArrayRecording
-from ospc.recording.times_file import read_times
+from ospc.recording.exposure_lists import read_times
 
 
 @pytest.fixture

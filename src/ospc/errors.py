@@ -6,6 +6,15 @@ the file or value, says what is wrong with it and what to do; the command prints
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+_SHOWN_CHARACTERS = 40
+"""Characters of a quotation before it is cut."""
+
+_SHOWN_ITEMS = 3
+"""Items of a list that a message names."""
+
 
 class OspcError(Exception):
     """Root of all errors raised by the library."""
@@ -52,6 +61,15 @@ class MissingExtraError(OspcError):
         self.extra = extra
 
 
+@contextmanager
+def needs_extra(feature: str, extra: str) -> Iterator[None]:
+    """Raise a :class:`MissingExtraError` if something cannot be imported."""
+    try:
+        yield
+    except ImportError:
+        raise MissingExtraError(feature, extra) from None
+
+
 def said_by(error: BaseException, most: int | None = None) -> str:
     """Return the message of an error on one line, of at most so many characters."""
     return " ".join(str(error).split())[:most]
@@ -61,3 +79,22 @@ def one_line(error: BaseException) -> str:
     """Return what an error says on one line; one that nobody expected with its type."""
     text = said_by(error)
     return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
+
+
+def quoted(text: str) -> str:
+    """Return a text from a file in quotes, shortened, on one line, with control characters escaped."""
+    if len(text) > _SHOWN_CHARACTERS:
+        text = text[:_SHOWN_CHARACTERS] + "…"
+    return f"'{escaped(text)}'"
+
+
+def escaped(text: str) -> str:
+    """Return a text from a file on one line, with everything escaped that a terminal would interpret."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def listed(items: Sequence[object]) -> str:
+    """Return the first few of many as 'a, b, c and 7 more'."""
+    shown = ", ".join(escaped(str(item)) for item in items[:_SHOWN_ITEMS])
+    rest = len(items) - _SHOWN_ITEMS
+    return f"{shown} and {rest} more" if rest > 0 else shown

@@ -21,7 +21,7 @@ from ospc.formats.dso import read_pcalib, read_vignette, write_pcalib, write_vig
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
 from ospc.recording import open_recording
-from ospc.recording.times_file import read_times
+from ospc.recording.exposure_lists import read_times
 from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, simulate
 

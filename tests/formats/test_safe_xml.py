@@ -19,6 +19,7 @@ BOMB = (
         ('<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]><a>&x;</a>', "DOCTYPE"),
         ('<!DOCTYPE a [<!ENTITY % x SYSTEM "http://127.0.0.1/x"> %x;]><a/>', "DOCTYPE"),
         ("<a>&x;</a>", "not readable"),
+        ('<!DOCTYPE a SYSTEM "http://127.0.0.1:9/a.dtd"><a>&x;</a>', "entities"),
         ("<a><b></a>", "not readable"),
         ("", "not readable"),
         ("<a>" * 100 + "</a>" * 100, "deep"),

@@ -45,12 +45,10 @@ from ospc.recording.bags.image_messages import IMAGE_TYPES, read_image
 from ospc.recording.bags.messages import MessageType
 from ospc.recording.decoding import decode_stored
 from ospc.recording.exif_photos import _photo
-from ospc.recording.exposure_table import parse_exposure_table
-from ospc.recording.image_list import parse_image_list
+from ospc.recording.exposure_lists import parse_columns, parse_image_list, parse_times
 from ospc.recording.image_source import ZipImages
 from ospc.recording.masking import Region
 from ospc.recording.options import DEFAULT
-from ospc.recording.times_file import parse_times
 from ospc.recording.video_stream import VideoStream
 
 
@@ -305,7 +303,7 @@ def targets(folder: Path) -> dict[str, Target]:
         "times.txt": Target(
             _text(parse_times), [b"# a\n0 10.0 1.5\n1 10.1 3\n2 10.2 6.0\n", b"000 1e9 1\r\n001 1e10 2\r\n"], _WORDS
         ),
-        "exposures.csv": Target(_text(parse_exposure_table), _TABLES, _WORDS),
+        "exposures.csv": Target(_text(parse_columns), _TABLES, _WORDS),
         "image_list.txt": Target(_text(parse_image_list), [b"a.ppm 0.5 2 8 0 0\nb.ppm 0.25 4 8 0 0\n"], _WORDS),
         "image file": Target(_image, [*pictures, png_of_size(10**6, 10**6), jpeg_of_size(65000, 65000)]),
         "images.zip": Target(_zip, [_zip_bytes()], [b"../", b"/", b"PK\x01\x02", b"PK\x05\x06"]),

@@ -66,7 +66,7 @@ def test_an_odd_image_is_an_unreadable_frame() -> None:
         (IMAGES, [1, np.nan, 1], None, ExposureError, r"array\[1\]"),
         (IMAGES, [1, 1, np.inf], None, ExposureError, r"array\[2\]"),
         (IMAGES, [1, 1, 1], [0, 1], ExposureError, "time stamps have shape"),
-        (IMAGES, [1, 1, 1], [0, 1, 1], RecordingError, r"array\[2\]: its time stamp is not after"),
+        (IMAGES, [1, 1, 1], [0, 1, 1], RecordingError, r"array\[1, 2\]: the same time stamp"),
         (IMAGES, [1, 1, 1], [0, np.nan, 1], RecordingError, r"array\[1\]: nan is not a time stamp"),
     ],
 )

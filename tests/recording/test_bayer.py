@@ -14,7 +14,8 @@ from image_samples import encoded, grey
 
 from ospc.arrays import Image
 from ospc.recording import open_recording
-from ospc.recording.bayer import GreenPixels, find_green
+from ospc.recording.bayer import Mosaic, find_mosaic
+from ospc.recording.channel import Channel
 from ospc.recording.decoding import decode_grey
 
 
@@ -25,49 +26,49 @@ def smooth(seed: int, dtype: type = np.uint16) -> Image:
     return (50 + 150 * (scene - scene.min()) / np.ptp(scene)).astype(dtype)
 
 
-def mosaic(scene: Image, green: GreenPixels, red: float = 0.8, blue: float = 0.4) -> Image:
+def mosaic(scene: Image, pattern: str, red: float = 0.8, blue: float = 0.4) -> Image:
     """The scene behind red, green and blue filters."""
     weights = np.ones((2, 2))
-    others = [place for place in np.ndindex(2, 2) if place not in green.value]
+    others = [place for place in np.ndindex(2, 2) if place not in Mosaic(pattern).places(Channel.GREEN)]
     weights[others[0]], weights[others[1]] = red, blue
     return (scene * np.tile(weights, (30, 40))).astype(scene.dtype)
 
 
-@given(st.sampled_from(GreenPixels), st.integers(0, 10_000), st.sampled_from([np.uint8, np.uint16]))
-def test_a_mosaic_is_recognised_with_its_green_pixels(green: GreenPixels, seed: int, dtype: type) -> None:
-    assert find_green(mosaic(smooth(seed, dtype), green)) is green
+@given(st.sampled_from(Mosaic.GREEN_PATTERNS), st.integers(0, 10_000), st.sampled_from([np.uint8, np.uint16]))
+def test_a_mosaic_is_recognised_with_its_green_pixels(pattern: str, seed: int, dtype: type) -> None:
+    assert find_mosaic(mosaic(smooth(seed, dtype), pattern)) == Mosaic(pattern)
 
 
 @given(st.integers(0, 10_000))
 def test_grey_scenes_noise_and_blackness_are_no_mosaic(seed: int) -> None:
-    assert find_green(smooth(seed)) is None
-    assert find_green(grey(seed, (80, 60))) is None
-    assert find_green(np.zeros((60, 80), np.uint8)) is None
+    assert find_mosaic(smooth(seed)) is None
+    assert find_mosaic(grey(seed, (80, 60))) is None
+    assert find_mosaic(np.zeros((60, 80), np.uint8)) is None
 
 
 def test_stripes_of_a_sensor_are_no_mosaic() -> None:
     scene = smooth(0)
     scene[:, ::2] += 20
-    assert find_green(scene) is None
-    assert find_green(scene.T) is None
+    assert find_mosaic(scene) is None
+    assert find_mosaic(scene.T) is None
 
 
 def test_odd_sizes_are_no_mosaic() -> None:
-    assert find_green(mosaic(smooth(0), GreenPixels.RISING)[:-1]) is None
+    assert find_mosaic(mosaic(smooth(0), ".gg.")[:-1]) is None
 
 
-@pytest.mark.parametrize("green", GreenPixels)
-def test_green_is_the_rounded_mean_of_its_two_pixels(green: GreenPixels) -> None:
+@pytest.mark.parametrize("pattern", Mosaic.GREEN_PATTERNS)
+def test_green_is_the_rounded_mean_of_its_two_pixels(pattern: str) -> None:
     image = np.full((2, 4), 9, np.uint8)
-    (first, second) = green.value
+    (first, second) = Mosaic(pattern).places(Channel.GREEN)
     image[first], image[second] = 255, 254
-    taken = green.of(image)
+    taken = Mosaic(pattern).of(image, Channel.GREEN)
     assert taken.dtype == np.uint8
     assert taken.tolist() == [[255, 9]]
 
 
 def test_other_kinds_only_tell_of_a_mosaic(tum_folder: Callable[..., Path]) -> None:
-    data = encoded(mosaic(smooth(0, np.uint8), GreenPixels.RISING))
+    data = encoded(mosaic(smooth(0, np.uint8), ".gg."))
     recording = open_recording(tum_folder("0 1 1\n", {"0.png": data}))
     assert recording.size == (80, 60)
     assert "look like a Bayer mosaic" in recording.notes[0]
@@ -75,6 +76,6 @@ def test_other_kinds_only_tell_of_a_mosaic(tum_folder: Callable[..., Path]) -> N
 
 def test_real_images_of_a_mosaic_and_of_its_green(real_data: Path) -> None:
     for path in real_data.glob("borealhdr_left_raw12/*/*.png"):
-        assert find_green(decode_grey(path.read_bytes(), path.name)) is GreenPixels.RISING
+        assert find_mosaic(decode_grey(path.read_bytes(), path.name)) == Mosaic(".gg.")
     for path in sorted(real_data.glob("borealhdr_left/images/*.png"))[:6]:
-        assert find_green(decode_grey(path.read_bytes(), path.name)) is None
+        assert find_mosaic(decode_grey(path.read_bytes(), path.name)) is None

@@ -13,7 +13,7 @@ from image_samples import encoded, grey
 
 from ospc.errors import FrameError
 from ospc.recording import open_recording
-from ospc.recording.bit_depth import BitDepth, detect_bit_depth
+from ospc.recording.pixel_layout import BitDepth, detect_bit_depth
 
 Make = Callable[..., Path]
 

@@ -9,7 +9,8 @@ import pytest
 from image_samples import grey
 
 from ospc.recording import ArrayRecording, Recording, identity, open_recording
-from ospc.recording.derived import DerivedRecording, innermost, with_exposure_lag, with_mask
+from ospc.recording.derived import DerivedRecording, innermost, with_exposure_lag
+from ospc.recording.masking import masked
 
 COUNT = 6
 
@@ -21,7 +22,7 @@ def recorded() -> ArrayRecording:
 def test_a_selection_is_a_recording_of_the_selected_frames() -> None:
     inner = recorded()
     chosen = np.array([1, 2, 5])
-    derived = DerivedRecording(inner, chosen, np.array([7.0, 8.0, 9.0]), remarks=("three frames",))
+    derived = DerivedRecording.of(inner, chosen, np.array([7.0, 8.0, 9.0]), note="three frames")
     assert isinstance(derived, Recording)
     assert len(derived) == 3
     np.testing.assert_array_equal(derived.stamps_s, inner.stamps_s[chosen])
@@ -37,8 +38,8 @@ def test_a_selection_is_a_recording_of_the_selected_frames() -> None:
 @pytest.mark.parametrize("lag", [-2, 1])
 def test_wrappers_combine_in_any_order(lag: int) -> None:
     mask = grey(3) > 100
-    first = with_exposure_lag(with_mask(recorded(), mask), lag)
-    second = with_mask(with_exposure_lag(recorded(), lag), mask)
+    first = with_exposure_lag(masked(recorded(), mask), lag)
+    second = masked(with_exposure_lag(recorded(), lag), mask)
     assert identity(first) == identity(second)
     for one, other in zip(first, second, strict=True):
         assert (one.index, one.exposure_ms, one.stamp_s) == (other.index, other.exposure_ms, other.stamp_s)
@@ -57,7 +58,7 @@ def test_the_identity_is_that_of_the_images_that_are_kept() -> None:
 
 def test_the_innermost_recording_has_the_frame(tum_folder) -> None:
     inner = open_recording(tum_folder())
-    derived = with_mask(with_exposure_lag(with_exposure_lag(inner, -1), -1), np.ones((16, 24), bool))
+    derived = masked(with_exposure_lag(with_exposure_lag(inner, -1), -1), np.ones((16, 24), bool))
     assert innermost(derived, 0) == (inner, 2)
     assert derived.stored_bytes(0).startswith(inner.stored_bytes(2))
     assert derived.path == Path(inner.path)

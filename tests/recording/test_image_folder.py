@@ -12,8 +12,7 @@ from image_samples import encoded, grey
 
 from ospc.errors import ExposureError, OspcError, RecordingError
 from ospc.recording import Recording, open_recording
-from ospc.recording.exposure_table import parse_exposure_table, read_exposure_table
-from ospc.recording.image_list import parse_image_list
+from ospc.recording.exposure_lists import parse_columns, parse_image_list, read_list
 
 Open = Callable[..., Recording]
 
@@ -135,7 +134,7 @@ def test_lists_without_exposures_are_no_lists_of_exposures(opened: Open) -> None
 
 
 BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
-    "no list": ({}, ExposureError, ("holds images but no list", "exposures.csv")),
+    "no list": ({}, ExposureError, ("no list of exposures", "exposures.csv")),
     "two lists": (
         {"times.txt": "a 1 1\n", "x.csv": "file,exposure\na,1\n"},
         ExposureError,
@@ -213,7 +212,7 @@ cells = st.sampled_from(
 @given(st.lists(st.lists(cells, min_size=1, max_size=5), max_size=5), st.sampled_from([",", ";", "\t", " "]))
 def test_any_table_is_parsed_or_refused(rows: list[list[str]], separator: str) -> None:
     try:
-        table = parse_exposure_table("\n".join(separator.join(row) for row in rows), "list.csv")
+        table = parse_columns("\n".join(separator.join(row) for row in rows), "list.csv")
     except OspcError as error:
         assert str(error).isprintable()  # noqa: PT017
     else:
@@ -256,7 +255,7 @@ def test_real_exposure_series(real_data: Path, name: str, frames: int, longest_m
 
 
 def test_real_auto_exposures_of_an_industrial_camera(real_data: Path) -> None:
-    table = read_exposure_table(real_data / "params" / "fomo_basler_exposures.csv")
+    table = read_list(real_data / "params" / "fomo_basler_exposures.csv")
     assert (len(table), table.exposures_ms.min(), table.exposures_ms.max()) == (1692, 171, 516)
     assert any("taken as ms" in note for note in table.notes)
     assert any("microseconds" in note for note in table.notes)

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from image_samples import encoded, grey, jpeg_of_size, png_of_size
 
 from ospc.errors import FrameError
+from ospc.formats.image_header import ImageHeader, read_header
 from ospc.recording import decoding
 from ospc.recording.decoding import decode_grey
-from ospc.recording.image_header import ImageHeader, read_header
 
 SIZE = (37, 23)
 COLOUR = np.dstack([grey(seed, SIZE) for seed in range(3)])

@@ -31,7 +31,6 @@ from test_bayer import mosaic, smooth
 
 from ospc.errors import ExposureError, FrameError, RecordingError
 from ospc.recording import open_recording
-from ospc.recording.bayer import GreenPixels
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
@@ -100,7 +99,7 @@ def test_a_channel_of_colour(channel: Channel, encoding: str, tmp_path: Path) ->
 
 @pytest.mark.parametrize("channel", [None, *Channel])
 def test_a_bayer_mosaic_gives_the_pixels_of_one_colour(channel: Channel | None, tmp_path: Path) -> None:
-    scene = mosaic(smooth(0, np.uint8), GreenPixels.FALLING)
+    scene = mosaic(smooth(0, np.uint8), "g..g")
     path = write_bag2(tmp_path / "made", images([scene], encoding="bayer_grbg8") + floats([2.0]))
     recording = open_recording(path, options=ReadingOptions(channel=channel))
     image = next(iter(recording)).image.astype(int)

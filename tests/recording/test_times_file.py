@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.errors import ExposureError, OspcError, RecordingError
+from ospc.recording.exposure_lists import parse_times, read_times
 from ospc.recording.text_file import MAX_LINE_CHARACTERS, lines_of
-from ospc.recording.times_file import parse_times, read_times
 
 
 def test_columns_are_id_stamp_exposure() -> None:
@@ -73,9 +73,9 @@ BROKEN = {
     "too small to be": ("1 0.1 1e-300\n", ExposureError, "line 1"),
     "nan stamp": ("1 nan 1\n", RecordingError, "line 1: nan is not a time stamp"),
     "infinite stamp": ("1 1e999 1\n", RecordingError, "line 1: inf is not a time stamp"),
-    "stamp twice": ("1 0.1 1\n# x\n2 0.1 1\n", RecordingError, "lines 1 and 3: the same time stamp"),
-    "time goes back": ("1 0.2 1\n2 0.1 1\n", RecordingError, "lines 1 and 2: time goes back"),
-    "id twice": ("7 0.1 1\n7 0.2 1\n", RecordingError, "lines 1 and 2: both name the image '7'"),
+    "stamp twice": ("1 0.1 1\n# x\n2 0.1 1\n", RecordingError, "lines 1, 3: the same time stamp"),
+    "time goes back": ("1 0.2 1\n2 0.1 1\n", RecordingError, "lines 1, 2: time goes back"),
+    "id twice": ("7 0.1 1\n7 0.2 1\n", RecordingError, "lines 1, 2: both name the image '7'"),
     "nothing": ("", RecordingError, "holds no frames"),
     "comments only": ("# 1 2 3\n\n", RecordingError, "holds no frames"),
     "endless line": ("1 " * MAX_LINE_CHARACTERS, RecordingError, "line 1: longer than"),

@@ -85,8 +85,8 @@ def test_without_time_stamps_the_frame_rate_gives_them(video: Callable[..., Path
 
 
 BROKEN: dict[str, tuple[dict[str, str], type[OspcError], tuple[str, ...]]] = {
-    "no list": ({}, ExposureError, ("walk.mkv", "walk.csv", "holds no exposures")),
-    "two lists": ({"walk.csv": LIST, "walk.txt": LIST}, ExposureError, ("walk.csv, walk.txt", "keep one")),
+    "no list": ({}, ExposureError, ("walk.mkv", "walk.csv", "has no list of exposures")),
+    "two lists": ({"walk.csv": LIST, "walk.txt": LIST}, ExposureError, ("walk.csv, walk.txt", "keep the one to use")),
     "too few": ({"walk.csv": LIST.rsplit("\n", 2)[0]}, RecordingError, ("walk.csv", "5 frames", "walk.mkv has 6")),
     "too many": ({"walk.csv": LIST + "9,9\n"}, RecordingError, ("walk.csv", "7 frames", "walk.mkv has 6")),
     "zero": ({"walk.csv": LIST.replace(",3", ",0")}, ExposureError, ("walk.csv, line 4",)),

@@ -27,21 +27,12 @@ _NAMESPACES = {
 
 
 def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit:
-    """Write a profile with one entry and return the polynomial that stands for the vignette.
-
-    Parameters
-    ----------
-    vignette
-        Fitted about its own centre if it has one.
-    path
-        File to write.
-    optics
-        The focal length is needed, in pixels, or in millimetres with the crop factor.
+    """Write a profile with one entry and return the polynomial that stands for the vignette, about its own centre.
 
     Raises
     ------
     SettingError
-        If the focal length is missing.
+        If ``optics`` has no focal length, in pixels, or in millimetres with the crop factor.
     FormatError
         If the polynomial is no vignette, or the file cannot be written.
     """
@@ -88,17 +79,10 @@ def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit
 def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit, ...]:
     """Read the vignette models of all entries of a profile that have one.
 
-    Parameters
-    ----------
-    path
-        The file.
-    size
-        Width and height of the images; those of the profile if None.
-
     Raises
     ------
     SettingError
-        If the size is None and the profile does not state it.
+        If neither the caller nor the profile states the size of the images.
     FormatError
         If it is not such a profile, or an entry is incomplete or no vignette.
     """

@@ -30,14 +30,7 @@ def write_pcalib(response: Response, path: str | Path, values: int = FEWEST_VALU
 
     One line of values from 0 to 255 with nine significant digits, strictly increasing as 32-bit floats.
 
-    Parameters
-    ----------
-    response
-        The response; its inverse is written.
-    path
-        File to write.
-    values
-        Number of grey levels: 256 for 8 bit; DSO's descendants for deeper images take up to 65536.
+    ``values`` is the number of grey levels: 256 for 8 bit; DSO's descendants for deeper images take up to 65536.
 
     Raises
     ------
@@ -121,10 +114,8 @@ def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, e
         File to write.
     ids
         Integers below 2³¹ that identify the images.
-    stamps_s
-        Time stamps in seconds, one per image; written to the nanosecond.
-    exposures_ms
-        Exposures in milliseconds, one per image; positive, because zero means unknown to DSO.
+    stamps_s, exposures_ms
+        One per image: time stamps, written to the nanosecond, and positive exposures, as zero means unknown to DSO.
 
     Raises
     ------

@@ -51,15 +51,7 @@ class ExportSettings:
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
-
-    Attributes
-    ----------
-    files
-        Paths.
-    notes
-        Residuals of fits, and parts that are unknown or that the format cannot hold.
-    """
+    """Paths of the written files; notes on residuals, and on parts that are unknown or do not fit the format."""
 
     files: tuple[Path, ...]
     notes: tuple[str, ...]
@@ -106,14 +98,8 @@ def adapted(
 def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_grey: int | None = None) -> Calibration:
     """Return the photometry as a calibration that states where it comes from.
 
-    Parameters
-    ----------
-    photometry
-        From any file.
-    size
-        Width and height of the images, if the photometry does not state them.
-    max_grey
-        Largest grey value of the images; by default that of the calibration or of the table.
+    ``size`` is needed if the photometry does not state it; ``max_grey`` is by default that of the calibration or of
+    the table.
 
     Raises
     ------
@@ -154,18 +140,7 @@ def _verdict(part: str, photometry: Photometry) -> Verdict:
 def export(
     photometry: Photometry, program: Program, out: str | Path, settings: ExportSettings | None = None
 ) -> Exported:
-    """Write a calibration for another program.
-
-    Parameters
-    ----------
-    photometry
-        The calibration.
-    program
-        The program that will read it.
-    out
-        A folder for ``dso``, which has two files; a file for all others.
-    settings
-        What the program needs besides.
+    """Write a calibration for another program, in a folder for ``dso``, in a file for all others.
 
     Raises
     ------
@@ -182,7 +157,10 @@ def export(
         case "dso":
             return _to_dso(photometry, place, chosen)
         case "json":
-            return _to_json(photometry, place)
+            calibration = as_calibration(photometry)
+            calibration.save(place)
+            beside = (place.with_suffix(".vignette.npz"),) if isinstance(calibration.vignette, RasterVignette) else ()
+            return Exported((place, *beside), _unknown(photometry))
         case "hugin":
             return _to_hugin(photometry, place, chosen)
         case "opencv":
@@ -194,7 +172,7 @@ def export(
         case "adobe":
             fit = write_lcp(_vignette(photometry, program), place, chosen.optics)
     left_out = "" if photometry.response is None else f"{program} has no response; only the vignette was written"
-    return Exported((place,), _notes(fit.note, left_out))
+    return Exported((place,), tuple(filter(None, (fit.note, left_out))))
 
 
 def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> Exported:
@@ -211,13 +189,6 @@ def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> E
     return Exported(tuple(files), _unknown(photometry))
 
 
-def _to_json(photometry: Photometry, place: Path) -> Exported:
-    calibration = as_calibration(photometry)
-    calibration.save(place)
-    beside = (place.with_suffix(".vignette.npz"),) if isinstance(calibration.vignette, RasterVignette) else ()
-    return Exported((place, *beside), _unknown(photometry))
-
-
 def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> Exported:
     response, emor = photometry.response, settings.emor
     if photometry.vignette is None and (response is None or emor is None):
@@ -227,12 +198,12 @@ def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> 
         )
     size = as_calibration(photometry).size
     fit, residual = write_pto(place, photometry.vignette, response, emor, size)
-    about_response = ""
+    notes = [] if fit is None else [fit.note]
     if residual is not None:
-        about_response = f"response fitted by five EMoR coefficients: residual {residual:.2g} in the root mean square"
+        notes.append(f"response fitted by five EMoR coefficients: residual {residual:.2g} in the root mean square")
     elif response is not None:
-        about_response = "the response was not written: hugin's model needs the base curves emor.txt"
-    return Exported((place,), _notes("" if fit is None else fit.note, about_response, *_unknown(photometry)))
+        notes.append("the response was not written: hugin's model needs the base curves emor.txt")
+    return Exported((place,), tuple(filter(None, (*notes, *_unknown(photometry)))))
 
 
 def _check_known(photometry: Photometry) -> None:
@@ -255,7 +226,3 @@ def _unknown(photometry: Photometry) -> tuple[str, ...]:
             reason = "" if verdict is None else f": {verdict.reason} {verdict.remedy}".rstrip()
             notes.append(f"the {name} is not known and was not written{reason}")
     return tuple(notes)
-
-
-def _notes(*sentences: str) -> tuple[str, ...]:
-    return tuple(filter(None, sentences))

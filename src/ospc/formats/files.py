@@ -3,45 +3,42 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 from ospc.atomic import write_atomically
-from ospc.errors import FormatError
+from ospc.errors import FormatError, OspcError, escaped
 
 LARGEST_TEXT = 64 * 2**20
-"""Bytes; larger parameter files are refused. The largest real one, a table of 65536 values, has half a megabyte."""
+"""Bytes; larger text files are refused. A table of 65536 values has half a megabyte, a list of 10⁶ frames 50."""
 
 
-def read_bytes(path: str | Path, limit: int = LARGEST_TEXT) -> bytes:
+def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcError] = FormatError) -> bytes:
     """Return the content of a file no larger than ``limit`` bytes.
 
     Raises
     ------
-    FormatError
-        If there is no such file, it cannot be read, or it is larger.
+    OspcError
+        Of the class ``error``, if there is no such file, it cannot be read, or it is larger.
     """
-    place = Path(path)
+    place = escaped(str(path))
     try:
-        with place.open("rb") as stream:
-            content = stream.read(limit + 1)
+        with Path(path).open("rb") as stream:
+            # read(limit) would allocate that much memory; a pipe states a size of 0.
+            size = os.fstat(stream.fileno()).st_size
+            content = stream.read(min(size or limit, limit) + 1)
     except FileNotFoundError:
-        raise FormatError(f"{place}: there is no such file; check the path") from None
-    except OSError as error:
-        raise FormatError(f"{place}: cannot be read ({error.strerror}); check the path and its permissions") from None
+        raise error(f"{place}: cannot be read, there is no such file; check the path") from None
+    except OSError as problem:
+        raise error(f"{place}: cannot be read ({problem.strerror}); check the file and its permissions") from None
     if len(content) > limit:
-        raise FormatError(f"{place}: larger than {limit} bytes, which no file of its kind is; check the path")
+        raise error(f"{place}: larger than the {limit} bytes allowed; check the file")
     return content
 
 
 def read_text(path: str | Path, limit: int = LARGEST_TEXT) -> str:
-    """Return the content of a text file; bytes that are not UTF-8 become replacement characters.
-
-    Raises
-    ------
-    FormatError
-        As :func:`read_bytes`.
-    """
+    """Return the content of a text file, as :func:`read_bytes`; bytes that are not UTF-8 are replaced."""
     return read_bytes(path, limit).decode("utf-8", errors="replace")
 
 
@@ -71,11 +68,5 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 
 
 def write_text(path: str | Path, content: str) -> Path:
-    """Write a UTF-8 text file atomically, line ends as given, and return its path.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be written.
-    """
+    """Write a UTF-8 text file as :func:`write_bytes`, line ends as given."""
     return write_bytes(path, content.encode("utf-8"))

@@ -26,7 +26,7 @@ from ospc.photometry.vignette import Vignette
 COMPONENTS = 5
 """Coefficients of EMoR that hugin uses."""
 
-_SAMPLES = 1024
+EMOR_SAMPLES = 1024
 """Values of each curve in ``emor.txt``."""
 
 _LEAST_STEP = 1e-7
@@ -39,30 +39,14 @@ _RESPONSE_KEYS = ("Ra", "Rb", "Rc", "Rd", "Re")
 
 @dataclass(frozen=True)
 class EmorBasis:
-    """Mean and first components of EMoR.
-
-    Attributes
-    ----------
-    irradiance
-        From 0 to 1, shape (1024,).
-    mean
-        f₀, the mean response, shape (1024,).
-    components
-        h₁ … h₅, shape (5, 1024).
-    """
+    """Irradiances from 0 to 1, the mean response f₀, each of shape (1024,), and h₁, h₂, …, shape (n, 1024)."""
 
     irradiance: FloatArray
     mean: FloatArray
     components: FloatArray
 
     def response(self, coefficients: tuple[float, ...]) -> Response:
-        """Return the response with f = f₀ + Σ cᵢhᵢ.
-
-        Raises
-        ------
-        FormatError
-            If that does not increase, and so cannot be inverted.
-        """
+        """Return the response with f = f₀ + Σ cᵢhᵢ; FormatError if that does not increase."""
         forward = self.mean + np.asarray(coefficients) @ self.components
         if np.any(np.diff(forward) <= 0):
             raise FormatError("the response of these EMoR coefficients does not increase everywhere")
@@ -84,22 +68,16 @@ class EmorBasis:
                 method="SLSQP",
                 constraints={
                     "type": "ineq",
-                    "fun": lambda c: (mean_steps + c @ steps - 2 * _LEAST_STEP) * _SAMPLES,
-                    "jac": lambda _c: steps.T * _SAMPLES,
+                    "fun": lambda c: (mean_steps + c @ steps - 2 * _LEAST_STEP) * EMOR_SAMPLES,
+                    "jac": lambda _c: steps.T * EMOR_SAMPLES,
                 },
             ).x
         residual = target - coefficients @ self.components
         return tuple(float(c) for c in coefficients), float(np.sqrt(np.mean(residual**2)))
 
 
-def read_emor(path: str | Path) -> EmorBasis:
-    """Read the base curves from the file ``emor.txt`` that their authors distribute.
-
-    Raises
-    ------
-    FormatError
-        If it is not that file.
-    """
+def read_emor(path: str | Path, components: int = COMPONENTS) -> EmorBasis:
+    """Read the first base curves from the file ``emor.txt`` of their authors; FormatError if it is another."""
     blocks: dict[str, list[float]] = {}
     current: list[float] = []
     try:
@@ -109,13 +87,12 @@ def read_emor(path: str | Path) -> EmorBasis:
                 current = blocks.setdefault(name.strip(), [])
             else:
                 current += [float(word) for word in line.split()]
-        table = np.array(
-            [blocks["E"], blocks["f0"], *(blocks[f"h({i})"] for i in range(1, COMPONENTS + 1))], dtype=np.float64
-        )
+        names = ("E", "f0", *(f"h({i})" for i in range(1, components + 1)))
+        table = np.array([blocks[name] for name in names], dtype=np.float64)
     except (ValueError, KeyError):
         raise FormatError(f"{path}: not the file emor.txt of the empirical model of response") from None
-    if table.shape != (COMPONENTS + 2, _SAMPLES) or not np.all(np.isfinite(table)):
-        raise FormatError(f"{path}: not the file emor.txt, which has {_SAMPLES} values a curve")
+    if table.shape != (components + 2, EMOR_SAMPLES) or not np.all(np.isfinite(table)):
+        raise FormatError(f"{path}: not the file emor.txt, which has {EMOR_SAMPLES} values a curve")
     return EmorBasis(table[0], table[1], table[2:])
 
 
@@ -130,14 +107,10 @@ def write_pto(
 
     Parameters
     ----------
-    path
-        File to write.
-    vignette
-        Fitted about its own centre if it has one; None for no vignette.
-    response
-        Written only together with ``emor``; otherwise the file has the mean response of EMoR.
-    emor
-        Base curves.
+    path, vignette
+        File to write, and what to fit a polynomial to, about its own centre.
+    response, emor
+        Written only together; otherwise the file has the mean response of EMoR.
     size
         Width and height of the images if there is no vignette.
 
@@ -179,10 +152,7 @@ def write_pto(
 def read_pto(path: str | Path) -> tuple[RadialFit, ...]:
     """Read the vignette of every image line; ``Vb=0`` means: as in image 0.
 
-    Raises
-    ------
-    FormatError
-        If there is no image line, or one is damaged or holds no vignette.
+    FormatError if there is no image line, or one is damaged or holds no vignette.
     """
     lines = [line for line in read_text(path).splitlines() if line.startswith("i ")]
     if not lines:

@@ -25,23 +25,12 @@ _TERMS = {"pa": ("k1", "k2", "k3"), "acm": ("alpha1", "alpha2", "alpha3")}
 def write_lensfun(
     vignette: Vignette, path: str | Path, optics: Optics, model: Literal["pa", "acm"] = "pa"
 ) -> RadialFit:
-    """Write a database file with one lens and return the polynomial that stands for its vignette.
-
-    Parameters
-    ----------
-    vignette
-        Fitted about the image centre, because the format has no other.
-    path
-        File to write.
-    optics
-        Crop factor, aperture and focal length are needed.
-    model
-        ``pa`` for radii in half diagonals, ``acm`` for focal lengths.
+    """Write a database file with one lens and return the polynomial, about the image centre, of its vignette.
 
     Raises
     ------
     SettingError
-        If something is missing in ``optics``.
+        If ``optics`` lacks crop factor, aperture or focal length.
     FormatError
         If the polynomial is no vignette, or the file cannot be written.
     """
@@ -77,20 +66,12 @@ def write_lensfun(
 
 
 def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, ...]:
-    """Read the vignetting entries of all lenses of a database file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    size
-        Width and height of the images, which the file does not state. They are taken with a camera of the crop factor
-        that it does state.
+    """Read the vignetting entries of all lenses of a database file, for cameras of the crop factor that it states.
 
     Raises
     ------
     SettingError
-        If the size is None.
+        If the size of the images, which the file does not state, is None.
     FormatError
         If it is not such a file, or an entry is incomplete or no vignette.
     """

@@ -68,12 +68,7 @@ def write_opencv(path: str | Path, response: Response | None = None, vignette: V
 def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response | None, Vignette | None]:
     """Read ``inverse_response`` or ``response``, and ``vignette``, from a YAML file of OpenCV.
 
-    Parameters
-    ----------
-    path
-        The file.
-    channel
-        Channel of ``response`` to use if they differ: 0, 1 or 2 for blue, green, red.
+    ``channel`` (0, 1 or 2 for blue, green, red) says which to use if those of ``response`` differ.
 
     Raises
     ------

@@ -95,13 +95,7 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
 
 
 def open_both(a: str | Path, b: str | Path) -> tuple[Photometry, Photometry]:
-    """Open two calibrations; a file that does not state the image size takes it from the other one.
-
-    Raises
-    ------
-    FormatError, SettingError
-        As :func:`open_photometry`.
-    """
+    """Open two calibrations; a file that does not state the image size takes it from the other one."""
     try:
         first = open_photometry(a)
     except SettingError:
@@ -111,13 +105,7 @@ def open_both(a: str | Path, b: str | Path) -> tuple[Photometry, Photometry]:
 
 
 def together(first: Photometry, second: Photometry) -> Photometry:
-    """Return a response and a vignette from two files as one.
-
-    Raises
-    ------
-    FormatError
-        Unless one of them has only a response and the other only a vignette.
-    """
+    """Return a response and a vignette, each from a file with nothing else (FormatError otherwise), as one."""
     name = f"{first.name},{second.name}"
     one_response = (first.response is None) != (second.response is None)
     one_vignette = (first.vignette is None) != (second.vignette is None)

@@ -24,13 +24,7 @@ _SMALLEST_POSITIVE = np.float32(1e-30)
 
 @dataclass(frozen=True)
 class PcalibText:
-    """The text of a pcalib.txt, as the programs read it.
-
-    Attributes
-    ----------
-    text
-        The whole file.
-    """
+    """The text of a pcalib.txt, as the programs read it."""
 
     text: str
 
@@ -64,12 +58,8 @@ def strictly_increasing_float32(values: npt.ArrayLike) -> Float32Array:
     """Return the curve nearest to one from 0 to 255 that increases strictly as 32-bit floats.
 
     Neighbours that 32 bits cannot tell apart move by as few representable steps as possible, in the least-squares
-    sense; all other values stay. Subnormal numbers are avoided, because some parsers refuse them.
-
-    Parameters
-    ----------
-    values
-        Shape (n,), non-decreasing from 0 to 255.
+    sense; all other values, non-decreasing from 0 to 255, stay. Subnormal numbers are avoided: some parsers refuse
+    them.
     """
     rounded = np.clip(np.asarray(values, dtype=np.float64), 0.0, 255.0).astype(np.float32)
     # Non-negative floats sort like the integers with the same bits, and neighbours stay neighbours.
@@ -82,13 +72,7 @@ def strictly_increasing_float32(values: npt.ArrayLike) -> Float32Array:
 
 
 def table_text(values: npt.ArrayLike) -> str:
-    """Return a curve as the text of a pcalib.txt: scaled to 0..255, strictly increasing, nine significant digits.
-
-    Parameters
-    ----------
-    values
-        Shape (n,), non-decreasing, in any scale.
-    """
+    """Return a non-decreasing curve as the text of a pcalib.txt: scaled to 0..255, with nine significant digits."""
     curve = np.asarray(values, dtype=np.float64)
     table = strictly_increasing_float32(255 * ((curve - curve[0]) / (curve[-1] - curve[0])))
     return " ".join(f"{value:.9g}" for value in table) + "\n"

@@ -10,8 +10,8 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import FormatError, FrameError
 from ospc.formats.files import read_bytes, write_bytes
+from ospc.formats.image_header import read_header
 from ospc.photometry.geometry import MOST_PIXELS
-from ospc.recording.image_header import read_header
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -20,12 +20,7 @@ _LARGEST_FILE = 2**30
 
 
 def read_png(path: str | Path) -> Image:
-    """Read a PNG as it is stored, with unchanged depth and channels.
-
-    Returns
-    -------
-    Image
-        Shape (height, width) or (height, width, channels), uint8 or uint16.
+    """Read a PNG as it is stored: shape (height, width) or (height, width, channels), uint8 or uint16.
 
     Raises
     ------
@@ -51,13 +46,7 @@ def read_png(path: str | Path) -> Image:
 
 
 def write_png(path: str | Path, image: Image) -> Path:
-    """Write an image of 8 or 16 bit as PNG, atomically, and return its path.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be written.
-    """
+    """Write an image of 8 or 16 bit as PNG, atomically, and return its path; FormatError if that fails."""
     done, encoded = cv2.imencode(".png", image)
     if not done:
         raise FormatError(f"{path}: an image of shape {image.shape} and type {image.dtype} cannot be stored as PNG")

@@ -41,10 +41,8 @@ class RadialFit:
         (v₁, v₂, v₃), for R in units of the half diagonal.
     centre
         Centre relative to the image centre, in half diagonals.
-    rms
-        Root mean square residual over the pixels, relative to the centre; 0 if nothing had to be fitted.
-    worst
-        Largest absolute residual.
+    rms, worst
+        Root mean square and largest residual over the pixels, relative to the centre; 0 if nothing had to be fitted.
     """
 
     size: ImageSize
@@ -54,13 +52,7 @@ class RadialFit:
     worst: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse a polynomial that is not positive all over the image.
-
-        Raises
-        ------
-        FormatError
-            If it is not, or the image has fewer than two pixels a side or more than a picture can have.
-        """
+        """Refuse, with a FormatError, an impossible size, or a polynomial that is not positive all over the image."""
         image_size(*self.size)
         half = half_diagonal(self.size)
         ends = [abs(c) + (side - 1) / 2 / half for c, side in zip(self.centre, self.size, strict=True)]
@@ -102,10 +94,8 @@ class Optics:
 
     Attributes
     ----------
-    focal_mm
-        Focal length in millimetres.
-    focal_px
-        The same in pixels.
+    focal_mm, focal_px
+        Focal length in millimetres, and in pixels.
     crop_factor
         Diagonal of 36x24 mm over that of the sensor.
     aperture
@@ -133,13 +123,7 @@ class Optics:
                 raise SettingError(f"{name} must be positive, not {value}")
 
     def focal_ratio(self, size: ImageSize) -> float:
-        """Return the focal length in half diagonals.
-
-        Raises
-        ------
-        SettingError
-            If the focal length is not known in a unit that allows it.
-        """
+        """Return the focal length in half diagonals; SettingError if it is not known in a unit that allows it."""
         if self.focal_px is not None:
             return self.focal_px / half_diagonal(size)
         if self.focal_mm is not None and self.crop_factor is not None:
@@ -150,13 +134,7 @@ class Optics:
         )
 
     def focal_in_mm(self, size: ImageSize) -> float:
-        """Return the focal length in millimetres.
-
-        Raises
-        ------
-        SettingError
-            If it is not known.
-        """
+        """Return the focal length in millimetres; SettingError if it is not known."""
         if self.focal_mm is not None:
             return self.focal_mm
         if self.focal_px is not None and self.crop_factor is not None:
@@ -167,12 +145,7 @@ class Optics:
 def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialFit:
     """Return the polynomial nearest to a vignette: least squares over its pixels, without dark surrounds.
 
-    Parameters
-    ----------
-    vignette
-        Any vignette. One that is such a polynomial is returned unchanged.
-    about_its_centre
-        Whether a vignette with a centre of its own is fitted about that; otherwise about the image centre.
+    It is about the image centre, or about that of the vignette. One that is such a polynomial is returned unchanged.
 
     Raises
     ------
@@ -198,14 +171,6 @@ def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialF
 
 def rescaled(coefficients: Terms, unit: float) -> Terms:
     """Return vₙ·unit²ⁿ: the coefficients for a radius measured in units that are ``unit`` times as long.
-
-    Parameters
-    ----------
-    coefficients
-        For the old unit.
-    unit
-        New unit of radius over the old one: focal length over half diagonal, to go from half diagonals to focal
-        lengths.
 
     Raises
     ------

@@ -28,15 +28,13 @@ _HARMONIC_DEGREES = (2, 2, 3, 3)
 """Degrees in x and y of the non-radial terms of :class:`LogVignette`, in its order."""
 
 
+def same_aspect(first: ImageSize, second: ImageSize) -> bool:
+    """Tell whether two sizes can show the same field of view."""
+    return abs(math.log(first[0] * second[1] / (first[1] * second[0]))) <= _ASPECT_TOLERANCE
+
+
 def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     """Return the vignette of the same view at another resolution.
-
-    Parameters
-    ----------
-    vignette
-        For the images as calibrated.
-    size
-        Width and height in pixels after scaling.
 
     Raises
     ------
@@ -45,7 +43,7 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     """
     width, height = vignette.size
     _check_size(size)
-    if abs(math.log(size[0] * height / (size[1] * width))) > _ASPECT_TOLERANCE:
+    if not same_aspect(size, vignette.size):
         raise SettingError(
             f"{width}x{height} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop first"
         )
@@ -67,20 +65,15 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
 def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
     """Return the vignette of a part of the image.
 
+    Each pixel keeps its attenuation, so the centre moves in the image. A polynomial about the image centre becomes a
+    map of pixels unless the part is centred.
+
     Parameters
     ----------
     vignette
         For the whole images.
-    offset
-        Column and row of the part's first pixel.
-    size
-        Width and height of the part in pixels.
-
-    Returns
-    -------
-    Vignette
-        Each pixel keeps its attenuation, so the centre moves in the image. A polynomial about the image centre
-        becomes a map of pixels unless the part is centred.
+    offset, size
+        Column and row of the part's first pixel, and its width and height.
 
     Raises
     ------
@@ -106,27 +99,16 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
 
 
 def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration:
-    """Return the calibration for images scaled to another resolution; the noise of scaled pixels is not known.
-
-    Raises
-    ------
-    SettingError
-        If the aspect ratio differs by more than 1 %.
-    """
+    """Return the calibration for scaled images, as :func:`resize_vignette`; their noise is not known."""
     _check_size(size)
     vignette = None if calibration.vignette is None else resize_vignette(calibration.vignette, size)
     return _changed(calibration, size, vignette, calibration.vignette_sigma, {"resized_to": list(size)})
 
 
 def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> Calibration:
-    """Return the calibration for a part of the images.
+    """Return the calibration for a part of the images, as :func:`crop_vignette`.
 
     The profile's uncertainty is kept where the part is centred, for the radii that remain.
-
-    Raises
-    ------
-    SettingError
-        If the part is not inside the image.
     """
     vignette = None if calibration.vignette is None else crop_vignette(calibration.vignette, offset, size)
     sigma = _cropped_sigma(calibration, offset, size)

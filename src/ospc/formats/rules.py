@@ -1,11 +1,11 @@
-"""Rules of parameter files: each is stated once, and ``validate`` and ``repair`` walk over the same ones."""
+"""Rules of parameter files: each is stated once, and ``validate`` and ``repair`` both follow it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, Literal, TypeAlias, TypeVar
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError
@@ -47,14 +47,14 @@ class Finding:
     remedy
         What to do; empty if nothing needs to be done.
     file
-        The file; filled in by :meth:`Format.findings`.
+        The file.
     """
 
     severity: Severity
     rule: str
     effect: str
-    remedy: str = ""
-    file: str = ""
+    remedy: str
+    file: str
 
 
 @dataclass(frozen=True)
@@ -77,20 +77,23 @@ class Context:
 
 
 @dataclass(frozen=True)
-class Rule(Generic[Document]):
-    """One rule of a format.
+class Broken:
+    """A rule that a document breaks: a :class:`Finding` without its file, and how to repair the document.
 
     Attributes
     ----------
-    check
-        Returns a finding if a document breaks the rule, else None.
+    severity, rule, effect, remedy
+        As in a finding.
     repair
         Returns a document that keeps the rule, and a sentence about what was changed. Raises FormatError, without
         the file's name, if content would have to be invented. None if the rule has no repair.
     """
 
-    check: Callable[[Document, Context], Finding | None]
-    repair: Callable[[Document, Context], tuple[Document, str]] | None = None
+    severity: Severity
+    rule: str
+    effect: str
+    remedy: str = ""
+    repair: Callable[[Any, Context], tuple[Any, str]] | None = None
 
 
 @dataclass(frozen=True)
@@ -103,16 +106,16 @@ class Format(Generic[Document]):
         Reads a file; raises FormatError if it is unreadable.
     write
         Writes a document.
-    rules
-        Checked independently of each other, repaired in this order.
+    check
+        Yields the rules that a document breaks, in the order in which they must be repaired.
     """
 
     read: Callable[[Path], Document]
     write: Callable[[Document, Path], object]
-    rules: tuple[Rule[Document], ...]
+    check: Callable[[Document, Context], Iterator[Broken]]
 
     def findings(self, path: Path, context: Context) -> tuple[Finding, ...]:
-        """Return the findings about a file, in the order of the rules.
+        """Return the findings about a file.
 
         A finding proposes a repair only if the file as a whole can be repaired. An unreadable file is one finding.
         """
@@ -120,22 +123,17 @@ class Format(Generic[Document]):
             document = self.read(path)
         except FormatError as error:
             reason = str(error).removeprefix(f"{path}: ")
-            return (Finding("error", reason, UNCORRECTED[context.program], file=str(path)),)
-        broken = [(rule, finding) for rule in self.rules if (finding := rule.check(document, context)) is not None]
+            return (Finding("error", reason, UNCORRECTED[context.program], "", str(path)),)
         try:
             repairable = bool(self._repaired(document, context)[1])
         except FormatError:
             repairable = False
-        return tuple(
-            replace(
-                finding,
-                remedy=", or ".join(filter(None, (finding.remedy, _REPAIR)))
-                if repairable and rule.repair is not None and finding.severity != "note"
-                else finding.remedy,
-                file=str(path),
-            )
-            for rule, finding in broken
-        )
+        found = []
+        for broken in self.check(document, context):
+            offered = repairable and broken.repair is not None and broken.severity != "note"
+            remedy = ", or ".join(filter(None, (broken.remedy, _REPAIR if offered else "")))
+            found.append(Finding(broken.severity, broken.rule, broken.effect, remedy, str(path)))
+        return tuple(found)
 
     def repaired(self, path: Path, context: Context) -> tuple[Document, tuple[str, ...]]:
         """Return a document that breaks no rule with an error, and what was changed, one sentence each.
@@ -154,16 +152,19 @@ class Format(Generic[Document]):
             raise FormatError(f"{path}: {error}") from None
 
     def _repaired(self, document: Document, context: Context) -> tuple[Document, tuple[str, ...]]:
-        found = [(rule, rule.check(document, context)) for rule in self.rules]
-        serious = any(rule.repair and finding and finding.severity != "note" for rule, finding in found)
+        serious = any(broken.repair and broken.severity != "note" for broken in self.check(document, context))
+        done: list[object] = []
         changes: list[str] = []
-        for rule in self.rules:
-            finding = rule.check(document, context)
-            if finding is None or (finding.severity == "note" and not serious):
-                continue
-            if rule.repair is not None:
-                document, change = rule.repair(document, context)
-                changes.append(change)
-            elif finding.severity == "error":
-                raise FormatError("; ".join(filter(None, (finding.rule, finding.remedy))))
+
+        def needs_action(broken: Broken) -> bool:
+            if broken.repair is None:
+                return broken.severity == "error"
+            return broken.repair not in done and (serious or broken.severity != "note")
+
+        while broken := next(filter(needs_action, self.check(document, context)), None):
+            if broken.repair is None:
+                raise FormatError("; ".join(filter(None, (broken.rule, broken.remedy))))
+            document, change = broken.repair(document, context)
+            done.append(broken.repair)
+            changes.append(change)
         return document, tuple(changes)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from ospc.arrays import ImageSize
 from ospc.formats.files import read_text, write_text
-from ospc.formats.rules import Context, Finding, Format, Program, Rule
+from ospc.formats.rules import Broken, Context, Format, Program
 from ospc.formats.scanning import scanned
 
 _MODELS = {"KannalaBrandt": 8, "RadTan": 8, "EquiDistant": 8, "FOV": 5, "Pinhole": 5}
@@ -41,12 +43,7 @@ _LARGEST_OMEGA = 3.2
 def intrinsics(line: str, program: Program) -> tuple[str, list[float]]:
     """Return the camera model that a first line names or implies, and its parameters; an empty name if there is none.
 
-    Parameters
-    ----------
-    line
-        First line of the file.
-    program
-        The monocular data set's tools know only the FOV model, without a name.
+    The monocular data set's tools know only the FOV model, without a name.
     """
     if program == "mono":
         values = scanned(line, "f" * 5)
@@ -65,70 +62,92 @@ def intrinsics(line: str, program: Program) -> tuple[str, list[float]]:
 
 def input_size(text: str) -> ImageSize | None:
     """Return width and height on the second line of a camera.txt, or None."""
-    return _size(_line(text, 2))
+    return _size(_lines(text)[1])
 
 
-def _model_is_known(text: str, context: Context) -> Finding | None:
-    line = _line(text, 1)
-    if intrinsics(line, context.program)[0]:
-        return None
-    effect = "does not rectify and knows no image size"
-    if context.program == "mono" and any(line.startswith(name) for name in _MODELS):
-        rule = f"line 1 is 'fx fy cx cy omega' without a name; it is {line[:30]!r}"
-        return Finding("error", rule, effect, "remove the name of the model")
-    return Finding(
-        "error",
-        f"line 1 is 'fx fy cx cy omega', or the name of a model ({', '.join(_MODELS)}) and its parameters; "
-        f"it is {line[:30]!r}",
-        "ends with 'could not read calib file'" if context.program == "dso" else effect,
-        "write the intrinsics on the first line",
-    )
+def _broken(text: str, context: Context) -> Iterator[Broken]:
+    yield from _about_the_intrinsics(_lines(text)[0], context.program)
+    yield from _about_the_input_size(text, context)
+    yield from _about_the_rectification(_lines(text)[2], context.program)
+    yield from _about_the_output_size(text, context.program)
 
 
-def _units_agree(text: str, context: Context) -> Finding | None:
-    model, values = intrinsics(_line(text, 1), context.program)
+def _about_the_intrinsics(line: str, program: Program) -> Iterator[Broken]:
+    model, values = intrinsics(line, program)
     if not model:
-        return None
+        effect = "does not rectify and knows no image size"
+        if program == "mono" and any(line.startswith(name) for name in _MODELS):
+            rule = f"line 1 is 'fx fy cx cy omega' without a name; it is {line[:30]!r}"
+            yield Broken("error", rule, effect, "remove the name of the model")
+            return
+        rule = f"line 1 is 'fx fy cx cy omega', or the name of a model ({', '.join(_MODELS)}) and its parameters"
+        effect = "ends with 'could not read calib file'" if program == "dso" else effect
+        yield Broken("error", f"{rule}; it is {line[:30]!r}", effect, "write the intrinsics on the first line")
+        return
     fx, fy, cx, cy = values[:4]
     relative = cx < 1 and cy < 1
-    if context.program == "mono" and not relative:
-        rule = f"focal length and centre are relative to the image size; the centre is ({cx:g}, {cy:g})"
-        return Finding("error", rule, "multiplies them by the size once more", "divide by width and height")
-    mixed = (cx < 1) != (cy < 1)
     too_long = relative and max(fx, fy) > _LONGEST_RELATIVE_FOCAL
     too_short = not relative and min(fx, fy) < _SHORTEST_FOCAL_PX
-    if not (mixed or too_long or too_short):
-        return None
-    rule = f"focal length and centre have the same unit; they are {fx:g} {fy:g} {cx:g} {cy:g}"
-    effect = "takes all four as relative to the image size if both centre coordinates are below 1, else as pixels"
-    return Finding("error", rule, effect, "give all four relative to the image size, or all four in pixels")
+    if program == "mono" and not relative:
+        rule = f"focal length and centre are relative to the image size; the centre is ({cx:g}, {cy:g})"
+        yield Broken("error", rule, "multiplies them by the size once more", "divide by width and height")
+    elif (cx < 1) != (cy < 1) or too_long or too_short:
+        rule = f"focal length and centre have the same unit; they are {fx:g} {fy:g} {cx:g} {cy:g}"
+        effect = "takes all four as relative to the image size if both centre coordinates are below 1, else as pixels"
+        yield Broken("error", rule, effect, "give all four relative to the image size, or all four in pixels")
+    if model in ("FOV", "Pinhole") and not 0 <= values[4] < _LARGEST_OMEGA:
+        rule = f"omega is an angle in radians; it is {values[4]:g}"
+        yield Broken("error", rule, "rectifies with a nonsensical model", "check the fifth number")
 
 
-def _omega_is_an_angle(text: str, context: Context) -> Finding | None:
-    model, values = intrinsics(_line(text, 1), context.program)
-    if model not in ("FOV", "Pinhole") or 0 <= values[4] < _LARGEST_OMEGA:
-        return None
-    rule = f"omega is an angle in radians; it is {values[4]:g}"
-    return Finding("error", rule, "rectifies with a nonsensical model", "check the fifth number")
-
-
-def _input_size_is_given(text: str, context: Context) -> Finding | None:
-    size, line = input_size(text), _line(text, 2)[:30]
+def _about_the_input_size(text: str, context: Context) -> Iterator[Broken]:
+    size, line = input_size(text), _lines(text)[1][:30]
     if size is None:
         rule = f"line 2 is 'width height' of the input images; it is {line!r}"
-        return Finding("error", rule, _BAD_LINE[context.program], "write the size of the images")
-    if context.size is None or size == context.size:
-        return None
-    rule = f"line 2 is the size of the input images, {context.size[0]}x{context.size[1]}; it is {line!r}"
-    return Finding("error", rule, "stops at the first image", "calibrate for this size, or crop to it")
+        yield Broken("error", rule, _BAD_LINE[context.program], "write the size of the images")
+    elif context.size not in (None, size):
+        rule = f"line 2 is the size of the input images, {_times(context.size)}; it is {line!r}"
+        yield Broken("error", rule, "stops at the first image", "calibrate for this size, or crop to it")
 
 
-def _no_trailing_space(text: str, context: Context) -> Finding | None:
-    line = _line(text, 3)
-    if line == line.strip() or line.strip() not in _RECTIFICATIONS:
-        return None
-    rule = f"line 3 is exactly 'crop', 'full' or 'none'; it is {line!r}, with white space around it"
-    return Finding("error", rule, _BAD_LINE[context.program], "store the file with Unix line ends")
+def _about_the_rectification(line: str, program: Program) -> Iterator[Broken]:
+    how = line.strip()
+    if how in _RECTIFICATIONS and line != how:
+        rule = f"line 3 is exactly 'crop', 'full' or 'none'; it is {line!r}, with white space around it"
+        yield Broken("error", rule, _BAD_LINE[program], "store the file with Unix line ends", _strip_lines)
+    if not _is_rectification(line):
+        rule = f"line 3 is 'crop', 'full', 'none' or five numbers; it is {line[:30]!r}"
+        yield Broken("error", rule, _BAD_LINE[program], "add a line 'crop'")
+    if how == "full" and program == "dso":
+        effect = "stops at an assertion: this is not implemented"
+        yield Broken("error", "line 3 is not 'full'", effect, "use 'crop', 'none' or five numbers")
+    if how == "none" and program == "mono":
+        yield Broken("note", "line 3 is 'none'", "delivers images that are not rectified")
+
+
+def _about_the_output_size(text: str, program: Program) -> Iterator[Broken]:
+    _, _, how, line = _lines(text)
+    if not _is_rectification(how) or (how.strip(), program) == ("none", "mono"):
+        return
+    before, size = input_size(text), _size(line)
+    if size is None:
+        rule = f"line 4 is 'width height' of the rectified images; it is {line[:30]!r}"
+        yield Broken("error", rule, _BAD_LINE[program], "write the size of the rectified images")
+    elif how.strip() == "none" and before not in (None, size):
+        rule = f"with 'none' input and output size are the same; {_times(before)} becomes {_times(size)}"
+        yield Broken("error", rule, "ends", "make lines 2 and 4 equal")
+    if program != "dso" or size is None:
+        return
+    levels, (width, height) = 1, size
+    while width % 2 == 0 and height % 2 == 0 and width * height > _SMALLEST_PIXELS and levels < _MOST_LEVELS:
+        levels, width, height = levels + 1, width // 2, height // 2
+    end = f"{_times(size)} ends at {width}x{height} after {levels - 1}"
+    rule = f"the rectified size can be halved several times; {end}"
+    remedy = "choose a size on line 4 whose sides are multiples of 16 or 32"
+    if levels < _FEWEST_LEVELS:
+        yield Broken("error", rule, "says it will probably crash", remedy)
+    elif width > _SMALL_SIDE and height > _SMALL_SIDE:
+        yield Broken("warning", rule, "warns of too few pyramid levels and loses track sooner", remedy)
 
 
 def _strip_lines(text: str, _context: Context) -> tuple[str, str]:
@@ -136,73 +155,13 @@ def _strip_lines(text: str, _context: Context) -> tuple[str, str]:
     return stripped, "line ends changed to those of Unix, and white space around lines dropped"
 
 
-def _rectification_is_known(text: str, context: Context) -> Finding | None:
-    how = _line(text, 3)
-    if _rectification(text) or len(scanned(how, "f" * 5)) == 5:
-        return None
-    rule = f"line 3 is 'crop', 'full', 'none' or five numbers; it is {how[:30]!r}"
-    return Finding("error", rule, _BAD_LINE[context.program], "add a line 'crop'")
+def _lines(text: str) -> list[str]:
+    """Return the four lines that the programs read, empty ones for those that are missing."""
+    return [*text.split("\n", 4), "", "", "", ""][:4]
 
 
-def _rectification_is_implemented(text: str, context: Context) -> Finding | None:
-    how = _rectification(text)
-    if how == "full" and context.program == "dso":
-        effect = "stops at an assertion: this is not implemented"
-        return Finding("error", "line 3 is not 'full'", effect, "use 'crop', 'none' or five numbers")
-    if how == "none" and context.program == "mono":
-        return Finding("note", "line 3 is 'none'", "delivers images that are not rectified")
-    return None
-
-
-def _output_size_is_given(text: str, context: Context) -> Finding | None:
-    if not _needs_output_size(text, context):
-        return None
-    size = _output_size(text)
-    if size is None:
-        rule = f"line 4 is 'width height' of the rectified images; it is {_line(text, 4)[:30]!r}"
-        return Finding("error", rule, _BAD_LINE[context.program], "write the size of the rectified images")
-    before = input_size(text)
-    if _rectification(text) != "none" or before in (None, size):
-        return None
-    rule = f"with 'none' input and output size are the same; {_times(before)} becomes {_times(size)}"
-    return Finding("error", rule, "ends", "make lines 2 and 4 equal")
-
-
-def _output_can_be_halved(text: str, context: Context) -> Finding | None:
-    size = _output_size(text)
-    if context.program != "dso" or size is None or not _needs_output_size(text, context):
-        return None
-    levels, (width, height) = 1, size
-    while width % 2 == 0 and height % 2 == 0 and width * height > _SMALLEST_PIXELS and levels < _MOST_LEVELS:
-        levels, width, height = levels + 1, width // 2, height // 2
-    rule = (
-        f"the rectified size can be halved several times; {_times(size)} ends at {width}x{height} after {levels - 1}"
-    )
-    remedy = "choose a size on line 4 whose sides are multiples of 16 or 32"
-    if levels < _FEWEST_LEVELS:
-        return Finding("error", rule, "says it will probably crash", remedy)
-    if width > _SMALL_SIDE and height > _SMALL_SIDE:
-        return Finding("warning", rule, "warns of too few pyramid levels and loses track sooner", remedy)
-    return None
-
-
-def _line(text: str, number: int) -> str:
-    return [*text.split("\n"), "", "", "", ""][number - 1]
-
-
-def _rectification(text: str) -> str:
-    """Return 'crop', 'full' or 'none'; empty if line 3 is none of these."""
-    how = _line(text, 3).strip()
-    return how if how in _RECTIFICATIONS else ""
-
-
-def _needs_output_size(text: str, context: Context) -> bool:
-    how = _rectification(text)
-    return bool(how or len(scanned(_line(text, 3), "f" * 5)) == 5) and (how, context.program) != ("none", "mono")
-
-
-def _output_size(text: str) -> ImageSize | None:
-    return _size(_line(text, 4))
+def _is_rectification(line: str) -> bool:
+    return line.strip() in _RECTIFICATIONS or len(scanned(line, "f" * 5)) == 5
 
 
 def _size(line: str) -> ImageSize | None:
@@ -214,18 +173,4 @@ def _times(size: ImageSize | None) -> str:
     return "" if size is None else f"{size[0]}x{size[1]}"
 
 
-CAMERA: Format[str] = Format(
-    read=read_text,
-    write=lambda text, path: write_text(path, text),
-    rules=(
-        Rule(_model_is_known),
-        Rule(_units_agree),
-        Rule(_omega_is_an_angle),
-        Rule(_input_size_is_given),
-        Rule(_no_trailing_space, _strip_lines),
-        Rule(_rectification_is_known),
-        Rule(_rectification_is_implemented),
-        Rule(_output_size_is_given),
-        Rule(_output_can_be_halved),
-    ),
-)
+CAMERA: Format[str] = Format(read_text, lambda text, path: write_text(path, text), _broken)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 import numpy as np
 import scipy.optimize
@@ -11,7 +12,7 @@ from ospc.arrays import Float32Array
 from ospc.errors import FormatError
 from ospc.formats.files import read_text, write_text
 from ospc.formats.pcalib_table import FEWEST_VALUES, MOST_VALUES, PcalibText, table_text
-from ospc.formats.rules import UNCORRECTED, Context, Finding, Format, Rule
+from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
 from ospc.formats.scanning import leading_numbers
 
 _LARGEST_VALUE = 1e30
@@ -30,16 +31,107 @@ _LIMITED_TOLERANCE = 2
 """Grey levels by which straight ends may differ from that: extrapolation extends them by one or two."""
 
 
-def _one_line(table: PcalibText, _context: Context) -> Finding | None:
-    extra = table.other_lines
-    if not extra:
-        return None
-    return Finding(
-        "warning" if table.values.size >= FEWEST_VALUES else "error",
-        f"all values are on one line; {len(extra)} more follow, the first of them {extra[0][:30]!r}",
-        "ignores all but the first line; programs that read the whole file fail or read too many values",
-        "put all values on the first line",
-    )
+def _broken(table: PcalibText, context: Context) -> Iterator[Broken]:
+    yield from _about_the_line(table, context)
+    yield from _about_the_order(table, context)
+    yield from _about_the_count(table, context)
+    yield from _about_the_range(table)
+
+
+def _about_the_line(table: PcalibText, context: Context) -> Iterator[Broken]:
+    (values, rest), extra = table.scanned, table.other_lines
+    complete = values.size >= FEWEST_VALUES
+    if extra:
+        yield Broken(
+            "warning" if complete else "error",
+            f"all values are on one line; {len(extra)} more follow, the first of them {extra[0][:30]!r}",
+            "ignores all but the first line; programs that read the whole file fail or read too many values",
+            "put all values on the first line",
+            _put_on_one_line,
+        )
+    if rest:
+        yield Broken(
+            "warning" if complete else "error",
+            f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}",
+            f"stops reading there, with {values.size} values",
+            "write only the values on the first line, separated by spaces",
+            _keep_numbers_only,
+        )
+    if not complete:
+        wanted = "exactly" if context.program == "mono" else "at least"
+        yield Broken(
+            "error",
+            f"{wanted} {FEWEST_VALUES} values on the first line; there are {values.size}",
+            UNCORRECTED[context.program],
+            "write the value of every grey level, separated by spaces",
+        )
+
+
+def _about_the_order(table: PcalibText, context: Context) -> Iterator[Broken]:
+    values = table.values
+    steps = np.diff(values)
+    bad = np.flatnonzero(steps <= 0)
+    if bad.size:
+        falls = int(np.count_nonzero(steps < 0))
+        yield Broken(
+            "error",
+            f"strictly increasing as 32-bit floats; after grey level {bad[0]} it is not "
+            f"({falls} values fall, {bad.size - falls} equal the one before)",
+            UNCORRECTED[context.program],
+            "calibrate again" if falls else "write 9 significant digits",
+            _make_increasing,
+        )
+    if _increases(values):
+        span = float(values[-1]) - float(values[0])
+        steps = np.diff((255.0 * (values - values[0]).astype(np.float64) / span).astype(np.float32))
+        if not np.all(steps > 0):
+            yield Broken(
+                "warning",
+                f"strictly increasing after scaling to 0..255; after grey level {int(np.argmin(steps))} it is not",
+                "loads it, and divides by zero where it inverts the curve there",
+                "write values from 0 to 255 with 9 significant digits",
+                _scale_to_255,
+            )
+
+
+def _about_the_count(table: PcalibText, context: Context) -> Iterator[Broken]:
+    count = table.values.size
+    remedy = f"write the {FEWEST_VALUES} values of an 8-bit camera"
+    if count <= FEWEST_VALUES:
+        return
+    if context.program == "mono":
+        rule = f"exactly {FEWEST_VALUES} values on the first line; there are {count}"
+        yield Broken("error", rule, UNCORRECTED["mono"], remedy, _resample_to_8_bit)
+    elif count > MOST_VALUES:
+        rule = f"at most {MOST_VALUES} values, for which there is memory; there are {count}"
+        yield Broken("error", rule, UNCORRECTED["dso"], remedy, _resample_to_8_bit)
+    else:
+        yield Broken(
+            "warning",
+            f"{count} values, for images with as many grey levels",
+            f"accepts them, but its image reader delivers 8 bits and so uses only the first {FEWEST_VALUES}, which "
+            f"are almost black; this works only in builds that read deeper images",
+            remedy,
+            _resample_to_8_bit,
+        )
+
+
+def _about_the_range(table: PcalibText) -> Iterator[Broken]:
+    values = table.values
+    if not _increases(values):
+        return
+    if _is_of_limited_range(values):
+        yield Broken(
+            "warning",
+            "the curve is measured at all grey levels; it is exactly straight below 16 and above 235, the grey "
+            "levels that limited-range video leaves out",
+            "applies it to images with all 256 grey levels, where it is wrong",
+            "record or decode full-range video and calibrate again",
+        )
+    if values[0] != 0 or values[-1] != 255:
+        rule = f"values run from {values[0]:g} to {values[-1]:g}"
+        effect = "shifts and scales them to 0..255, so that a black level in them is lost"
+        yield Broken("note", rule, effect, repair=_scale_to_255)
 
 
 def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
@@ -48,18 +140,6 @@ def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, 
         joined = " ".join([table.first_line.strip(), *extra])
         return PcalibText(joined), f"the values of {len(extra) + 1} lines put on one line"
     return PcalibText(table.first_line), f"all after the first line dropped, beginning with {extra[0][:30]!r}"
-
-
-def _only_numbers(table: PcalibText, _context: Context) -> Finding | None:
-    values, rest = table.scanned
-    if not rest:
-        return None
-    return Finding(
-        "warning" if values.size >= FEWEST_VALUES else "error",
-        f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}",
-        f"stops reading there, with {values.size} values",
-        "write only the values on the first line, separated by spaces",
-    )
 
 
 def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
@@ -84,34 +164,6 @@ def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText
     return PcalibText(" ".join(f"{value:.17g}" for value in values)), "; ".join(changes)
 
 
-def _enough_values(table: PcalibText, context: Context) -> Finding | None:
-    count = table.values.size
-    if count >= FEWEST_VALUES:
-        return None
-    wanted = "exactly" if context.program == "mono" else "at least"
-    return Finding(
-        "error",
-        f"{wanted} {FEWEST_VALUES} values on the first line; there are {count}",
-        UNCORRECTED[context.program],
-        "write the value of every grey level, separated by spaces",
-    )
-
-
-def _strictly_increasing(table: PcalibText, context: Context) -> Finding | None:
-    steps = np.diff(table.values)
-    bad = np.flatnonzero(steps <= 0)
-    if not bad.size:
-        return None
-    falls = int(np.count_nonzero(steps < 0))
-    return Finding(
-        "error",
-        f"strictly increasing as 32-bit floats; after grey level {bad[0]} it is not "
-        f"({falls} values fall, {bad.size - falls} equal the one before)",
-        UNCORRECTED[context.program],
-        "calibrate again" if falls else "write 9 significant digits",
-    )
-
-
 def _make_increasing(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     """Replace the table by the increasing one nearest to it in the least-squares sense."""
     values = table.scanned[0]
@@ -134,78 +186,11 @@ def _make_increasing(table: PcalibText, _context: Context) -> tuple[PcalibText, 
     return PcalibText(table_text(monotone)), "; ".join(changes)
 
 
-def _increasing_after_scaling(table: PcalibText, _context: Context) -> Finding | None:
-    values = table.values
-    if not _increases(values):
-        return None
-    span = float(values[-1]) - float(values[0])
-    steps = np.diff((255.0 * (values - values[0]).astype(np.float64) / span).astype(np.float32))
-    if np.all(steps > 0):
-        return None
-    return Finding(
-        "warning",
-        f"strictly increasing after scaling to 0..255; after grey level {int(np.argmin(steps))} it is not",
-        "loads it, and divides by zero where it inverts the curve there",
-        "write values from 0 to 255 with 9 significant digits",
-    )
-
-
-def _of_8_bit(table: PcalibText, context: Context) -> Finding | None:
-    count = table.values.size
-    if count <= FEWEST_VALUES:
-        return None
-    remedy = f"write the {FEWEST_VALUES} values of an 8-bit camera"
-    if context.program == "mono":
-        rule = f"exactly {FEWEST_VALUES} values on the first line; there are {count}"
-        return Finding("error", rule, UNCORRECTED["mono"], remedy)
-    if count > MOST_VALUES:
-        rule = f"at most {MOST_VALUES} values, for which there is memory; there are {count}"
-        return Finding("error", rule, UNCORRECTED["dso"], remedy)
-    return Finding(
-        "warning",
-        f"{count} values, for images with as many grey levels",
-        f"accepts them, but its image reader delivers 8 bits and so uses only the first {FEWEST_VALUES}, which are "
-        f"almost black; this works only in builds that read deeper images",
-        remedy,
-    )
-
-
 def _resample_to_8_bit(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     values = table.scanned[0]
     resampled = np.interp(np.linspace(0, 1, FEWEST_VALUES), np.linspace(0, 1, values.size), values)
     change = f"{values.size} values resampled to {FEWEST_VALUES}, the table for 8-bit images"
     return PcalibText(table_text(resampled)), change
-
-
-def _of_full_range(table: PcalibText, _context: Context) -> Finding | None:
-    """Find ends that are exactly straight below grey level 16 and above 235, and only there."""
-    values = table.values.astype(np.float64)
-    if values.size != FEWEST_VALUES or not _increases(table.values):
-        return None
-    bends = np.flatnonzero(np.abs(np.diff(values, 2)) > _STRAIGHT * (values[-1] - values[0]))
-    if not bends.size:
-        return None
-    straight = np.array([bends[0] + 1, values.size - 2 - bends[-1]])  # levels before the first bend, after the last
-    if np.abs(straight - _LIMITED_RANGE).max() > _LIMITED_TOLERANCE:
-        return None
-    return Finding(
-        "warning",
-        "the curve is measured at all grey levels; it is exactly straight below 16 and above 235, the grey levels "
-        "that limited-range video leaves out",
-        "applies it to images with all 256 grey levels, where it is wrong",
-        "record or decode full-range video and calibrate again",
-    )
-
-
-def _from_0_to_255(table: PcalibText, _context: Context) -> Finding | None:
-    values = table.values
-    if not _increases(values) or (values[0] == 0 and values[-1] == 255):
-        return None
-    return Finding(
-        "note",
-        f"values run from {values[0]:g} to {values[-1]:g}",
-        "shifts and scales them to 0..255, so that a black level in them is lost",
-    )
 
 
 def _scale_to_255(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
@@ -214,6 +199,16 @@ def _scale_to_255(table: PcalibText, _context: Context) -> tuple[PcalibText, str
 
 def _increases(values: Float32Array) -> bool:
     return values.size >= 2 and bool(np.all(np.diff(values) > 0))
+
+
+def _is_of_limited_range(table: Float32Array) -> bool:
+    """Tell whether the ends are exactly straight below grey level 16 and above 235, and only there."""
+    values = table.astype(np.float64)
+    bends = np.flatnonzero(np.abs(np.diff(values, 2)) > _STRAIGHT * (values[-1] - values[0]))
+    if values.size != FEWEST_VALUES or not bends.size:
+        return False
+    straight = np.array([bends[0] + 1, values.size - 2 - bends[-1]])  # levels before the first bend, after the last
+    return bool(np.abs(straight - _LIMITED_RANGE).max() <= _LIMITED_TOLERANCE)
 
 
 def _words(line: str) -> list[str]:
@@ -231,14 +226,5 @@ def _number(word: str) -> float | None:
 PCALIB: Format[PcalibText] = Format(
     read=lambda path: PcalibText(read_text(path)),
     write=lambda table, path: write_text(path, table.text),
-    rules=(
-        Rule(_one_line, _put_on_one_line),
-        Rule(_only_numbers, _keep_numbers_only),
-        Rule(_enough_values),
-        Rule(_strictly_increasing, _make_increasing),
-        Rule(_increasing_after_scaling, _scale_to_255),
-        Rule(_of_8_bit, _resample_to_8_bit),
-        Rule(_of_full_range),
-        Rule(_from_0_to_255, _scale_to_255),
-    ),
+    check=_broken,
 )

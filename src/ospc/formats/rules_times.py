@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,10 +16,13 @@ from ospc.arrays import BoolArray, FloatArray
 from ospc.errors import FormatError
 from ospc.formats.dso import LARGEST_ID, write_times
 from ospc.formats.files import read_text
-from ospc.formats.rules import Context, Finding, Format, Rule
+from ospc.formats.rules import Broken, Context, Format
 from ospc.formats.scanning import scanned
-from ospc.formats.times_lines import LONGEST_LINE, Row, TimesText, neighbour_filled
 
+_LONGEST_LINE = 999
+"""Characters that fit the line buffers of the programs."""
+
+_WORD = re.compile(r"\S+", re.ASCII)
 _WHOLE_NUMBER = re.compile(r"[+-]?\d+", re.ASCII)
 
 _PLAUSIBLE_MS = (0.05, 2000.0)
@@ -31,25 +38,153 @@ _EVERYTHING_LOST = {
     "dso": "drops all time stamps and all exposures without a word and runs with exposure 1",
     "mono": "sets all time stamps and exposures to zero",
 }
+_PASSED_OVER = f"passes over these lines without a word; then the counts differ and it {_EVERYTHING_LOST['dso']}"
 _LAYOUT = "every line is 'id stamp[s] exposure[ms]'"
 _WRITE_ANEW = "write times.txt again from the recording's source"
 
 
-def _lines_fit(times: TimesText, _context: Context) -> Finding | None:
-    number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > LONGEST_LINE), None)
-    if number is None:
-        return None
-    rule = f"lines of up to {LONGEST_LINE} characters; line {number} is longer"
-    return Finding("error", rule, "stops reading there", "shorten the line")
+class _Row(NamedTuple):
+    """The words of one line, and the number of the line, from 1."""
+
+    number: int
+    words: list[str]
 
 
-def _separated_by_spaces(times: TimesText, _context: Context) -> Finding | None:
-    bad = [row for row in times.rows if _has_commas(row)]
-    if not bad:
-        return None
-    effect = "stops at the first of them, and so drops the line or takes part of a number for the whole"
-    rule = f"values are separated by spaces; {_first_of(bad)}"
-    return Finding("error", rule, effect, "separate the values by spaces")
+@dataclass(frozen=True)
+class TimesText:
+    """The text of a times.txt, as the programs read it."""
+
+    text: str
+
+    @cached_property
+    def rows(self) -> tuple[_Row, ...]:
+        """The words of every line, without comments and blank lines."""
+        lines = enumerate(self.text.split("\n"), start=1)
+        split = (_Row(number, _WORD.findall(line)) for number, line in lines)
+        return tuple(row for row in split if row.words and not row.words[0].startswith("#"))
+
+    @cached_property
+    def scanned(self) -> FloatArray:
+        """Ids, stamps in s and exposures in ms as DSO takes them, shape (lines, 3); a missing exposure is 0."""
+        values: list[list[float]] = []
+        for line in self.text.split("\n"):
+            if len(line) > _LONGEST_LINE:
+                break
+            row = scanned(line, "dff")
+            if len(row) >= 2:
+                values.append([*row, 0.0][:3])
+        return np.array(values, dtype=np.float64).reshape(-1, 3)
+
+    @property
+    def exposures_ms(self) -> FloatArray:
+        """Exposures as DSO stores them, in 32 bits, shape (lines,)."""
+        with np.errstate(over="ignore", under="ignore"):
+            return self.scanned[:, 2].astype(np.float32).astype(np.float64)
+
+    def with_rows(self, rows: list[list[str]]) -> TimesText:
+        """Return a text with other lines."""
+        return TimesText("".join(" ".join(words) + "\n" for words in rows))
+
+
+def _neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
+    """Return the exposures after DSO has replaced each zero by the mean of its positive neighbours, in order."""
+    filled = exposures_ms.copy()
+    for i in np.flatnonzero(filled == 0):
+        neighbours = [filled[j] for j in (i - 1, i + 1) if 0 <= j < filled.size and filled[j] > 0]
+        if neighbours:
+            filled[i] = float(np.mean(neighbours))
+    return filled
+
+
+def _broken(times: TimesText, context: Context) -> Iterator[Broken]:
+    yield from _about_the_lines(times)
+    yield from _about_the_count(times, context)
+    yield from _about_the_ids(times)
+    if context.images is None and times.rows:
+        rule = f"one line per image; there are {len(times.rows)} lines"
+        effect = f"was not compared, because the images were not found; if they differ, it {_lost(context)}"
+        yield Broken("note", rule, effect, "check the whole folder")
+    yield from _about_the_exposures(times, context)
+    yield from _about_the_stamps(times)
+
+
+def _about_the_lines(times: TimesText) -> Iterator[Broken]:
+    number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > _LONGEST_LINE), None)
+    if number is not None:
+        rule = f"lines of up to {_LONGEST_LINE} characters; line {number} is longer"
+        yield Broken("error", rule, "stops reading there", "shorten the line")
+    if bad := [row for row in times.rows if _has_commas(row)]:
+        rule = f"values are separated by spaces; {_first_of(bad)}"
+        effect = "stops at the first of them, and so drops the line or takes part of a number for the whole"
+        yield Broken("error", rule, effect, "separate the values by spaces", _separate_by_spaces)
+    if bad := [row for row in times.rows if not _has_stamp(row) and not _has_commas(row)]:
+        yield Broken("error", f"{_LAYOUT}; {_first_of(bad)}", _PASSED_OVER, _WRITE_ANEW, _drop_lines_without_stamp)
+
+
+def _about_the_count(times: TimesText, context: Context) -> Iterator[Broken]:
+    if not times.rows:
+        yield Broken("error", "one line per image; there is none", _lost(context), _WRITE_ANEW)
+    elif context.images is not None and len(times.rows) != len(context.images):
+        rule = f"one line per image; {len(times.rows)} lines for {len(context.images)} files in images"
+        yield Broken("error", rule, _lost(context), "remove the surplus", _drop_lines_without_image)
+
+
+def _about_the_ids(times: TimesText) -> Iterator[Broken]:
+    if bad := [r for r in times.rows if _has_stamp(r) and not _has_commas(r) and not _is_whole(r.words[0])]:
+        torn = len(scanned(" ".join(bad[0].words), "dff")) > 1
+        effect = "takes the digits before the point as id, those after it as time stamp and the stamp as exposure"
+        rule = f"{_LAYOUT} with an integer id; {_first_of(bad)}"
+        yield Broken("error", rule, effect if torn else _PASSED_OVER, "number the images", _number_lines)
+    ids = times.scanned[:, 0]
+    if np.any((ids < 0) | (ids > LARGEST_ID)):
+        yield Broken(
+            "warning",
+            "ids fit 32 bits and are not negative; these are not such numbers, and may be time stamps in nanoseconds",
+            "reads garbage ids, which it does not use; other C libraries may drop the lines",
+            "number the images from 0",
+            _number_lines,
+        )
+
+
+def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]:
+    exposures_ms = times.exposures_ms
+    zero, valid = exposures_ms == 0, np.isfinite(exposures_ms) & (exposures_ms > 0)
+    invalid = ~zero & ~valid
+    if invalid.any():
+        rule = f"exposures are positive; {_places(invalid)} negative or not a number"
+        effect = "leaves those images uncorrected, or carries NaN into its brightness transfer"
+        yield Broken("error", rule, effect, "correct them", _fill_exposures)
+    left = _neighbour_filled(exposures_ms) == 0
+    if context.program == "dso" and left.any():
+        rule = f"a zero exposure has a positive neighbour; {_places(left)} without"
+        remedy = "record exposures; if there are none, leave the third column out of all lines"
+        yield Broken("error", rule, "drops the exposures of all images", remedy, _fill_exposures)
+    if zero.any() and not (context.program == "dso" and zero.all()):
+        rule, remedy = f"exposures are positive; {_places(zero)} zero or missing", "record the missing exposures"
+        if context.program == "mono":
+            yield Broken("error", rule, "passes the zeros on", remedy, _fill_exposures)
+        else:
+            effect = "replaces them by the mean of their neighbours"
+            yield Broken("warning", rule, effect, remedy, _fill_exposures)
+    known = exposures_ms[valid]
+    if known.size and not _PLAUSIBLE_MS[0] <= (median := float(np.median(known))) <= _PLAUSIBLE_MS[1]:
+        unit = "seconds" if median < _PLAUSIBLE_MS[0] else "microseconds"
+        rule = f"exposures are in milliseconds; their median is {median:g}, as if they were in {unit}"
+        yield Broken("warning", rule, "uses only their ratios and does not notice", "convert them")
+    if known.size > 2 and known.min() == known.max():
+        effect = "gains nothing from them, and no response can be calibrated"
+        yield Broken("note", f"exposures vary; all are {known[0]:g} ms", effect)
+
+
+def _about_the_stamps(times: TimesText) -> Iterator[Broken]:
+    steps = np.diff(times.scanned[:, 1])
+    if not np.all(steps > 0):
+        rule = f"time stamps increase; after line {int(np.argmin(steps > 0)) + 1} they do not"
+        yield Broken("warning", rule, "plays the images in order and writes stamps that do not increase")
+    elif steps.size and (median := float(np.median(steps))) > _LONGEST_INTERVAL_S:
+        rule = f"time stamps are in seconds; they advance by {median:g}, as if in milli- or nanoseconds"
+        effect = "cannot play them in real time, nor can they be matched with a ground truth"
+        yield Broken("warning", rule, effect, "convert them")
 
 
 def _separate_by_spaces(times: TimesText, _context: Context) -> tuple[TimesText, str]:
@@ -59,38 +194,9 @@ def _separate_by_spaces(times: TimesText, _context: Context) -> tuple[TimesText,
     return times.with_rows(rows), "commas or semicolons replaced by spaces"
 
 
-def _lines_have_stamps(times: TimesText, _context: Context) -> Finding | None:
-    bad = [row for row in times.rows if not _has_stamp(row) and not _has_commas(row)]
-    if not bad:
-        return None
-    effect = f"passes over these lines without a word; then the counts differ and it {_EVERYTHING_LOST['dso']}"
-    return Finding("error", f"{_LAYOUT}; {_first_of(bad)}", effect, _WRITE_ANEW)
-
-
 def _drop_lines_without_stamp(times: TimesText, _context: Context) -> tuple[TimesText, str]:
     kept = [row.words for row in times.rows if _has_stamp(row)]
     return times.with_rows(kept), f"{len(times.rows) - len(kept)} lines without stamp dropped"
-
-
-def _has_lines(times: TimesText, context: Context) -> Finding | None:
-    if times.rows:
-        return None
-    return Finding("error", "one line per image; there is none", _EVERYTHING_LOST[context.program], _WRITE_ANEW)
-
-
-def _images_are_known(times: TimesText, context: Context) -> Finding | None:
-    if context.images is not None or not times.rows:
-        return None
-    lost = _EVERYTHING_LOST[context.program]
-    effect = f"was not compared, because the images were not found; if they differ, it {lost}"
-    return Finding("note", f"one line per image; there are {len(times.rows)} lines", effect, "check the whole folder")
-
-
-def _one_line_per_image(times: TimesText, context: Context) -> Finding | None:
-    if context.images is None or not times.rows or len(times.rows) == len(context.images):
-        return None
-    rule = f"one line per image; {len(times.rows)} lines for {len(context.images)} files in images"
-    return Finding("error", rule, _EVERYTHING_LOST[context.program], "remove the surplus")
 
 
 def _drop_lines_without_image(times: TimesText, context: Context) -> tuple[TimesText, str]:
@@ -107,63 +213,9 @@ def _drop_lines_without_image(times: TimesText, context: Context) -> tuple[Times
     return times.with_rows(kept), f"{len(times.rows) - len(kept)} lines without an image dropped"
 
 
-def _ids_are_integers(times: TimesText, _context: Context) -> Finding | None:
-    bad = [row for row in times.rows if _has_stamp(row) and not _has_commas(row) and not _is_whole(row.words[0])]
-    if not bad:
-        return None
-    torn = scanned(" ".join(bad[0].words), "dff")
-    effect = (
-        "takes the digits before the point as id, those after it as time stamp and the stamp as exposure"
-        if len(torn) > 1
-        else f"passes over these lines without a word; then the counts differ and it {_EVERYTHING_LOST['dso']}"
-    )
-    return Finding("error", f"{_LAYOUT} with an integer id; {_first_of(bad)}", effect, "number the images")
-
-
-def _ids_fit_32_bits(times: TimesText, _context: Context) -> Finding | None:
-    ids = times.scanned[:, 0]
-    if not np.any((ids < 0) | (ids > LARGEST_ID)):
-        return None
-    return Finding(
-        "warning",
-        "ids fit 32 bits and are not negative; these are not such numbers, and may be time stamps in nanoseconds",
-        "reads garbage ids, which it does not use; other C libraries may drop the lines",
-        "number the images from 0",
-    )
-
-
 def _number_lines(times: TimesText, _context: Context) -> tuple[TimesText, str]:
     rows = [[str(i), *row.words[1:]] for i, row in enumerate(times.rows)]
     return times.with_rows(rows), "ids that are no 32-bit integers replaced by the numbers 0, 1, 2, …"
-
-
-def _exposures_are_valid(times: TimesText, _context: Context) -> Finding | None:
-    bad = ~np.isfinite(times.exposures_ms) | (times.exposures_ms < 0)
-    if not bad.any():
-        return None
-    effect = "leaves those images uncorrected, or carries NaN into its brightness transfer"
-    return Finding(
-        "error", f"exposures are positive; {_places(bad)} negative or not a number", effect, "correct them"
-    )
-
-
-def _zeros_have_neighbours(times: TimesText, context: Context) -> Finding | None:
-    left = neighbour_filled(times.exposures_ms) == 0
-    if context.program != "dso" or not left.any():
-        return None
-    remedy = "record exposures; if there are none, leave the third column out of all lines"
-    rule = f"a zero exposure has a positive neighbour; {_places(left)} without"
-    return Finding("error", rule, "drops the exposures of all images", remedy)
-
-
-def _no_exposure_is_zero(times: TimesText, context: Context) -> Finding | None:
-    zero = times.exposures_ms == 0
-    if not zero.any() or (context.program == "dso" and zero.all()):
-        return None
-    rule, remedy = f"exposures are positive; {_places(zero)} zero or missing", "record the missing exposures"
-    if context.program == "mono":
-        return Finding("error", rule, "passes the zeros on", remedy)
-    return Finding("warning", rule, "replaces them by the mean of their neighbours", remedy)
 
 
 def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str]:
@@ -182,45 +234,11 @@ def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str
     return times.with_rows(rows), f"{missing} missing or invalid exposures interpolated between their neighbours"
 
 
-def _exposures_are_in_ms(times: TimesText, _context: Context) -> Finding | None:
-    valid = _valid(times.exposures_ms)
-    if not valid.size or _PLAUSIBLE_MS[0] <= (median := float(np.median(valid))) <= _PLAUSIBLE_MS[1]:
-        return None
-    unit = "seconds" if median < _PLAUSIBLE_MS[0] else "microseconds"
-    rule = f"exposures are in milliseconds; their median is {median:g}, as if they were in {unit}"
-    return Finding("warning", rule, "uses only their ratios and does not notice", "convert them")
-
-
-def _exposures_vary(times: TimesText, _context: Context) -> Finding | None:
-    valid = _valid(times.exposures_ms)
-    if valid.size <= 2 or valid.min() < valid.max():
-        return None
-    effect = "gains nothing from them, and no response can be calibrated"
-    return Finding("note", f"exposures vary; all are {valid[0]:g} ms", effect)
-
-
-def _stamps_increase(times: TimesText, _context: Context) -> Finding | None:
-    steps = np.diff(times.scanned[:, 1])
-    if np.all(steps > 0):
-        return None
-    rule = f"time stamps increase; after line {int(np.argmin(steps > 0)) + 1} they do not"
-    return Finding("warning", rule, "plays the images in order and writes stamps that do not increase")
-
-
-def _stamps_are_in_seconds(times: TimesText, _context: Context) -> Finding | None:
-    steps = np.diff(times.scanned[:, 1])
-    if not steps.size or not np.all(steps > 0) or (median := float(np.median(steps))) <= _LONGEST_INTERVAL_S:
-        return None
-    rule = f"time stamps are in seconds; they advance by {median:g}, as if in milli- or nanoseconds"
-    effect = "cannot play them in real time, nor can they be matched with a ground truth"
-    return Finding("warning", rule, effect, "convert them")
-
-
-def _has_commas(row: Row) -> bool:
+def _has_commas(row: _Row) -> bool:
     return any("," in word or ";" in word for word in row.words)
 
 
-def _has_stamp(row: Row) -> bool:
+def _has_stamp(row: _Row) -> bool:
     stamp = scanned(row.words[1], "f") if len(row.words) >= 2 else []
     return bool(stamp) and math.isfinite(stamp[0])
 
@@ -229,12 +247,8 @@ def _is_whole(word: str) -> bool:
     return _WHOLE_NUMBER.fullmatch(word) is not None
 
 
-def _first_of(rows: list[Row]) -> str:
+def _first_of(rows: list[_Row]) -> str:
     return f"{len(rows)} are not, first line {rows[0].number}: {' '.join(rows[0].words)[:40]!r}"
-
-
-def _valid(exposures_ms: FloatArray) -> FloatArray:
-    return np.asarray(exposures_ms[np.isfinite(exposures_ms) & (exposures_ms > 0)])
 
 
 def _places(where: BoolArray) -> str:
@@ -242,29 +256,13 @@ def _places(where: BoolArray) -> str:
     return f"{count} of {where.size} are, first in row {int(np.argmax(where)) + 1},"
 
 
+def _lost(context: Context) -> str:
+    return _EVERYTHING_LOST[context.program]
+
+
 def _write(times: TimesText, path: Path) -> Path:
     ids, stamps_s, exposures_ms = times.scanned.T
     return write_times(path, [int(i) for i in ids], stamps_s, exposures_ms)
 
 
-TIMES: Format[TimesText] = Format(
-    read=lambda path: TimesText(read_text(path)),
-    write=_write,
-    rules=(
-        Rule(_lines_fit),
-        Rule(_separated_by_spaces, _separate_by_spaces),
-        Rule(_lines_have_stamps, _drop_lines_without_stamp),
-        Rule(_has_lines),
-        Rule(_one_line_per_image, _drop_lines_without_image),
-        Rule(_ids_are_integers, _number_lines),
-        Rule(_ids_fit_32_bits, _number_lines),
-        Rule(_images_are_known),
-        Rule(_exposures_are_valid, _fill_exposures),
-        Rule(_zeros_have_neighbours, _fill_exposures),
-        Rule(_no_exposure_is_zero, _fill_exposures),
-        Rule(_exposures_are_in_ms),
-        Rule(_exposures_vary),
-        Rule(_stamps_increase),
-        Rule(_stamps_are_in_seconds),
-    ),
-)
+TIMES: Format[TimesText] = Format(lambda path: TimesText(read_text(path)), _write, _broken)

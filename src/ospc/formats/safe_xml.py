@@ -29,11 +29,37 @@ def read_xml(path: str | Path) -> ElementTree.Element:
         If the file cannot be read, is not XML, defines entities, or is nested too deeply.
     """
     content = read_bytes(path, _LARGEST)
-    _refuse_declarations(content, path)
+    tree = ElementTree.TreeBuilder()
+    depth = 0
+
+    def begin(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise FormatError(f"{path}: elements are nested more than {_DEEPEST} deep")
+        tree.start(name, attributes)
+
+    def end(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+        tree.end(name)
+
+    def doctype(_name: str, _system: str | None, _public: str | None, internal: int) -> None:
+        if internal:
+            raise FormatError(f"{path}: defines its own document type, which is not accepted; remove <!DOCTYPE>")
+
+    def entity(*_arguments: Any) -> None:
+        raise FormatError(f"{path}: defines or uses entities, which is not accepted")
+
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, tree.data
+    parser.StartDoctypeDeclHandler, parser.EntityDeclHandler, parser.SkippedEntityHandler = doctype, entity, entity
     try:
-        return ElementTree.fromstring(content)  # noqa: S314
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        parser.Parse(content, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
         raise FormatError(f"{path}: not readable as XML ({error})") from None
+    return tree.close()
 
 
 def write_xml(root: ElementTree.Element) -> str:
@@ -45,34 +71,3 @@ def write_xml(root: ElementTree.Element) -> str:
 def local_name(tag: str) -> str:
     """Return a tag or attribute name without its name space."""
     return tag.rsplit("}", 1)[-1]
-
-
-def _refuse_declarations(content: bytes, path: str | Path) -> None:
-    depth = 0
-
-    def begin(_name: str, _attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > _DEEPEST:
-            raise FormatError(f"{path}: elements are nested more than {_DEEPEST} deep")
-
-    def end(_name: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    def doctype(_name: str, _system: str | None, _public: str | None, internal: int) -> None:
-        if internal:
-            raise FormatError(f"{path}: defines its own document type, which is not accepted; remove <!DOCTYPE>")
-
-    def entity(*_arguments: Any) -> None:
-        raise FormatError(f"{path}: defines entities, which is not accepted")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = begin
-    parser.EndElementHandler = end
-    parser.StartDoctypeDeclHandler = doctype
-    parser.EntityDeclHandler = entity
-    try:
-        parser.Parse(content, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise FormatError(f"{path}: not readable as XML ({error})") from None

@@ -31,15 +31,10 @@ def leading_numbers(line: str) -> tuple[FloatArray, str]:
 
 
 def scanned(line: str, conversions: str) -> list[float]:
-    """Return the values that ``sscanf`` would convert, up to the first failure.
+    """Return the values that ``sscanf`` would convert, up to the first failure; ``"dff"`` stands for ``"%d %lf %f"``.
 
-    Parameters
-    ----------
-    line
-        The text.
-    conversions
-        One letter per conversion, ``d`` or ``f``: ``"dff"`` stands for ``"%d %lf %f"``. As in C, ``nan`` and ``inf``
-        are numbers, and a ``d`` takes the leading integer of a number and leaves the rest to the next conversion.
+    As in C, ``nan`` and ``inf`` are numbers, and a ``d`` takes the leading integer of a number and leaves the rest to
+    the next conversion.
     """
     values: list[float] = []
     position = 0
@@ -53,13 +48,7 @@ def scanned(line: str, conversions: str) -> list[float]:
 
 
 def finite_number(text: str | None, name: str) -> float:
-    """Return a number from a file; the text may be None for one that is missing.
-
-    Raises
-    ------
-    FormatError
-        If it is missing, or not a finite number.
-    """
+    """Return a number from a file; FormatError if it is missing (None) or not a finite number."""
     try:
         value = float(text or "")
     except ValueError:

@@ -54,10 +54,8 @@ class Validation:
         The program whose rules were applied.
     size
         Size of the images, as given or from camera.txt; None if unknown.
-    files
-        The files that were checked.
-    findings
-        Broken rules, file by file.
+    files, findings
+        The files that were checked, and the rules that they break, file by file.
     """
 
     program: Program
@@ -77,10 +75,8 @@ class Repair:
 
     Attributes
     ----------
-    source
-        The original file, which is not changed.
-    path
-        The copy.
+    source, path
+        The original file, which is not changed, and the copy.
     changes
         What was changed, one sentence each; if empty, nothing had to be and there is no copy.
     """
@@ -123,10 +119,8 @@ def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | No
 
     Parameters
     ----------
-    paths
-        Files, or folders whose files with the usual names are checked.
-    program
-        The program whose rules apply.
+    paths, program
+        Files, or folders whose files with the usual names are checked, and the program whose rules apply.
     size
         Width and height of the images; taken from a camera.txt among the files if None.
 
@@ -136,7 +130,8 @@ def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | No
         If the kind of a file is unknown, or a folder holds no parameter file.
     """
     files = tuple(found for path in paths for found in _parameter_files(Path(path)))
-    known_size = size or next(filter(None, map(_size_in, files)), None)
+    in_files = (input_size(read_text(file.path)) for file in files if file.kind == "camera")
+    known_size = size or next(filter(None, in_files), None)
     findings = [
         finding
         for file in files
@@ -149,14 +144,7 @@ def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | No
 def repair(file: ParameterFile, program: Program = "dso", size: ImageSize | None = None) -> Repair:
     """Write ``<name>.repaired.<ext>`` beside a parameter file, unless nothing needs a repair.
 
-    Parameters
-    ----------
-    file
-        The file and its kind.
-    program
-        The program whose rules the copy keeps.
-    size
-        Width and height that a vignette needs; its own size if None.
+    The copy keeps the rules of the program; ``size`` is what a vignette needs, its own size if None.
 
     Raises
     ------
@@ -173,10 +161,10 @@ def repair(file: ParameterFile, program: Program = "dso", size: ImageSize | None
 
 
 def _context(file: ParameterFile, program: Program, size: ImageSize | None) -> Context:
-    return Context(program, size, image_names(file.path.parent) if file.kind == "times" else None)
+    return Context(program, size, _image_names(file.path.parent) if file.kind == "times" else None)
 
 
-def image_names(folder: Path) -> tuple[str, ...] | None:
+def _image_names(folder: Path) -> tuple[str, ...] | None:
     """Return the names of all entries in a folder's images or images.zip, sorted; None if it has neither.
 
     DSO takes every entry for an image, whatever it is.
@@ -199,10 +187,6 @@ def _parameter_files(path: Path) -> list[ParameterFile]:
     if not found:
         raise FormatError(f"{path}: holds none of {', '.join(FOLDER_FILES)}; name the files")
     return found
-
-
-def _size_in(file: ParameterFile) -> ImageSize | None:
-    return input_size(read_text(file.path)) if file.kind == "camera" else None
 
 
 def _about_pairs(files: tuple[ParameterFile, ...], program: Program) -> Iterator[Finding]:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import islice
 
-from ospc.arrays import Image
 from ospc.recording.frame import Frame
 
 _DECODED = 3
@@ -50,62 +48,34 @@ def decoded_ahead(
         yield first
         yield from source
         return
+    queue = deque([(first, False)])  # frames, and whether each is being decoded
     with ThreadPoolExecutor(1, "ospc-decoding") as worker:
-        queue: deque[_Prepared] = deque([_Prepared(first)])
         try:
             while queue:
-                _fill(queue, source, wanted, worker, decoded=decoded, verified=verified)
-                yield queue.popleft().frame
+                in_progress = sum(decoding for _, decoding in queue)
+                while in_progress < decoded and len(queue) < verified and (frame := next(source, None)) is not None:
+                    decode = frame.threads and wanted(len(queue) + 1)
+                    queue.append((_decoding(frame, worker) if decode else _verifying(frame, worker), decode))
+                    in_progress += decode
+                yield queue.popleft()[0]
         finally:
             worker.shutdown(wait=True, cancel_futures=True)
 
 
-class _Prepared:
-    """A frame and the work in progress on it."""
+def _decoding(frame: Frame, worker: ThreadPoolExecutor) -> Frame:
+    """Return a frame whose image the worker decodes."""
+    # Not through the cached property, which in Python 3.11 holds a lock shared by all frames.
+    job = worker.submit(frame.load)
 
-    def __init__(self, frame: Frame) -> None:
-        self.frame = frame
-        self.decoding = False
-        self._plain = frame
-
-    def decode(self, worker: ThreadPoolExecutor) -> None:
-        """Decode its image in the worker."""
-        plain = self._plain
-        # Not through the cached property, which in Python 3.11 holds a lock shared by all frames.
-        job: Future[Image] = worker.submit(plain.load)
+    def verify() -> None:
         # Decoding verifies the image too, so nothing is read twice.
-        verify = None if plain.verify is None else lambda: _done(job)
-        self.frame, self.decoding = replace(plain, load=job.result, verify=verify), True
+        job.result()
 
-    def check(self, worker: ThreadPoolExecutor) -> None:
-        """Verify its image in the worker."""
-        if self._plain.verify is not None and self._plain.threads:
-            job: Future[None] = worker.submit(self._plain.verify)
-            self.frame = replace(self._plain, verify=job.result)
+    return replace(frame, load=job.result, verify=None if frame.verify is None else verify)
 
 
-def _done(job: Future[Image]) -> None:
-    job.result()
-
-
-def _fill(
-    queue: deque[_Prepared],
-    source: Iterator[Frame],
-    wanted: Callable[[int], bool],
-    worker: ThreadPoolExecutor,
-    *,
-    decoded: int,
-    verified: int,
-) -> None:
-    """Take frames ahead until enough images are being decoded."""
-    in_progress = sum(entry.decoding for entry in queue)
-    while in_progress < decoded and len(queue) < verified:
-        entry = next((_Prepared(frame) for frame in islice(source, 1)), None)
-        if entry is None:
-            return
-        queue.append(entry)
-        if entry.frame.threads and wanted(len(queue)):
-            entry.decode(worker)
-            in_progress += 1
-        else:
-            entry.check(worker)
+def _verifying(frame: Frame, worker: ThreadPoolExecutor) -> Frame:
+    """Return a frame whose image the worker verifies."""
+    if frame.verify is None or not frame.threads:
+        return frame
+    return replace(frame, verify=worker.submit(frame.verify).result)

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, Image
-from ospc.errors import ExposureError, FrameError, RecordingError
-from ospc.recording.bit_depth import detect_bit_depth
-from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
-from ospc.recording.frame import Frame, check_image
+from ospc.errors import ExposureError, FrameError, RecordingError, listed
+from ospc.recording.frame import Frame, check_image, check_size, size_of
+from ospc.recording.frame_table import checked_exposures, checked_stamps
+from ospc.recording.pixel_layout import detect_bit_depth
 from ospc.recording.recording import StoredRecording
 
 
@@ -69,13 +69,18 @@ class ArrayRecording(StoredRecording):
             depth = detect_bit_depth(image for image in pixels if image.dtype == first.dtype)
             max_grey = depth.max_grey << depth.shift
             notes = () if depth.note is None else (f"{name}: largest grey value taken as {max_grey}",)
+        stamps = np.arange(len(images)) if stamps_s is None else stamps_s
+
+        def where(frames: Sequence[int]) -> str:
+            return f"{name}[{listed(frames)}]"
+
         super().__init__(
             path=Path(name),
             kind="array",
-            size=(first.shape[1], first.shape[0]),
+            size=size_of(first),
             max_grey=max_grey,
-            exposures_ms=_exposures(exposures_ms, len(images), name),
-            stamps_s=_stamps(np.arange(len(images)) if stamps_s is None else stamps_s, len(images), name),
+            exposures_ms=checked_exposures(_column(exposures_ms, len(images), "exposures", name), where),
+            stamps_s=checked_stamps(_column(stamps, len(images), "time stamps", name), where),
             notes=notes,
         )
         self._images = images
@@ -93,11 +98,7 @@ class ArrayRecording(StoredRecording):
     def _load(self, index: int) -> Image:
         name = f"{self._name}[{index}]"
         image = check_image(np.asarray(self._images[index]), name)
-        if (image.shape[1], image.shape[0]) != self.size:
-            raise FrameError(
-                f"{name}: is {image.shape[1]}x{image.shape[0]} pixels where the recording has "
-                f"{self.size[0]}x{self.size[1]}; bring all images to one size"
-            )
+        check_size(size_of(image), self.size, name)
         return image
 
 
@@ -110,38 +111,11 @@ def _first(images: npt.NDArray[np.generic] | Sequence[Image], name: str) -> Imag
 
 
 def _column(values: npt.ArrayLike, count: int, what: str, name: str) -> FloatArray:
-    """Return one number per frame, read-only."""
+    """Return one number per frame."""
     try:
         column = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise ExposureError(f"{name}: {what} must be numbers, one per frame") from None
     if column.shape != (count,):
         raise ExposureError(f"{name}: {what} have shape {column.shape}; give one per frame, {count} in all")
-    column.setflags(write=False)
-    return column
-
-
-def _exposures(values: npt.ArrayLike, count: int, name: str) -> FloatArray:
-    column = _column(values, count, "exposures", name)
-    low, high = EXPOSURE_RANGE_MS
-    bad = np.flatnonzero(~((column >= low) & (column <= high)))
-    if bad.size:
-        raise ExposureError(
-            f"{name}[{bad[0]}]: the exposure must be a positive number of milliseconds, not {column[bad[0]]:g}; "
-            f"leave the frame out or give its exposure"
-        )
-    return column
-
-
-def _stamps(values: npt.ArrayLike, count: int, name: str) -> FloatArray:
-    column = _column(values, count, "time stamps", name)
-    bad = np.flatnonzero(~np.isfinite(column))
-    if bad.size:
-        raise RecordingError(f"{name}[{bad[0]}]: {column[bad[0]]:g} is not a time stamp; correct it")
-    wrong = np.flatnonzero(np.diff(column) <= 0)
-    if wrong.size:
-        raise RecordingError(
-            f"{name}[{wrong[0] + 1}]: its time stamp is not after that of the frame before; "
-            f"frames must be in the order they were taken"
-        )
     return column

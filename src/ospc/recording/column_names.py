@@ -5,26 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
-import numpy as np
-
-from ospc.errors import ExposureError
+from ospc.errors import ExposureError, listed, quoted
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.wording import listed, quoted
 
-_IN_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
-_UNITS = {
-    "s": ExposureUnit.S,
+_STAMP_UNITS_S = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+_UNITS = {unit.value: unit for unit in ExposureUnit} | {
     "sec": ExposureUnit.S,
-    "ms": ExposureUnit.MS,
-    "us": ExposureUnit.US,
     "µs": ExposureUnit.US,
     "μs": ExposureUnit.US,
-    "ns": ExposureUnit.NS,
-    "100us": ExposureUnit.US100,
     "100µs": ExposureUnit.US100,
-    "log2s": ExposureUnit.LOG2_S,
 }
 _LONG_UNITS = {
     "second": "s",
@@ -44,25 +34,11 @@ _GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
 
 @dataclass(frozen=True)
 class Gain:
-    """A column of gains.
-
-    Attributes
-    ----------
-    column
-        Index of the column.
-    name
-        Its header.
-    scale
-        ``linear``, ``db`` (amplitude: 20 dB are a factor of ten) or ``iso`` (100 is a gain of one).
-    """
+    """Index, header and unit of a column of gains."""
 
     column: int
     name: str
-    scale: Literal["linear", "db", "iso"]
-
-    def linear(self, value: float, unit: GainUnit | None = None) -> float:
-        """Return the factor for the exposure; a stated unit overrides that of the header."""
-        return float((unit or GainUnit(self.scale)).linear(np.array(value, dtype=np.float64)))
+    unit: GainUnit
 
 
 @dataclass(frozen=True)
@@ -98,17 +74,11 @@ class Columns:
 def name_columns(header: Sequence[str], place: str) -> Columns:
     """Infer the meaning of columns from their names.
 
-    Parameters
-    ----------
-    header
-        Names of the columns.
-    place
-        File and line, for messages.
-
     Raises
     ------
     ExposureError
-        If several columns could hold the exposures, their time stamps, or the names of the images.
+        If several columns could hold the exposures, their time stamps, or the names of the images; the message begins
+        with ``place``.
     """
     parsed = [_word_and_unit(name) for name in header]
     exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
@@ -116,14 +86,11 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         return Columns(len(header))
     stamp = _only(header, parsed, _STAMP_WORDS, place)
     image = _only(header, parsed, _IMAGE_WORDS, place)
-    gains = tuple(Gain(i, header[i], _scale(*parsed[i])) for i in _among(parsed, _GAIN_WORDS))
-    notes = []
-    unit = _UNITS.get(parsed[exposure][1])
-    to_s = 1.0 if stamp is None else _IN_SECONDS.get(parsed[stamp][1], 1.0)
-    if gains:
-        said = ", ".join(f"{quoted(gain.name)} ({gain.scale})" for gain in gains)
-        notes.append(f"exposures are multiplied by the gain in {said}")
-    return Columns(len(header), image, stamp, exposure, gains, unit, to_s, tuple(notes))
+    gains = tuple(Gain(i, header[i], _gain_unit(*parsed[i])) for i in _among(parsed, _GAIN_WORDS))
+    to_s = 1.0 if stamp is None else _STAMP_UNITS_S.get(parsed[stamp][1], 1.0)
+    said = ", ".join(f"{quoted(gain.name)} ({gain.unit.value})" for gain in gains)
+    notes = (f"exposures are multiplied by the gain in {said}",) if gains else ()
+    return Columns(len(header), image, stamp, exposure, gains, _UNITS.get(parsed[exposure][1]), to_s, notes)
 
 
 def _word_and_unit(name: str) -> tuple[str, str]:
@@ -155,7 +122,7 @@ def _only(
     return found[0] if found else None
 
 
-def _scale(word: str, unit: str) -> Literal["linear", "db", "iso"]:
+def _gain_unit(word: str, unit: str) -> GainUnit:
     if word == "iso":
-        return "iso"
-    return "db" if unit == "db" else "linear"
+        return GainUnit.ISO
+    return GainUnit.DB if unit == "db" else GainUnit.LINEAR

@@ -7,15 +7,12 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import FrameError
+from ospc.formats.image_header import ImageHeader, read_header
 from ospc.recording.channel import Channel
-from ospc.recording.image_header import ImageHeader, read_header
 from ospc.recording.pixel_layout import StoredImage
 
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that would need more, counting all stored channels, are refused before decoding."""
-
-MAX_FILE_BYTES = 256 * 2**20
-"""Larger image files are refused before reading."""
 
 # The EXIF orientation is ignored: response and vignette belong to the axes of the sensor.
 _STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
@@ -26,30 +23,12 @@ _DEFLATE_EXPANDS = 1032
 
 
 def decode_grey(data: bytes, name: str) -> Image:
-    """Decode an image file to grey values; colour becomes luma, 0.299 R + 0.587 G + 0.114 B.
-
-    Parameters
-    ----------
-    data
-        The whole file.
-    name
-        Name of the image in messages.
-
-    Returns
-    -------
-    Image
-        Shape (height, width), uint8 or uint16 as stored.
-
-    Raises
-    ------
-    FrameError
-        If it is not an image, truncated, damaged, too large, or does not have 8 or 16 bits.
-    """
+    """Decode an image file as :func:`decode_stored`; colour becomes luma, 0.299 R + 0.587 G + 0.114 B."""
     return decode_stored(data, name).pixels
 
 
 def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> StoredImage:
-    """Decode an image file to one channel; by default to luma if it is in colour.
+    """Decode the content of an image file, called ``name`` in messages, to one channel; by default to luma.
 
     Raises
     ------
@@ -58,8 +37,9 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     """
     header = read_header(data, name)
     _check_header(header, name)
+    damaged = FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
     if not _can_hold(data, header):
-        raise FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
+        raise damaged
     colour = header.channels > 2
     wanted = channel or Channel.LUMINANCE
     # JPEG stores luma. For other formats the decoders truncate when converting to grey; OpenCV's conversion rounds.
@@ -71,7 +51,7 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     except (cv2.error, MemoryError):
         image = None
     if image is None:
-        raise FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
+        raise damaged
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: has {image.dtype} values; convert it to PNG of 8 or 16 bits")
     return StoredImage(image, colour)

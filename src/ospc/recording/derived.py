@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from pathlib import Path
+from typing import Self
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.errors import SettingError
-from ospc.recording.channel import Channel
 from ospc.recording.frame import Frame
-from ospc.recording.recording import HasStoredBytes, Recording
+from ospc.recording.recording import HasStoredBytes, Recording, StoredRecording
 
 
-@dataclass(frozen=True, eq=False)
-class DerivedRecording:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DerivedRecording(StoredRecording):
     """Some frames of another recording, with exposures and a mask of its own; the images are unchanged.
 
     Attributes
@@ -26,58 +25,32 @@ class DerivedRecording:
         The other recording.
     frames
         Indices of the frames that are kept, increasing, shape (frames,).
-    exposures_ms
-        Exposure of every kept frame, shape (frames,).
     mask
         True where pixels may be used, shape (height, width); None to keep the masks of the inner recording.
-    remarks
-        Notes to add to those of the inner recording.
     """
 
     inner: Recording
     frames: IntArray = field(repr=False)
-    exposures_ms: FloatArray = field(repr=False)
     mask: BoolArray | None = field(default=None, repr=False)
-    remarks: tuple[str, ...] = ()
 
-    @property
-    def path(self) -> Path:
-        """Path the inner recording was opened from."""
-        return self.inner.path
-
-    @property
-    def kind(self) -> str:
-        """Kind of the inner recording."""
-        return self.inner.kind
-
-    @property
-    def size(self) -> ImageSize:
-        """Width and height of the frames in pixels."""
-        return self.inner.size
-
-    @property
-    def max_grey(self) -> int:
-        """Largest grey value the sensor delivers."""
-        return self.inner.max_grey
-
-    @property
-    def channel(self) -> Channel | None:
-        """Channel taken from colour images; None if the inner recording has no choice of channel."""
-        return getattr(self.inner, "channel", None)
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        """Time stamp of every kept frame in seconds, shape (frames,)."""
-        return self.inner.stamps_s[self.frames]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes of the inner recording, then the remarks."""
-        return (*self.inner.notes, *self.remarks)
-
-    def __len__(self) -> int:
-        """Return the number of kept frames."""
-        return len(self.frames)
+    @classmethod
+    def of(
+        cls, inner: Recording, frames: IntArray, exposures_ms: FloatArray, *, mask: BoolArray | None = None, note: str
+    ) -> Self:
+        """Return some frames of a recording, with other exposures or a mask, and a note that says so."""
+        return cls(
+            path=inner.path,
+            kind=inner.kind,
+            size=inner.size,
+            max_grey=inner.max_grey,
+            exposures_ms=exposures_ms,
+            stamps_s=inner.stamps_s[frames],
+            notes=(*inner.notes, note),
+            channel=getattr(inner, "channel", None),
+            inner=inner,
+            frames=frames,
+            mask=mask,
+        )
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the kept frames, numbered from 0."""
@@ -91,13 +64,7 @@ class DerivedRecording:
                 return  # the rest of a video need not be decoded
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return the stored form of a frame's image and the mask: with another mask it is another recording.
-
-        Raises
-        ------
-        FrameError
-            If the image cannot be read.
-        """
+        """Return the stored form of a frame's image and the mask: with another mask it is another recording."""
         inner_index = int(self.frames[index])
         if isinstance(self.inner, HasStoredBytes):
             data = self.inner.stored_bytes(inner_index)
@@ -106,22 +73,10 @@ class DerivedRecording:
         return data if self.mask is None else data + np.packbits(self.mask).tobytes()
 
 
-def with_mask(recording: Recording, mask: BoolArray) -> DerivedRecording:
-    """Return a recording with a mask for all its frames.
-
-    Parameters
-    ----------
-    recording
-        The recording.
-    mask
-        True where pixels may be used, shape (height, width).
-    """
-    note = f"{1 - mask.mean():.0%} of every image is masked and not used"
-    return DerivedRecording(recording, np.arange(len(recording)), recording.exposures_ms, mask, (note,))
-
-
 def with_exposure_lag(recording: Recording, lag: int) -> Recording:
     """Return a recording with every exposure moved to the frame it was taken with.
+
+    It is shorter by abs(lag) frames, those whose exposure is not listed; the recording itself if the lag is 0.
 
     Parameters
     ----------
@@ -129,11 +84,6 @@ def with_exposure_lag(recording: Recording, lag: int) -> Recording:
         The recording.
     lag
         Number of frames by which the metadata come late: the exposure listed for frame i belongs to frame i − lag.
-
-    Returns
-    -------
-    Recording
-        Shorter by abs(lag) frames, those whose exposure is not listed; the recording itself if the lag is 0.
 
     Raises
     ------
@@ -150,7 +100,7 @@ def with_exposure_lag(recording: Recording, lag: int) -> Recording:
     frames = np.arange(max(0, -lag), count - max(0, lag))
     end = "last" if lag > 0 else "first"
     note = f"exposures are corrected for a lag of {lag} frames; the {end} {missing} frames are left out"
-    return DerivedRecording(recording, frames, recording.exposures_ms[frames + lag], remarks=(note,))
+    return DerivedRecording.of(recording, frames, recording.exposures_ms[frames + lag], note=note)
 
 
 def innermost(recording: Recording, index: int) -> tuple[Recording, int]:

@@ -15,14 +15,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from ospc.errors import ExposureError, MissingExtraError, RecordingError
+from ospc.errors import ExposureError, RecordingError, listed, needs_extra
+from ospc.recording.exposure_lists import lists_in
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
-from ospc.recording.frame_table import FrameTable, Row, make_table, table_or_unlisted
-from ospc.recording.image_folder import exposure_lists
+from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.wording import listed
 
 _HEAD_BYTES = 256 * 1024
 """Read of each photograph: EXIF is a segment of at most 64 KiB near its beginning."""
@@ -45,7 +44,7 @@ class ExifPhotos:
         if not path.is_dir():
             return False
         names = FolderImages.of(path).names
-        return bool(names) and _SIGNATURE in _head(path / names[0]) and not exposure_lists(path)
+        return bool(names) and _SIGNATURE in _head(path / names[0]) and not lists_in(path)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         """Open the folder; frames are in the order the photographs were taken.
@@ -54,25 +53,11 @@ class ExifPhotos:
         ------
         MissingExtraError
             If the optional dependency that reads EXIF is not installed.
-        ExposureError
-            If a photograph has no exposure in its EXIF.
-        RecordingError
-            If there are no images or they cannot be read.
         """
         if not path.is_dir():
             raise RecordingError(f"{path}: an {self.name} recording is a folder of photographs with EXIF")
         source = FolderImages.of(path)
-        if not source.names:
-            raise RecordingError(f"{path}: holds no images; put the photographs there")
-        notes: list[str] = []
-
-        def read() -> FrameTable:
-            photos = [_photo(path / name) for name in source.names]
-            notes.extend(_notes(path, photos))
-            return _table(path, photos)
-
-        table = table_or_unlisted(read, str(path), len(source.names), allowed=options.unknown_exposures)
-        return open_sequence(path, self.name, source, table, notes, options=options)
+        return open_sequence(path, self.name, source, lambda: _table(path, source.names), options=options)
 
 
 @dataclass(frozen=True)
@@ -112,10 +97,8 @@ def _head(path: Path) -> bytes:
 
 def _tags(path: Path) -> Mapping[str, Any]:
     """Return the EXIF tags of a photograph; none if its EXIF is damaged."""
-    try:
+    with needs_extra("reading exposures from photographs", "exif"):
         import exifread
-    except ImportError:
-        raise MissingExtraError("reading exposures from photographs", "exif") from None
     logger = logging.getLogger("exifread")
     if not logger.handlers:
         # Without a handler, its remarks on odd files would be printed.
@@ -138,28 +121,34 @@ def _positive(tags: Mapping[str, Any], name: str) -> float | None:
 
 
 def _taken(tags: Mapping[str, Any]) -> datetime | None:
+    digits = str(tags.get(_FRACTION, "0")).strip()[:6]
+    fraction = digits if digits.isascii() and digits.isdigit() else "0"
     try:
-        return datetime.strptime(f"{tags[_TAKEN]}.{_fraction(tags)}", "%Y:%m:%d %H:%M:%S.%f")
+        return datetime.strptime(f"{tags[_TAKEN]}.{fraction}", "%Y:%m:%d %H:%M:%S.%f")
     except (KeyError, ValueError):
         return None
 
 
-def _fraction(tags: Mapping[str, Any]) -> str:
-    digits = str(tags.get(_FRACTION, "0")).strip()[:6]
-    return digits if digits.isascii() and digits.isdigit() else "0"
-
-
-def _table(path: Path, photos: list[_Photo]) -> FrameTable:
+def _table(path: Path, names: tuple[str, ...]) -> FrameTable:
     """Order the photographs by the time they were taken, or by name if several share a second."""
+    photos = [_photo(path / name) for name in names]
+    notes = _notes(path, photos)
     stamps = [photo.taken for photo in photos if photo.taken is not None]
     if len(stamps) < len(photos) or len(set(stamps)) < len(stamps):
-        rows = [Row(i + 1, photo.name, float(i), photo.exposure_ms) for i, photo in enumerate(photos)]
-        return make_table(str(path), rows, (f"{path}: frames are in the order of their names, one per second",))
-    first = min(stamps)
-    seconds = [(taken - first).total_seconds() for taken in stamps]
+        seconds = [float(index) for index in range(len(photos))]
+        notes.append(f"{path}: frames are in the order of their names, one per second")
+    else:
+        first = min(stamps)
+        seconds = [(taken - first).total_seconds() for taken in stamps]
+        notes.append(f"{path}: time stamps count from the first photograph")
     order = sorted(range(len(photos)), key=seconds.__getitem__)
-    rows = [Row(n + 1, photos[i].name, seconds[i], photos[i].exposure_ms) for n, i in enumerate(order)]
-    return make_table(str(path), rows, (f"{path}: time stamps count from the first photograph",))
+    return make_table(
+        str(path),
+        [photos[i].name for i in order],
+        [seconds[i] for i in order],
+        [photos[i].exposure_ms for i in order],
+        notes,
+    )
 
 
 def _notes(path: Path, photos: list[_Photo]) -> list[str]:

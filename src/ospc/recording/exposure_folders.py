@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ospc.errors import RecordingError
-from ospc.recording.frame_table import FrameTable, Row, make_table
+from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -35,13 +35,7 @@ class ExposureFolders:
         return len(_folders(path)) >= _LEAST_FOLDERS
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        """Open all folders as one recording, in the order of the time stamps.
-
-        Raises
-        ------
-        RecordingError
-            If there are no such folders, or images are not named by distinct time stamps.
-        """
+        """Open all folders as one recording, in the order of the time stamps."""
         folders = _folders(path)
         if not folders:
             raise RecordingError(
@@ -49,11 +43,11 @@ class ExposureFolders:
             )
         exposures_ms = {f"{inner.place.name}/{name}": ms for inner, ms in folders for name in inner.names}
         notes = []
-        if any(_unit(inner.place.name) is None for inner, _ in folders):
+        if any(inner.place.name[-1] != "s" for inner, _ in folders):
             notes.append(f"{path}: names of folders without a unit are taken as exposures in ms")
         source = FolderImages(path, tuple(exposures_ms))
         return open_sequence(
-            path, self.name, source, _table(path, exposures_ms), notes, options=options, take_green=True
+            path, self.name, source, lambda: _table(path, exposures_ms), notes, options=options, take_green=True
         )
 
 
@@ -61,23 +55,11 @@ def _folders(path: Path) -> list[tuple[FolderImages, float]]:
     """Return the folders of images named by exposure, with the exposure in ms."""
     found = []
     for inner in sorted(path.iterdir()) if path.is_dir() else ():
-        exposure_ms = _exposure_ms(inner.name)
-        if exposure_ms > 0 and inner.is_dir():
-            images = FolderImages.of(inner)
-            if images.names:
-                found.append((images, exposure_ms))
+        match = _NAME.fullmatch(inner.name)
+        exposure_ms = float(match[1]) * _IN_MS[match[2]] if match else 0.0
+        if exposure_ms > 0 and inner.is_dir() and (images := FolderImages.of(inner)).names:
+            found.append((images, exposure_ms))
     return found
-
-
-def _exposure_ms(name: str) -> float:
-    """Return the exposure in the name of a folder; 0 if there is none."""
-    match = _NAME.fullmatch(name)
-    return float(match[1]) * _IN_MS[match[2]] if match else 0.0
-
-
-def _unit(name: str) -> str | None:
-    match = _NAME.fullmatch(name)
-    return match[2] if match else None
 
 
 def _table(path: Path, exposures_ms: dict[str, float]) -> FrameTable:
@@ -94,8 +76,7 @@ def _table(path: Path, exposures_ms: dict[str, float]) -> FrameTable:
                 f"{path / name}: has the time stamp of {other}; images must be named by their own time stamp"
             )
     order = sorted(stamps, key=stamps.__getitem__)
-    rows = [Row(n, name, stamps[name], exposures_ms[name]) for n, name in enumerate(order, start=1)]
-    return make_table(str(path), rows)
+    return make_table(str(path), order, [stamps[name] for name in order], [exposures_ms[name] for name in order])
 
 
 KIND = ExposureFolders()

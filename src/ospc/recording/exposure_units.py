@@ -6,16 +6,19 @@ RealSense microseconds. A gain in decibels is an amplitude, 20 dB are a factor o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError
 
 EXPOSURE_RANGE_MS = (1e-9, 1e9)
 """From a picosecond to eleven days; a number outside is not an exposure."""
+
+REALSENSE_UNIT_GAIN = 16
+"""``gain_level`` of RealSense's stereo cameras at a gain of one; in other models the unit is linear too."""
 
 
 class ExposureUnit(Enum):
@@ -28,21 +31,21 @@ class ExposureUnit(Enum):
     US100 = "100us"
     LOG2_S = "log2s"
 
-    def to_ms(self, values: FloatArray) -> FloatArray:
+    def to_ms(self, exposures: npt.ArrayLike) -> FloatArray:
         """Convert exposures in this unit to milliseconds; infinite if the result exceeds all floats."""
-        if self is ExposureUnit.LOG2_S:
-            with np.errstate(over="ignore"):
-                return np.asarray(np.exp2(values) * 1e3)
-        return values * _IN_MS[self]
+        values = np.asarray(exposures, dtype=np.float64)
+        with np.errstate(over="ignore"):
+            return np.asarray(np.exp2(values) * 1e3 if self is ExposureUnit.LOG2_S else values * _IN_MS[self])
 
 
 _IN_MS = {
-    ExposureUnit.S: 1e3,
     ExposureUnit.MS: 1.0,
     ExposureUnit.US: 1e-3,
-    ExposureUnit.NS: 1e-6,
+    ExposureUnit.S: 1e3,
     ExposureUnit.US100: 0.1,
+    ExposureUnit.NS: 1e-6,
 }
+"""Linear units, in order of preference if several are plausible."""
 
 
 class GainUnit(Enum):
@@ -53,8 +56,9 @@ class GainUnit(Enum):
     ISO = "iso"
     NONE = "none"
 
-    def linear(self, values: FloatArray) -> FloatArray:
+    def linear(self, gains: npt.ArrayLike) -> FloatArray:
         """Return the factors by which exposures are multiplied; ones for ``none``, which ignores gains."""
+        values = np.asarray(gains, dtype=np.float64)
         if self is GainUnit.NONE:
             return np.ones_like(values)
         if self is GainUnit.DB:
@@ -62,9 +66,6 @@ class GainUnit(Enum):
                 return np.asarray(10 ** (values / 20))
         return values / 100 if self is GainUnit.ISO else values
 
-
-_LINEAR_UNITS = (ExposureUnit.MS, ExposureUnit.US, ExposureUnit.S, ExposureUnit.US100, ExposureUnit.NS)
-"""In order of preference if several are plausible."""
 
 _SHORTEST_MS, _LONGEST_MS = 0.02, 1000.0
 """Plausible median exposures of a recording; the longest applies if the frame rate is unknown."""
@@ -76,7 +77,7 @@ _INTERVAL_MARGIN = 1.1
 """An exposure may exceed the frame interval by this factor, as time stamps jitter."""
 
 
-def infer_unit(values: Sequence[float] | FloatArray, interval_ms: float | None, source: str) -> ExposureUnit:
+def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str) -> ExposureUnit:
     """Infer the unit in which exposures are plausible: no longer than the frame interval, and not too short.
 
     Ratios of exposures, and so response and vignette, are the same in all units but log2 s, which is recognised by
@@ -84,8 +85,8 @@ def infer_unit(values: Sequence[float] | FloatArray, interval_ms: float | None, 
 
     Parameters
     ----------
-    values
-        The exposures.
+    exposures
+        The numbers.
     interval_ms
         Median time between frames; None if it is unknown.
     source
@@ -96,9 +97,9 @@ def infer_unit(values: Sequence[float] | FloatArray, interval_ms: float | None, 
     ExposureError
         If they are plausible in no unit.
     """
-    numbers = np.asarray(values, dtype=np.float64)
+    numbers = np.asarray(exposures, dtype=np.float64)
     finite = numbers[np.isfinite(numbers)]
-    if finite.size and np.any(finite < 0):
+    if np.any(finite < 0):
         if np.all((finite >= _SHORTEST_LOG2_S) & (finite <= _LONGEST_LOG2_S)):
             return ExposureUnit.LOG2_S
         raise ExposureError(
@@ -109,8 +110,8 @@ def infer_unit(values: Sequence[float] | FloatArray, interval_ms: float | None, 
         raise ExposureError(f"{source}: holds no positive exposure; check whether it is the right field")
     middle = float(np.median(positive))
     longest = _INTERVAL_MARGIN * interval_ms if interval_ms is not None else _LONGEST_MS
-    for unit in _LINEAR_UNITS:
-        if _SHORTEST_MS <= middle * _IN_MS[unit] <= longest:
+    for unit, factor in _IN_MS.items():
+        if _SHORTEST_MS <= middle * factor <= longest:
             return unit
     raise ExposureError(
         f"{source}: exposures around {middle:g} fit no unit at the given frame rate; state the unit of exposures "

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ospc.arrays import BoolArray, Image
+from ospc.arrays import BoolArray, Image, ImageSize
 from ospc.errors import FrameError
 
 
@@ -62,20 +62,9 @@ class Frame:
         stamp_s: float = 0.0,
         max_grey: int | None = None,
     ) -> Frame:
-        """Make a frame from an image in memory.
+        """Make a frame from an image in memory, shape (height, width), uint8 or uint16.
 
-        Parameters
-        ----------
-        image
-            Grey image, shape (height, width), uint8 or uint16.
-        exposure_ms
-            Exposure time in milliseconds times linear gain.
-        index
-            Position in the recording.
-        stamp_s
-            Time stamp in seconds.
-        max_grey
-            Largest possible grey value; by default that of the data type.
+        The other parameters are the attributes of a frame; ``max_grey`` is by default that of the data type.
 
         Raises
         ------
@@ -100,15 +89,23 @@ class Frame:
 
 
 def check_image(image: Image, name: str) -> Image:
-    """Return the image if it is a grey image of 8 or 16 bits.
-
-    Raises
-    ------
-    FrameError
-        If it is not.
-    """
+    """Return the image if it is a grey image of 8 or 16 bits; FrameError if it is not."""
     if image.ndim != 2 or image.size == 0:
         raise FrameError(f"{name}: a grey image has two dimensions, but this array has shape {image.shape}")
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: grey values must be uint8 or uint16, not {image.dtype}")
     return image
+
+
+def size_of(image: Image) -> ImageSize:
+    """Return width and height."""
+    return image.shape[1], image.shape[0]
+
+
+def check_size(size: ImageSize, wanted: ImageSize, name: str) -> None:
+    """Check that an image has the size of its recording; FrameError if it has not."""
+    if size != wanted:
+        raise FrameError(
+            f"{name}: is {size[0]}x{size[1]} pixels where the recording has {wanted[0]}x{wanted[1]}; remove it or "
+            f"bring all images to one size"
+        )

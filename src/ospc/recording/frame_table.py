@@ -5,17 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import PurePosixPath
-from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, RecordingError
+from ospc.errors import ExposureError, RecordingError, listed, quoted
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
-from ospc.recording.image_names import by_name, is_image_name
-from ospc.recording.wording import listed, quoted
+from ospc.recording.image_source import by_name, is_image_name
 
 LARGEST_STAMP = 1e20
 """Larger numbers are not time stamps in any unit."""
@@ -26,26 +24,8 @@ _EPOCH_UNITS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11
 _INTEGER = re.compile(r"\d{1,30}", re.ASCII)
 """Numbers of images; Python refuses to convert numbers that are much longer."""
 
-
-class Row(NamedTuple):
-    """One line of a list of frames.
-
-    Attributes
-    ----------
-    line
-        Line number, for messages.
-    image
-        Name of the image in the list; empty if it is not named.
-    stamp_s
-        Time stamp in seconds.
-    exposure_ms
-        Exposure in milliseconds.
-    """
-
-    line: int
-    image: str
-    stamp_s: float
-    exposure_ms: float
+Where = Callable[[Sequence[int]], str]
+"""Names some frames, given by their indices, in messages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,66 +60,90 @@ class FrameTable:
         return len(self.exposures_ms)
 
 
-def make_table(source: str, rows: Sequence[Row], notes: Sequence[str] = (), *, stamped: bool = True) -> FrameTable:
-    """Check the rows of a list of frames and make a table of them.
+def make_table(
+    source: str,
+    ids: Sequence[str],
+    stamps_s: npt.ArrayLike,
+    exposures_ms: npt.ArrayLike,
+    notes: Sequence[str] = (),
+    *,
+    lines: Sequence[int] = (),
+    stamped: bool = True,
+) -> FrameTable:
+    """Check a list of frames in temporal order; stamps too large for seconds are converted from the unit that fits.
 
     Parameters
     ----------
-    source
-        The file, for messages.
-    rows
-        One per frame, in temporal order; either all name their image or none does. Stamps too large for seconds are
-        converted from the unit that fits.
-    notes
-        What was inferred so far.
-    stamped
-        Whether the stamps come from the file.
+    source, ids, stamps_s, exposures_ms, notes, stamped
+        As in :class:`FrameTable`.
+    lines
+        Line of every frame in the file, for messages; by default they are counted from 1.
 
     Raises
     ------
     ExposureError
         If an exposure is not finite and positive.
     RecordingError
-        If stamps do not increase or an image is named twice.
+        If there are no frames, stamps do not increase, or an image is named twice.
     """
-    if not rows:
+    numbers = lines or range(1, len(np.atleast_1d(exposures_ms)) + 1)
+    if not numbers:
         raise RecordingError(f"{source}: holds no frames; it needs one line per image")
-    _check_exposures(source, rows)
-    _check_stamps(source, rows)
-    ids = tuple(row.image for row in rows if row.image)
-    _check_ids(source, rows)
-    stamps = np.array([row.stamp_s for row in rows], dtype=np.float64)
-    exposures = np.array([row.exposure_ms for row in rows], dtype=np.float64)
+
+    def where(frames: Sequence[int]) -> str:
+        return f"{source}, {'lines' if len(frames) > 1 else 'line'} {listed([numbers[i] for i in frames])}"
+
+    exposures = checked_exposures(exposures_ms, where)
+    stamps = checked_stamps(stamps_s, where)
+    first: dict[str, int] = {}
+    for index, image in enumerate(ids):
+        if first.setdefault(image, index) != index:
+            raise RecordingError(f"{where([first[image], index])}: both name the image {quoted(image)}; remove one")
     said = list(notes)
     for least, scale, unit in _EPOCH_UNITS:
         if stamps[0] >= least:
-            stamps *= scale
+            stamps = _read_only(stamps * scale)
             said.append(f"{source}: time stamps are taken as {unit}, by their size")
             break
-    stamps.setflags(write=False)
-    exposures.setflags(write=False)
-    return FrameTable(source, ids, stamps, exposures, tuple(said), stamped)
+    return FrameTable(source, tuple(ids), stamps, exposures, tuple(said), stamped)
+
+
+def checked_exposures(
+    exposures_ms: npt.ArrayLike, where: Where, remedy: str = "remove the frame or give its exposure"
+) -> FloatArray:
+    """Return a read-only copy of exposures; ExposureError if one is not finite and positive."""
+    exposures = np.array(exposures_ms, dtype=np.float64)
+    low, high = EXPOSURE_RANGE_MS
+    bad = np.flatnonzero(~((exposures >= low) & (exposures <= high)))
+    if bad.size:
+        raise ExposureError(
+            f"{where(bad.tolist())}: the exposure must be a positive number of milliseconds, not "
+            f"{exposures[bad[0]]:g}; {remedy}"
+        )
+    return _read_only(exposures)
+
+
+def checked_stamps(stamps_s: npt.ArrayLike, where: Where) -> FloatArray:
+    """Return a read-only copy of time stamps; RecordingError if they are not finite or do not increase."""
+    stamps = np.array(stamps_s, dtype=np.float64)
+    bad = np.flatnonzero(~(np.abs(stamps) < LARGEST_STAMP))
+    if bad.size:
+        raise RecordingError(f"{where(bad.tolist()[:1])}: {stamps[bad[0]]:g} is not a time stamp; correct it")
+    wrong = np.flatnonzero(np.diff(stamps) <= 0)
+    if wrong.size:
+        before = int(wrong[0])
+        how = "the same time stamp" if stamps[before] == stamps[before + 1] else "time goes back"
+        raise RecordingError(f"{where([before, before + 1])}: {how}; frames must be in the order they were taken")
+    return _read_only(stamps)
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    values.setflags(write=False)
+    return values
 
 
 def table_or_unlisted(read: Callable[[], FrameTable], source: str, frames: int, *, allowed: bool) -> FrameTable:
-    """Return the listed frames, or frames of 1 ms each if their exposures are missing or unusable.
-
-    Parameters
-    ----------
-    read
-        Reads the list; raises ExposureError if that fails.
-    source
-        Where the images are, for messages.
-    frames
-        Number of images.
-    allowed
-        Whether frames without known exposures are accepted.
-
-    Raises
-    ------
-    ExposureError
-        If there are no usable exposures and that is not allowed.
-    """
+    """Return the listed frames, or, if that is allowed, :func:`unlisted` ones if reading raises an ExposureError."""
     try:
         return read()
     except ExposureError:
@@ -150,46 +154,12 @@ def table_or_unlisted(read: Callable[[], FrameTable], source: str, frames: int, 
 
 def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
     """Return frames with unknown exposures, 1 ms each."""
-    ones = np.ones(len(stamps_s))
-    ones.setflags(write=False)
+    ones = _read_only(np.ones(len(stamps_s)))
     return FrameTable(source, (), stamps_s, ones, (f"{source}: holds no usable exposures",), stamped)
 
 
-def _check_exposures(source: str, rows: Sequence[Row]) -> None:
-    low, high = EXPOSURE_RANGE_MS
-    bad = [row for row in rows if not low <= row.exposure_ms <= high]
-    if bad:
-        plural = "lines" if len(bad) > 1 else "line"
-        raise ExposureError(
-            f"{source}, {plural} {listed([row.line for row in bad])}: the exposure must be a positive number of "
-            f"milliseconds, not {bad[0].exposure_ms:g}; remove the frame or give its exposure"
-        )
-
-
-def _check_stamps(source: str, rows: Sequence[Row]) -> None:
-    for row in rows:
-        if not abs(row.stamp_s) < LARGEST_STAMP:
-            raise RecordingError(f"{source}, line {row.line}: {row.stamp_s:g} is not a time stamp; correct the line")
-    for before, after in pairwise(rows):
-        if after.stamp_s <= before.stamp_s:
-            how = "the same time stamp" if before.stamp_s == after.stamp_s else "time goes back"
-            raise RecordingError(
-                f"{source}, lines {before.line} and {after.line}: {how}; frames must be in the order they were taken"
-            )
-
-
-def _check_ids(source: str, rows: Sequence[Row]) -> None:
-    first: dict[str, int] = {}
-    for row in rows:
-        if row.image and first.setdefault(row.image, row.line) != row.line:
-            raise RecordingError(
-                f"{source}, lines {first[row.image]} and {row.line}: both name the image {quoted(row.image)}; "
-                f"remove one of them"
-            )
-
-
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Find the image of every row of a table.
+    """Return the name of the image of every row of a table, and notes.
 
     An image belongs to the row with its name, its name without suffix, or its number. If rows and images are both
     numbered without gaps, but from different numbers, they correspond by order.
@@ -203,38 +173,29 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     place
         Where the images are, for messages.
 
-    Returns
-    -------
-    tuple[tuple[str, ...], tuple[str, ...]]
-        Name of the image of every row, and notes.
-
     Raises
     ------
     RecordingError
         If rows and images do not correspond.
     """
-    if not table.ids:
-        if len(table) != len(names):
-            raise _mismatch(table, names, place, "")
+    as_many = len(table) == len(names)
+    if not table.ids and as_many:
         return tuple(names), (f"{table.source}: names no images; they are matched in the order of their names",)
-    by_key = _by_key(names, place)
-    found = [by_key.get(image) or by_key.get(_number(image)) for image in table.ids]
-    missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
-    unused = sorted(set(names) - set(found), key=by_name)
-    if len(table) == len(names):
-        if not missing and not unused:
+    detail = ""
+    if table.ids:
+        by_key = _by_key(names, place)
+        found = [by_key.get(image) or by_key.get(_number(image)) for image in table.ids]
+        missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
+        unused = sorted(set(names) - set(found), key=by_name)
+        if as_many and not missing and not unused:
             return tuple(name for name in found if name is not None), ()
         none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
-        if none_match or _counted(table.ids, names):
+        if as_many and (none_match or _counted(table.ids, names)):
             return tuple(names), (f"{table.source}: its ids are not names of images; they are matched by order",)
-    detail = f"; no image for {listed(missing)}" if missing else ""
-    detail += f"; no line for {listed(unused)}" if unused else ""
-    raise _mismatch(table, names, place, detail)
-
-
-def _mismatch(table: FrameTable, names: Sequence[str], place: str, detail: str) -> RecordingError:
-    same = "other images than the" if len(table) == len(names) else f"{len(table)} frames but there are"
-    return RecordingError(
+        detail = f"; no image for {listed(missing)}" if missing else ""
+        detail += f"; no line for {listed(unused)}" if unused else ""
+    same = "other images than the" if as_many else f"{len(table)} frames but there are"
+    raise RecordingError(
         f"{table.source}: lists {same} {len(names)} images in {place}{detail}; there must be one line per image"
     )
 

@@ -17,11 +17,8 @@ _SAMPLES = 5
 def identity(recording: Recording) -> dict[str, Any]:
     """Describe a recording so that it can be recognised again, wherever it is moved to.
 
-    Returns
-    -------
-    dict[str, Any]
-        JSON-compatible: kind, name of the folder or file, number of frames, size, largest grey value, range of the
-        exposures, SHA-256 over stamps and exposures, and SHA-256 over a few images as they are stored.
+    The description is JSON-compatible: kind, name of the folder or file, number of frames, size, largest grey value,
+    range of the exposures, SHA-256 over stamps and exposures, and SHA-256 over a few images as they are stored.
     """
     exposures_ms = np.asarray(recording.exposures_ms, dtype="<f8")
     stamps_s = np.asarray(recording.stamps_s, dtype="<f8")

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 from ospc.arrays import Image
-from ospc.errors import OspcError
+from ospc.errors import OspcError, RecordingError, escaped
+from ospc.formats.image_header import read_header
 from ospc.recording.decoding import decode_stored
-from ospc.recording.frame import Frame
-from ospc.recording.frame_table import FrameTable, match_images
-from ospc.recording.image_header import read_header
+from ospc.recording.frame import Frame, check_size
+from ospc.recording.frame_table import FrameTable, match_images, table_or_unlisted
 from ospc.recording.image_source import ImageSource
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
-from ospc.recording.wording import escaped
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,28 +40,21 @@ class ImageSequence(StoredRecording):
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames in order, not yet decoded."""
         for index, name in enumerate(self.names):
-            yield self._frame(
-                index, escaped(name), partial(self._load, name), partial(self._verify, name), threads=True
-            )
+            load, verify = partial(self._load, name), partial(self._verify, name)
+            yield self._frame(index, escaped(name), load, verify, threads=True)
 
     def close(self) -> None:
         """Close open files; images cannot be read afterwards."""
         self.source.close()
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return the image file of a frame.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read.
-        """
+        """Return the image file of a frame."""
         return self.source.read(self.names[index])
 
     def _verify(self, name: str) -> None:
         label = self.source.label(name)
         header = read_header(self.source.read(name), label)
-        self.layout.check_size((header.width, header.height), label)
+        check_size((header.width, header.height), self.layout.stored_size, label)
 
     def _load(self, name: str) -> Image:
         label = self.source.label(name)
@@ -73,24 +65,22 @@ def open_sequence(
     path: Path,
     kind: str,
     source: ImageSource,
-    table: FrameTable,
+    read_table: Callable[[], FrameTable],
     notes: Sequence[str] = (),
     *,
     options: ReadingOptions = DEFAULT,
     take_green: bool = False,
 ) -> ImageSequence:
-    """Combine a list of frames with their image files; closes the source if that fails.
+    """Combine image files with the list of their exposures; closes the source if that fails.
 
     Parameters
     ----------
-    path
-        Path the recording is opened from.
-    kind
-        Name of the kind of recording.
+    path, kind
+        Path the recording is opened from, and name of its kind.
     source
         The image files.
-    table
-        The frames with their exposures.
+    read_table
+        Reads the frames with their exposures; raises ExposureError if there are none.
     notes
         Notes so far.
     options
@@ -100,17 +90,22 @@ def open_sequence(
 
     Raises
     ------
+    ExposureError
+        If there are no usable exposures, unless the user accepts that.
     RecordingError
-        If frames and images do not correspond or no image is readable.
+        If there are no images, none is readable, or frames and images do not correspond.
     """
+    place = str(source.place)
     try:
-        names, matching = match_images(table, source.names, str(source.place))
+        if not source.names:
+            raise RecordingError(f"{place}: holds no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there")
+        table = table_or_unlisted(read_table, place, len(source.names), allowed=options.unknown_exposures)
+        names, matching = match_images(table, source.names, place)
 
         def read(index: int) -> StoredImage:
             name = names[index]
             return decode_stored(source.read(name), source.label(name), options.channel)
 
-        place = str(source.place)
         layout, pixels = find_layout(read, table.exposures_ms, place, options, take_green=take_green)
     except OspcError:
         source.close()

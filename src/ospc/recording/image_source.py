@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import stat
 import threading
@@ -12,10 +11,15 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Protocol
 
-from ospc.errors import FrameError, RecordingError
-from ospc.recording.decoding import MAX_FILE_BYTES
-from ospc.recording.image_names import by_name, is_image_name
-from ospc.recording.wording import escaped, quoted
+from ospc.errors import FrameError, RecordingError, escaped, quoted
+from ospc.formats.files import read_bytes
+
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm"})
+"""Suffixes of image files, in lower case."""
+
+
+MAX_FILE_BYTES = 256 * 2**20
+"""Larger image files are refused before reading."""
 
 MAX_EXPANSION = 200
 """Largest expansion of a zip member; photographs hardly compress at all."""
@@ -25,6 +29,23 @@ FREE_EXPANSION_BYTES = 16 * 2**20
 
 MAX_MEMBERS = 1_000_000
 """Zip archives with more members are refused."""
+
+
+def is_image_name(name: str) -> bool:
+    """Tell whether a file name is that of an image; hidden files are not."""
+    return PurePosixPath(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith(".")
+
+
+def by_name(name: str) -> tuple[tuple[object, ...], str]:
+    """Return a sorting key in which 2 comes before 10, with and without leading zeros."""
+    parts = re.split(r"(\d+)", name)
+    return tuple(_as_number(part) if i % 2 else part for i, part in enumerate(parts)), name
+
+
+def _as_number(digits: str) -> tuple[int, str]:
+    # Compared by length and then as text: hostile names may have more digits than Python converts.
+    significant = digits.lstrip("0")
+    return len(significant), significant
 
 
 class ImageSource(Protocol):
@@ -45,13 +66,7 @@ class ImageSource(Protocol):
         ...
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of an image file.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read.
-        """
+        """Return the bytes of an image file; FrameError if it cannot be read."""
         ...
 
     def close(self) -> None:
@@ -61,28 +76,14 @@ class ImageSource(Protocol):
 
 @dataclass(frozen=True)
 class FolderImages:
-    """The image files of a folder, not those of its sub-folders.
-
-    Attributes
-    ----------
-    place
-        The folder.
-    names
-        File names, sorted.
-    """
+    """The image files of a folder, not those of its sub-folders."""
 
     place: Path
     names: tuple[str, ...]
 
     @classmethod
     def of(cls, folder: Path) -> FolderImages:
-        """List a folder.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be listed.
-        """
+        """List a folder; RecordingError if that fails."""
         try:
             # is_file() excludes pipes and devices, which could block forever.
             names = [p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file()]
@@ -95,23 +96,8 @@ class FolderImages:
         return escaped(str(self.place / name))
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of an image file.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read or is too large.
-        """
-        try:
-            with (self.place / name).open("rb") as file:
-                # read(limit) would allocate that much memory for every image.
-                size = os.fstat(file.fileno()).st_size
-                data = file.read(min(size, MAX_FILE_BYTES) + 1)
-        except OSError as error:
-            raise FrameError(f"{self.label(name)}: cannot be read ({error.strerror}); check the file") from None
-        if len(data) > MAX_FILE_BYTES:
-            raise FrameError(f"{self.label(name)}: larger than the {MAX_FILE_BYTES} bytes allowed; scale it down")
-        return data
+        """Return the bytes of an image file; FrameError if it cannot be read or is too large."""
+        return read_bytes(self.place / name, MAX_FILE_BYTES, FrameError)
 
     def close(self) -> None:
         """Do nothing: files are open only while they are read."""
@@ -119,15 +105,7 @@ class FolderImages:
 
 @dataclass(frozen=True)
 class ZipImages:
-    """The image files of a zip archive; threads may share it.
-
-    Attributes
-    ----------
-    place
-        The archive.
-    names
-        Member names, sorted.
-    """
+    """The image files of a zip archive; threads may share it."""
 
     place: Path
     names: tuple[str, ...]
@@ -136,13 +114,7 @@ class ZipImages:
 
     @classmethod
     def of(cls, path: Path) -> ZipImages:
-        """Open an archive.
-
-        Raises
-        ------
-        RecordingError
-            If it is not a zip archive, is damaged, or has suspicious members.
-        """
+        """Open an archive; RecordingError if it is not a zip archive, is damaged, or has suspicious members."""
         try:
             archive = zipfile.ZipFile(path)
         except OSError as error:
@@ -165,13 +137,7 @@ class ZipImages:
         return escaped(f"{self.place}/{name}")
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of a member.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read: damaged, or the archive has been closed.
-        """
+        """Return the bytes of a member; FrameError if it is damaged, or the archive has been closed."""
         size = self._archive.getinfo(name).file_size
         try:
             # With a length, decompression stops there whatever the archive contains.

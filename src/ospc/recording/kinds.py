@@ -15,10 +15,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
-from ospc.errors import RecordingError
+from ospc.errors import RecordingError, quoted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
-from ospc.recording.wording import quoted
 
 _MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder", "video", "rosbag")
 """Modules of this package with a ``KIND``; the first kind that recognises a path opens it."""
@@ -43,13 +42,7 @@ class Kind(Protocol):
         ...
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> Recording:
-        """Open the path.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be read as this kind.
-        """
+        """Open the path; RecordingError, or ExposureError, if it cannot be read as this kind."""
         ...
 
 

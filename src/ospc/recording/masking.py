@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import BoolArray, ImageSize
-from ospc.errors import FrameError, SettingError
-from ospc.recording.decoding import MAX_FILE_BYTES, decode_grey
-from ospc.recording.derived import with_mask
+from ospc.errors import FrameError, SettingError, quoted
+from ospc.formats.files import read_bytes
+from ospc.recording.decoding import decode_grey
+from ospc.recording.derived import DerivedRecording
+from ospc.recording.frame import size_of
+from ospc.recording.image_source import MAX_FILE_BYTES
 from ospc.recording.recording import Recording
-from ospc.recording.wording import quoted
 
 _LEAST_PIXELS = 64
 """Fewer usable pixels are refused: such a mask or region is a mistake."""
@@ -22,15 +23,7 @@ _LEAST_PIXELS = 64
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of pixels.
-
-    Attributes
-    ----------
-    x, y
-        Column and row of its first pixel.
-    width, height
-        Size in pixels.
-    """
+    """A rectangle of pixels: column and row of its first pixel, and its size."""
 
     x: int
     y: int
@@ -39,13 +32,7 @@ class Region:
 
     @classmethod
     def parse(cls, text: str) -> Region:
-        """Return the rectangle written as ``x,y,width,height``.
-
-        Raises
-        ------
-        SettingError
-            If the text has another form.
-        """
+        """Return the rectangle written as ``x,y,width,height``; SettingError if the text has another form."""
         match = re.fullmatch(r"\s*(\d{1,6})" + r"\s*,\s*(\d{1,6})" * 3 + r"\s*", text, re.ASCII)
         if match is None:
             raise SettingError(f"a region of interest is written x,y,width,height in pixels, not {quoted(text)}")
@@ -53,19 +40,7 @@ class Region:
 
 
 def read_mask(path: Path, size: ImageSize) -> BoolArray:
-    """Read a mask: an image whose black pixels are not used.
-
-    Parameters
-    ----------
-    path
-        The image file.
-    size
-        Width and height it must have.
-
-    Returns
-    -------
-    BoolArray
-        True where pixels may be used, shape (height, width).
+    """Read a mask, True where pixels may be used, from an image of the given size whose black pixels are not used.
 
     Raises
     ------
@@ -73,20 +48,13 @@ def read_mask(path: Path, size: ImageSize) -> BoolArray:
         If it cannot be read or has another size.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(min(os.fstat(file.fileno()).st_size, MAX_FILE_BYTES) + 1)
-    except OSError as error:
-        raise SettingError(f"{path}: the mask cannot be read ({error.strerror}); check the path") from None
-    if len(data) > MAX_FILE_BYTES:
-        raise SettingError(f"{path}: the mask is larger than the {MAX_FILE_BYTES} bytes allowed; make a smaller file")
-    try:
-        image = decode_grey(data, str(path))
+        image = decode_grey(read_bytes(path, MAX_FILE_BYTES, FrameError), str(path))
     except FrameError as error:
         raise SettingError(str(error)) from None
-    if (image.shape[1], image.shape[0]) != size:
+    found = size_of(image)
+    if found != size:
         raise SettingError(
-            f"{path}: the mask is {image.shape[1]}x{image.shape[0]} pixels, but frames are {size[0]}x{size[1]}; "
-            f"make it the same size"
+            f"{path}: the mask is {found[0]}x{found[1]} pixels, but frames are {size[0]}x{size[1]}; make them equal"
         )
     return np.asarray(image > 0)
 
@@ -99,16 +67,9 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
     Parameters
     ----------
     recording
-        The recording.
-    mask
-        True where pixels may be used, shape (height, width).
-    region
-        Pixels outside it are not used.
-
-    Returns
-    -------
-    Recording
-        The recording itself if nothing is masked.
+        The recording; it is returned itself if nothing is masked.
+    mask, region
+        True where pixels may be used, shape (height, width); pixels outside the region are not used either.
 
     Raises
     ------
@@ -134,4 +95,5 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
             f"usable pixels lie inside the region and are not black in the mask"
         )
     usable.setflags(write=False)
-    return with_mask(recording, usable)
+    note = f"{1 - usable.mean():.0%} of every image is masked and not used"
+    return DerivedRecording.of(recording, np.arange(len(recording)), recording.exposures_ms, mask=usable, note=note)

@@ -1,22 +1,20 @@
 """How a recording is read, as far as its content does not say.
 
-Every option is declared once, as a field of :class:`ReadingOptions`. Its metadata hold what the command line and
+Every option is declared once, as a field of :class:`ReadingOptions`. Its annotation holds what the command line and
 other text interfaces need: help, the texts it takes, and how a text becomes a value.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 from ospc.errors import SettingError
 from ospc.recording.bayer import Mosaic
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
-
-_KEY = "option"
 
 
 @dataclass(frozen=True)
@@ -44,69 +42,59 @@ class Option:
     aliases: tuple[str, ...] = ()
 
 
-def _stated(summary: str, parse: Callable[[str], object] = str, **more: Any) -> dict[str, Option]:
-    """Return the metadata of a field."""
-    if isinstance(parse, type) and issubclass(parse, Enum):
-        more["choices"] = tuple(str(member.value) for member in parse)
-    return {_KEY: Option(summary, parse, **more)}
+def _values(kind: type[Enum]) -> tuple[str, ...]:
+    return tuple(str(member.value) for member in kind)
 
 
 @dataclass(frozen=True)
 class ReadingOptions:
     """What the user states about a recording; None wherever its content decides."""
 
-    channel: Channel | None = field(
-        default=None,
-        metadata=_stated(
+    channel: Annotated[
+        Channel | None,
+        Option(
             "Channel of colour or Bayer images; by default the luminance of colour images and the green pixels of a "
             "Bayer mosaic.",
             Channel,
+            _values(Channel),
         ),
-    )
-    bayer: Mosaic | None = field(
-        default=None,
-        metadata=_stated("The images are a Bayer mosaic of this pattern.", Mosaic, choices=tuple(Mosaic.PATTERNS)),
-    )
-    exposure_unit: ExposureUnit | None = field(
-        default=None, metadata=_stated("Unit of the exposures, instead of inferring it.", ExposureUnit)
-    )
-    gain_unit: GainUnit | None = field(
-        default=None,
-        metadata=_stated("Unit of the gains that exposures are multiplied by; none ignores the gains.", GainUnit),
-    )
-    image_topic: str | None = field(
-        default=None,
-        metadata=_stated("Topic of a bag with the images.", metavar="TOPIC", aliases=("--topic",)),
-    )
-    exposure_topic: str | None = field(
-        default=None, metadata=_stated("Topic of a bag with the exposures.", metavar="TOPIC")
-    )
-    exposure_field: str | None = field(
-        default=None,
-        metadata=_stated(
-            "Field of the messages on that topic with the exposure, such as info.shutter[0].", metavar="FIELD"
+    ] = None
+    bayer: Annotated[
+        Mosaic | None, Option("The images are a Bayer mosaic of this pattern.", Mosaic, Mosaic.PATTERNS)
+    ] = None
+    exposure_unit: Annotated[
+        ExposureUnit | None,
+        Option("Unit of the exposures, instead of inferring it.", ExposureUnit, _values(ExposureUnit)),
+    ] = None
+    gain_unit: Annotated[
+        GainUnit | None,
+        Option(
+            "Unit of the gains that exposures are multiplied by; none ignores the gains.", GainUnit, _values(GainUnit)
         ),
-    )
-    gain_field: str | None = field(
-        default=None, metadata=_stated("Field of these messages with a gain.", metavar="FIELD")
-    )
-    unknown_exposures: bool = field(
-        default=False,
-        metadata=_stated(
+    ] = None
+    image_topic: Annotated[
+        str | None, Option("Topic of a bag with the images.", str, metavar="TOPIC", aliases=("--topic",))
+    ] = None
+    exposure_topic: Annotated[str | None, Option("Topic of a bag with the exposures.", str, metavar="TOPIC")] = None
+    exposure_field: Annotated[
+        str | None,
+        Option(
+            "Field of the messages on that topic with the exposure, such as info.shutter[0].", str, metavar="FIELD"
+        ),
+    ] = None
+    gain_field: Annotated[str | None, Option("Field of these messages with a gain.", str, metavar="FIELD")] = None
+    unknown_exposures: Annotated[
+        bool,
+        Option(
             "Open recordings without usable exposures too; every frame then has an exposure of 1 ms.",
             "true".__eq__,
-            choices=("true", "false"),
+            ("true", "false"),
         ),
-    )
+    ] = False
 
     @classmethod
     def of(cls, texts: Mapping[str, str | None]) -> ReadingOptions:
-        """Return the options stated as text.
-
-        Parameters
-        ----------
-        texts
-            Texts by the names of the fields; None for what is not stated.
+        """Return the options stated as text, by the names of the fields; None for what is not stated.
 
         Raises
         ------
@@ -127,7 +115,7 @@ class ReadingOptions:
 
 def declared_options() -> dict[str, Option]:
     """Return how each option is stated as text, by the names of the fields."""
-    return {entry.name: entry.metadata[_KEY] for entry in fields(ReadingOptions)}
+    return {name: hint.__metadata__[0] for name, hint in get_type_hints(ReadingOptions, include_extras=True).items()}
 
 
 DEFAULT = ReadingOptions()

@@ -2,35 +2,90 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.errors import FrameError, RecordingError, SettingError
-from ospc.recording.bayer import GreenPixels, Mosaic, find_green
-from ospc.recording.bit_depth import BitDepth, detect_bit_depth
+from ospc.recording.bayer import Mosaic, find_mosaic
 from ospc.recording.channel import Channel
+from ospc.recording.frame import check_size, size_of
 from ospc.recording.options import ReadingOptions
+
+_SENSOR_BITS = (8, 10, 12, 14, 16)
+"""Bit depths of sensors; others do not exist."""
+
 
 _DEPTH_SAMPLES = 4
 """Frames that decide the bit depth: the first readable and those with the longest exposures, which use all bits."""
 
+_TAKEN = {
+    Channel.GREEN: "the mean of the two green pixels",
+    Channel.RED: "the red pixel",
+    Channel.BLUE: "the blue pixel",
+    Channel.LUMINANCE: "0.299 R + 0.587 G + 0.114 B",
+}
+"""What is taken of a Bayer mosaic for a channel."""
+
 
 @dataclass(frozen=True)
-class StoredImage:
-    """One channel of an image as it is stored.
+class BitDepth:
+    """Bits of a sensor and their position in the stored word.
 
     Attributes
     ----------
-    pixels
-        Shape (height, width), uint8 or uint16.
-    colour
-        Whether the image was in colour.
-    mosaic
-        Arrangement of the colours if it is labelled as a Bayer mosaic.
+    bits
+        Bits that the sensor delivers.
+    shift
+        Empty bits below them; 0 if the values are right-aligned.
+    stored_bits
+        Bits of the stored word, 8 or 16.
     """
+
+    bits: int
+    shift: int = 0
+    stored_bits: int = 8
+
+    @property
+    def max_grey(self) -> int:
+        """Largest grey value, after the shift."""
+        return (1 << self.bits) - 1
+
+    @property
+    def note(self) -> str | None:
+        """The result for the user to check; None for 8 bits."""
+        if self.stored_bits == 8:
+            return None
+        aligned = f"left-aligned, shifted right by {self.shift}" if self.shift else "right-aligned"
+        used = "" if self.bits == 16 else f", {aligned}"
+        return f"16-bit images are taken as {self.bits}-bit grey values{used}: largest grey value {self.max_grey}"
+
+
+def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
+    """Infer the bit depth from sample images, the brighter the better.
+
+    Bits that are zero everywhere are unused: low ones in left-aligned data, high ones in right-aligned data.
+    """
+    union = 0
+    for image in images:
+        if image.dtype == np.uint8:
+            return BitDepth(8)
+        union |= int(np.bitwise_or.reduce(image, axis=None))
+    if union == 0:
+        return BitDepth(16, 0, 16)
+    highest = union.bit_length()
+    if highest == 16:
+        empty_below = (union & -union).bit_length() - 1
+        bits = next(b for b in _SENSOR_BITS if b >= 16 - empty_below)
+        return BitDepth(bits, 16 - bits, 16)
+    return BitDepth(next(b for b in _SENSOR_BITS if b >= highest), 0, 16)
+
+
+@dataclass(frozen=True)
+class StoredImage:
+    """One channel of an image, as stored; whether the image was in colour, or labelled as a Bayer mosaic."""
 
     pixels: Image
     colour: bool = False
@@ -47,61 +102,26 @@ class PixelLayout:
         Width and height of the stored images.
     depth
         Bit depth of the grey values.
-    green
-        Which pixels of a Bayer mosaic are green; None if all pixels are used.
-    channel
-        Which channel of the mosaic is used.
-    mosaic
-        Positions of its other colours, if they are known.
+    mosaic, channel
+        The Bayer mosaic, None if all pixels are used, and which of its channels is used.
     """
 
     stored_size: ImageSize
     depth: BitDepth
-    green: GreenPixels | None = None
-    channel: Channel = Channel.GREEN
     mosaic: Mosaic | None = None
+    channel: Channel = Channel.GREEN
 
     @property
     def size(self) -> ImageSize:
         """Width and height of the grey images."""
         width, height = self.stored_size
-        return (width, height) if self.green is None else (width // 2, height // 2)
+        return (width, height) if self.mosaic is None else (width // 2, height // 2)
 
     def grey(self, stored: Image, label: str) -> Image:
-        """Convert a stored image to the grey image.
-
-        Raises
-        ------
-        FrameError
-            If its size, type or range of grey values differs from the others.
-        """
-        self.check_size((stored.shape[1], stored.shape[0]), label)
+        """Convert a stored image to grey; FrameError if its size, type or range differs from the others."""
+        check_size(size_of(stored), self.stored_size, label)
         aligned = _aligned(stored, self.depth, label)
-        return aligned if self.green is None else self._of_mosaic(aligned, self.green)
-
-    def check_size(self, size: ImageSize, label: str) -> None:
-        """Check the size of a stored image.
-
-        Raises
-        ------
-        FrameError
-            If it differs from the others.
-        """
-        if size != self.stored_size:
-            raise FrameError(
-                f"{label}: is {size[0]}x{size[1]} pixels where the recording has "
-                f"{self.stored_size[0]}x{self.stored_size[1]}; remove it or bring all images to one size"
-            )
-
-    def _of_mosaic(self, image: Image, green: GreenPixels) -> Image:
-        if self.mosaic is None or self.channel is Channel.GREEN:
-            return green.of(image)
-        if self.channel is Channel.RED:
-            return self.mosaic.red(image)
-        if self.channel is Channel.BLUE:
-            return self.mosaic.blue(image)
-        blocks = np.stack([self.mosaic.blue(image), green.of(image), self.mosaic.red(image)], axis=2)
-        return Channel.LUMINANCE.of(blocks)
+        return aligned if self.mosaic is None else self.mosaic.of(aligned, self.channel)
 
 
 def _aligned(image: Image, depth: BitDepth, label: str) -> Image:
@@ -137,10 +157,8 @@ def find_layout(
         Returns the image of a frame by its index; raises FrameError if that fails.
     exposures_ms
         Exposure of every frame, shape (frames,).
-    place
-        Where the images are, for messages.
-    options
-        What the user states about them.
+    place, options
+        Where the images are, for messages, and what the user states about them.
     take_green
         Whether to take the green pixels of images that look like a Bayer mosaic; otherwise a note says so.
 
@@ -154,43 +172,30 @@ def find_layout(
     first = _first(read, len(exposures_ms), place)
     depth = detect_bit_depth(_samples(first.pixels, read, exposures_ms))
     notes = [] if depth.note is None else [depth.note]
-    size = (first.pixels.shape[1], first.pixels.shape[0])
+    size = size_of(first.pixels)
     if first.colour:
-        return PixelLayout(size, depth), [*notes, _colour_note(options.channel)]
-    mosaic = options.bayer or first.mosaic
-    green = find_green(first.pixels) if mosaic is None else mosaic.green
-    if green is None:
+        luma = "colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B"
+        taken = options.channel or Channel.LUMINANCE
+        said = luma if taken is Channel.LUMINANCE else f"the {taken.value} channel is taken of colour images"
+        return PixelLayout(size, depth), [*notes, said]
+    mosaic = options.bayer or first.mosaic or find_mosaic(first.pixels)
+    if mosaic is None:
         if options.channel not in (None, Channel.LUMINANCE):
             raise SettingError(f"{place}: its images are grey and have no {options.channel.value} channel")
         return PixelLayout(size, depth), notes
-    if options.channel is None and mosaic is None and not take_green:
+    if options.channel is None and not mosaic.complete and not take_green:
         notes.append(
             "images look like a Bayer mosaic, whose colours have different responses; choose one with --channel"
         )
         return PixelLayout(size, depth), notes
     channel = options.channel or Channel.GREEN
-    if channel is not Channel.GREEN and mosaic is None:
+    if channel is not Channel.GREEN and not mosaic.complete:
         raise SettingError(
             f"{place}: its images do not state where {channel.value} is in the Bayer mosaic; state the pattern with "
             f"--bayer ({', '.join(Mosaic.PATTERNS)})"
         )
-    return PixelLayout(size, depth, green, channel, mosaic), [*notes, _mosaic_note(channel)]
-
-
-def _colour_note(channel: Channel | None) -> str:
-    if channel in (None, Channel.LUMINANCE):
-        return "colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B"
-    return f"the {channel.value} channel is taken of colour images"
-
-
-def _mosaic_note(channel: Channel) -> str:
-    what = {
-        Channel.GREEN: "the mean of the two green pixels",
-        Channel.RED: "the red pixel",
-        Channel.BLUE: "the blue pixel",
-        Channel.LUMINANCE: "0.299 R + 0.587 G + 0.114 B",
-    }[channel]
-    return f"images are a Bayer mosaic; {what} of each 2×2 block is taken"
+    notes.append(f"images are a Bayer mosaic; {_TAKEN[channel]} of each 2×2 block is taken")
+    return PixelLayout(size, depth, mosaic, channel), notes
 
 
 def _first(read: Callable[[int], StoredImage], count: int, place: str) -> StoredImage:

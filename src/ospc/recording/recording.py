@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
 from ospc.arrays import FloatArray, Image, ImageSize
@@ -70,13 +69,7 @@ class HasStoredBytes(Protocol):
     """A recording that returns its images as they are stored, which is cheaper than decoding them."""
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return the stored form of a frame's image.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read.
-        """
+        """Return the stored form of a frame's image; FrameError if it cannot be read."""
         ...
 
 
@@ -86,20 +79,8 @@ class StoredRecording(ABC):
 
     Attributes
     ----------
-    path
-        Path it was opened from.
-    kind
-        Name of the kind of recording.
-    size
-        Width and height of the frames in pixels.
-    max_grey
-        Largest grey value the sensor delivers.
-    exposures_ms
-        Exposure time in milliseconds times linear gain of every frame, shape (frames,).
-    stamps_s
-        Time stamp of every frame in seconds, shape (frames,).
-    notes
-        What the user should know about how it was read.
+    path, kind, size, max_grey, exposures_ms, stamps_s, notes
+        As in :class:`Recording`.
     channel
         Channel taken from colour images; the default one if None.
     """
@@ -115,13 +96,7 @@ class StoredRecording(ABC):
 
     @abstractmethod
     def stored_bytes(self, index: int) -> bytes:
-        """Return the stored form of a frame's image, which identifies the recording.
-
-        Raises
-        ------
-        FrameError
-            If it cannot be read.
-        """
+        """Return the stored form of a frame's image, which identifies the recording."""
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
@@ -132,13 +107,9 @@ class StoredRecording(ABC):
         return len(self.exposures_ms)
 
     def __enter__(self) -> Self:
-        """Return the recording."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the recording."""
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:  # noqa: B027 (most recordings keep no file open)

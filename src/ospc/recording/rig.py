@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -28,13 +29,7 @@ class RigKind(Protocol):
     """A kind of recording that may hold several cameras."""
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-        """Return the path and the options that open each camera, by its name.
-
-        Raises
-        ------
-        RecordingError
-            If the path cannot be read.
-        """
+        """Return the path and the options that open each camera, by its name; RecordingError if that fails."""
         ...
 
 
@@ -47,10 +42,8 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
     ----------
     path
         Folder or file; a single camera counts as a rig of one.
-    kind
-        Name of the kind of the recordings, to override the recognition.
-    options
-        What their content does not state.
+    kind, options
+        As for :func:`~ospc.recording.kinds.open_recording`.
 
     Returns
     -------
@@ -65,43 +58,30 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
     place = Path(path)
     if not place.exists():
         raise RecordingError(f"{place}: there is no such file or folder; check the path")
-    found = dict(_parts(place, kind, options))
+    found = _cameras(place, kind, options)
     if len(found) > _MAX_CAMERAS:
         raise RecordingError(
             f"{place}: holds {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one of them"
         )
-    return {name: _opener(part, kind, of_part) for name, (part, of_part) in found.items()}
-
-
-def _opener(path: Path, kind: str | None, options: ReadingOptions) -> Opener:
-    return lambda: open_recording(path, kind, options)
-
-
-def _parts(
-    place: Path, kind: str | None, options: ReadingOptions
-) -> Iterator[tuple[str, tuple[Path, ReadingOptions]]]:
-    chosen = next((k for k in kinds() if (k.recognises(place) if kind is None else k.name == kind)), None)
-    if isinstance(chosen, RigKind) and chosen.recognises(place):
-        yield from _named(chosen.cameras(place, options))
-    elif chosen is not None and chosen.recognises(place):
-        yield safe_name(place.stem), (place, options)
-    else:
-        inner = sorted(p for p in place.iterdir() if p.is_dir()) if place.is_dir() else []
-        recordings = [p for p in inner if any(k.recognises(p) for k in kinds() if kind in (None, k.name))]
-        yield from _named({p.name: (p, options) for p in recordings} or {place.stem: (place, options)})
-
-
-def _named(
-    cameras: dict[str, tuple[Path, ReadingOptions]],
-) -> Iterator[tuple[str, tuple[Path, ReadingOptions]]]:
-    """Make names safe and keep them distinct."""
+    openers: dict[str, Opener] = {}
     taken: set[str] = set()
-    for name, part in cameras.items():
+    for name, (camera, of_camera) in found.items():
         safe, number = safe_name(name), 2
         while safe.lower() in taken:
             safe, number = f"{safe_name(name)}_{number}", number + 1
         taken.add(safe.lower())
-        yield safe, part
+        openers[safe] = partial(open_recording, camera, kind, of_camera)
+    return openers
+
+
+def _cameras(place: Path, kind: str | None, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
+    chosen = next((k for k in kinds() if (k.recognises(place) if kind is None else k.name == kind)), None)
+    single = {place.stem: (place, options)}
+    if chosen is not None and chosen.recognises(place):
+        return chosen.cameras(place, options) if isinstance(chosen, RigKind) else single
+    inner = sorted(p for p in place.iterdir() if p.is_dir()) if place.is_dir() else []
+    recordings = [p for p in inner if any(k.recognises(p) for k in kinds() if kind in (None, k.name))]
+    return {p.name: (p, options) for p in recordings} or single
 
 
 def safe_name(name: str) -> str:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
-from ospc.errors import RecordingError
-from ospc.recording.wording import quoted
-
-MAX_TEXT_BYTES = 64 * 2**20
-"""Larger text files are refused; a list of a million frames is smaller."""
+from ospc.errors import RecordingError, quoted
+from ospc.formats.files import read_bytes
 
 MAX_LINES = 1_000_000
 """Text files with more lines are refused: that is nine hours at 30 frames per second."""
@@ -24,21 +20,8 @@ _LINE_END = re.compile(r"\r\n|\n|\r")
 
 
 def read_text(path: Path) -> str:
-    """Read a text file.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, is too large, or is not text.
-    """
-    try:
-        with path.open("rb") as file:
-            # read(limit) would allocate that much memory.
-            data = file.read(min(os.fstat(file.fileno()).st_size, MAX_TEXT_BYTES) + 1)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
-    if len(data) > MAX_TEXT_BYTES:
-        raise RecordingError(f"{path}: larger than the {MAX_TEXT_BYTES} bytes allowed; check the file")
+    """Read a text file; RecordingError if it cannot be read, is too large, or is not text."""
+    data = read_bytes(path, error=RecordingError)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -51,10 +34,7 @@ def read_text(path: Path) -> str:
 def lines_of(text: str, source: str) -> list[tuple[int, str]]:
     """Return the lines that are not blank, with their numbers as an editor counts them.
 
-    Raises
-    ------
-    RecordingError
-        If there are too many lines or one is too long.
+    RecordingError if there are too many lines or one is too long.
     """
     if text.count("\n") + text.count("\r") > 2 * MAX_LINES:
         raise RecordingError(f"{source}: has more than the {MAX_LINES} lines allowed; check the file")
@@ -75,19 +55,7 @@ def is_number(text: str) -> bool:
 def parse_number(text: str, what: str, place: str) -> float:
     """Return the number in a field; NaN and infinities count as numbers, for the caller to judge.
 
-    Parameters
-    ----------
-    text
-        The field.
-    what
-        What the field holds, as the subject of a sentence.
-    place
-        File and line, for messages.
-
-    Raises
-    ------
-    RecordingError
-        If it is not a number.
+    RecordingError if it is not a number; the message names the place, file and line, and what the field holds.
     """
     if is_number(text):
         return float(text)

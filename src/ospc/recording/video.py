@@ -13,16 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, ImageSize
-from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.arrays import FloatArray, Image
+from ospc.errors import FrameError, RecordingError, escaped
 from ospc.recording.channel import Channel
-from ospc.recording.exposure_table import read_exposure_table
-from ospc.recording.frame import Frame
+from ospc.recording.exposure_lists import only_list, read_list
+from ospc.recording.frame import Frame, check_size, size_of
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import StoredRecording
 from ospc.recording.video_stream import VideoStream, count_frames
-from ospc.recording.wording import escaped, listed
 
 _SIGNATURES = ((4, b"ftyp"), (4, b"moov"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "))
 """Offsets and bytes that identify MP4 and MOV, MKV and WebM, and AVI files."""
@@ -52,27 +51,23 @@ class Video:
         return any(head[place : place + len(text)] == text for place, text in _SIGNATURES)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> VideoRecording:
-        """Open the file.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be decoded, or its list does not have one line per frame.
-        ExposureError
-            If there is no list of exposures, more than one, or one with missing or invalid exposures.
-        """
+        """Open the file."""
         # Only the content identifies a video: a playlist could lead the decoder to other files.
         if not self.recognises(path):
             raise RecordingError(f"{path}: is not an MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
         table = table_or_unlisted(
-            lambda: read_exposure_table(_list_of(path), options),
+            lambda: read_list(_list_of(path), options),
             str(path),
             count_frames(path) if options.unknown_exposures else 0,
             allowed=options.unknown_exposures,
         )
         with VideoStream(path, options.channel) as stream:
             stated, fps = stream.stated_frames, stream.fps
-            size = _size(stream, path)
+            try:
+                size = size_of(stream.read(0))
+            except FrameError as error:
+                advice = "convert the video to MJPEG or H.264"
+                raise RecordingError(f"{path}: not one frame can be decoded; {advice}") from error
         # The number a container states is often an estimate; counting takes a pass over the video.
         frames = stated if stated == len(table) else count_frames(path)
         if frames != len(table):
@@ -103,13 +98,7 @@ class VideoRecording(StoredRecording):
             yield self._frame(index, f"{escaped(self.path.name)}[{index}]", partial(self._load, stream, index))
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return a piece of the file, as far into it as the frame is into the video.
-
-        Raises
-        ------
-        FrameError
-            If the file cannot be read.
-        """
+        """Return a piece of the file, as far into it as the frame is into the video."""
         try:
             with self.path.open("rb") as file:
                 file.seek(self.path.stat().st_size * index // len(self))
@@ -119,12 +108,7 @@ class VideoRecording(StoredRecording):
 
     def _load(self, stream: VideoStream, index: int) -> Image:
         image = stream.read(index)
-        width, height = self.size
-        if image.shape != (height, width):
-            raise FrameError(
-                f"{self.path}[{index}]: is {image.shape[1]}x{image.shape[0]} pixels where the video has "
-                f"{width}x{height}; cut the video there"
-            )
+        check_size(size_of(image), self.size, f"{self.path}[{index}]")
         return image
 
 
@@ -134,22 +118,8 @@ def _list_of(path: Path) -> Path:
     found = [path.with_name(name) for name in names if path.with_name(name).is_file()]
     if not found:
         found = [path.with_name(n) for n in ("exposures.csv", "times.txt") if path.with_name(n).is_file()]
-    if len(found) > 1:
-        raise ExposureError(f"{path}: several lists of exposures ({listed([p.name for p in found])}); keep one")
-    if not found:
-        raise ExposureError(
-            f"{path}: a video holds no exposures; put {path.stem}.csv beside it, with a header "
-            f"'timestamp_s,exposure_ms' and a line for each frame"
-        )
-    return found[0]
-
-
-def _size(stream: VideoStream, path: Path) -> ImageSize:
-    try:
-        first = stream.read(0)
-    except FrameError as error:
-        raise RecordingError(f"{path}: not one frame can be decoded; convert the video to MJPEG or H.264") from error
-    return first.shape[1], first.shape[0]
+    advice = f"put {path.stem}.csv beside it, with a header 'timestamp_s,exposure_ms' and a line for each frame"
+    return only_list(found, path, advice)
 
 
 def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) -> tuple[FloatArray, tuple[str, ...]]:

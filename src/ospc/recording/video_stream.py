@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from types import TracebackType
 
 import cv2
 
@@ -15,16 +14,9 @@ from ospc.recording.decoding import MAX_DECODED_BYTES
 
 
 class VideoStream:
-    """Grey frames of a video by their number; an earlier frame restarts the video.
+    """Frames of a video by their number, as one channel (luma if None); an earlier frame restarts the video.
 
     Threads may share it; their reads are serialised.
-
-    Parameters
-    ----------
-    path
-        The video file.
-    channel
-        Channel taken from colour; luma if None.
 
     Raises
     ------
@@ -40,13 +32,9 @@ class VideoStream:
         self._capture = _capture(path)
 
     def __enter__(self) -> VideoStream:
-        """Return itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file."""
+    def __exit__(self, *_: object) -> None:
         self._capture.release()
 
     @property
@@ -61,13 +49,7 @@ class VideoStream:
         return float(self._capture.get(cv2.CAP_PROP_FPS))
 
     def read(self, index: int) -> Image:
-        """Return the channel of a frame, shape (height, width), uint8.
-
-        Raises
-        ------
-        FrameError
-            If the video ends earlier or is damaged.
-        """
+        """Return a frame, shape (height, width), uint8; FrameError if the video ends earlier or is damaged."""
         with self._lock:
             if index < self._next:
                 self._capture.release()
@@ -91,13 +73,7 @@ class VideoStream:
 
 
 def count_frames(path: Path) -> int:
-    """Count the frames of a video by playing it.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be decoded or its frames are too large.
-    """
+    """Count the frames of a video by playing it; RecordingError if it cannot be decoded."""
     frames = 0
     with VideoStream(path) as stream:
         while stream.skip():

@@ -126,7 +126,7 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
 
 def exposures_beside(folder: Path) -> FloatArray | None:
     """Return the exposures in the times.txt of an output folder; None where there is none that can be read."""
-    from ospc.recording.times_file import read_times
+    from ospc.recording.exposure_lists import read_times
 
     try:
         return read_times(folder / "times.txt").exposures_ms
@@ -140,7 +140,7 @@ def _where_exposure_changes(recording: Recording, count: int, reach: int) -> Der
     log_exposure = np.log(np.maximum(recording.exposures_ms[:reach], 1e-12))
     pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
     frames = int(np.argmax(np.ptp(pieces, axis=1).round(3))) + np.arange(count)
-    return DerivedRecording(recording, frames, recording.exposures_ms[frames])
+    return DerivedRecording.of(recording, frames, recording.exposures_ms[frames], note="some frames only")
 
 
 def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:

@@ -8,7 +8,7 @@ The spread of cameras about that mean is the uncertainty of γ, which is added t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -16,13 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
 from ospc.calibrator import calibrate
 from ospc.errors import FrameError, NotObservableError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.recording import open_recording
 from ospc.recording.derived import DerivedRecording
-from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
 from ospc.recording.recording import Recording
 from ospc.settings import Settings
@@ -43,53 +41,17 @@ _LEVELS = np.linspace(0.1, 0.9, 81)
 _REMEDY = "give the exposure of every frame, or of a second recording of the same camera"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RecoveredRecording(DerivedRecording):
-    """A recording whose exposures are estimated from its images, up to a factor and an exponent.
+    """A recording whose exposures are estimated from its images, relative to the median, up to an exponent.
 
     Attributes
     ----------
-    inner
-        The recording.
-    frames
-        Indices, in the inner recording, of the frames with an estimated exposure, increasing; others are left out.
-    exposures_ms
-        Their exposures, relative to the median, shape (frames,).
     exponent_sigma
         Standard deviation of ln γ.
     """
 
-    inner: Recording
-    frames: IntArray
-    exposures_ms: FloatArray
     exponent_sigma: float = EXPONENT_SIGMA
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        """Time stamp of every frame in seconds, shape (frames,)."""
-        return self.inner.stamps_s[self.frames]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes of the inner recording, and one on the exposures."""
-        missing = len(self.inner) - len(self)
-        left_out = f"; {missing} frames, whose exposure was not estimated, are left out" if missing else ""
-        return (
-            *self.inner.notes,
-            f"exposures are estimated from the images: relative, and up to one exponent{left_out}",
-        )
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self.frames)
-
-    def __iter__(self) -> Iterator[Frame]:
-        """Give the frames one by one."""
-        number = {int(frame): i for i, frame in enumerate(self.frames)}
-        for frame in self.inner:
-            index = number.get(frame.index)
-            if index is not None:
-                yield replace(frame, index=index, exposure_ms=float(self.exposures_ms[index]))
 
 
 def recover_exposures(
@@ -125,7 +87,10 @@ def recover_exposures(
     log_e = typical_exponent(found) * found.log_exposures
     exposures = np.exp(log_e - np.median(log_e))
     exposures.setflags(write=False)
-    return RecoveredRecording(recording, found.frames, exposures)
+    missing = len(recording) - len(exposures)
+    left_out = f"; {missing} frames, whose exposure was not estimated, are left out" if missing else ""
+    note = f"exposures are estimated from the images: relative, and up to one exponent{left_out}"
+    return RecoveredRecording.of(recording, found.frames, exposures, note=note)
 
 
 def calibrate_without_exposures(

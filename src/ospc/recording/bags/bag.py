@@ -6,12 +6,11 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ospc.errors import RecordingError
+from ospc.errors import RecordingError, quoted
 from ospc.recording.bags.container import BagFile, Message, Topic
 from ospc.recording.bags.mcap_file import MCAP_START, McapFile
 from ospc.recording.bags.rosbags_files import ROS1_START, SQLITE_START, Ros1File, Sqlite3File
-from ospc.recording.image_names import by_name
-from ospc.recording.wording import quoted
+from ospc.recording.image_source import by_name
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _COMPRESSED_SUFFIXES = (".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
@@ -24,15 +23,7 @@ _HEAD_BYTES = 16
 
 @dataclass(frozen=True)
 class Bag:
-    """A bag.
-
-    Attributes
-    ----------
-    path
-        The file, or the folder with the files.
-    files
-        The files in the order of their names.
-    """
+    """A bag: its path, and its files in the order of their names."""
 
     path: Path
     files: tuple[BagFile, ...]
@@ -81,13 +72,7 @@ class Bag:
         return tuple(sorted(found.values(), key=lambda topic: by_name(topic.name)))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Yield the messages of some topics one by one, in the same order every time.
-
-        Raises
-        ------
-        RecordingError
-            If a file is damaged.
-        """
+        """Yield messages as :meth:`~ospc.recording.bags.container.BagFile.messages` of all files."""
         for file in self.files:
             yield from file.messages(names, start_ns)
 

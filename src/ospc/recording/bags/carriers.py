@@ -13,35 +13,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ospc.errors import ExposureError
+from ospc.errors import ExposureError, escaped, quoted
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.messages import DamagedMessageError, MessageType, is_field, value_at
-from ospc.recording.exposure_units import ExposureUnit, GainUnit
+from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
-from ospc.recording.wording import escaped, quoted
 
 _MAX_TEXT_CHARACTERS = 100_000
 """Longer metadata texts are ignored; those of RealSense cameras have about 1000 characters."""
-
-_UNIT_GAIN = 16
-"""``gain_level`` of RealSense's stereo cameras at a gain of one; in other models the unit is linear too."""
 
 _NANOSECONDS = 10**9
 """Nanoseconds per second."""
 
 
 class Reading(NamedTuple):
-    """The content of a message about an exposure.
-
-    Attributes
-    ----------
-    exposure
-        In the unit of the carrier.
-    gain
-        In its unit; 1 if there is none.
-    stamp_ns
-        Time stamp of the message in nanoseconds; None if it has none.
-    """
+    """The exposure and gain (1 for none) in a message, in the units of the carrier, and its time stamp if any."""
 
     exposure: float
     gain: float
@@ -74,13 +60,7 @@ class Carrier:
     summary: str
 
     def readings(self, topic: Topic) -> Callable[[bytes], Reading | None]:
-        """Return a function that reads the serialised messages of a topic.
-
-        Raises
-        ------
-        DamagedMessageError
-            If the bag does not define their type.
-        """
+        """Return a function that reads serialised messages; DamagedMessageError if the bag does not define them."""
         kind = MessageType(topic.type, topic.encoding, topic.definition, idl=topic.idl)
 
         def read(data: bytes) -> Reading | None:
@@ -131,9 +111,7 @@ def _realsense(message: Any) -> tuple[float, float] | None:
         content = json.loads(message.json_data)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(content, dict):
-        return None
-    return _realsense_exposure({str(key).lower().replace(" ", "_"): value for key, value in content.items()})
+    return _realsense_exposure(content) if isinstance(content, dict) else None
 
 
 def _realsense_text(message: Any) -> tuple[float, float] | None:
@@ -141,13 +119,14 @@ def _realsense_text(message: Any) -> tuple[float, float] | None:
     if len(message.data) > _MAX_TEXT_CHARACTERS:
         return None
     pairs = (pair.partition("=") for pair in message.data.split(";"))
-    return _realsense_exposure({key.lower().replace(" ", "_"): value for key, _, value in pairs})
+    return _realsense_exposure({key: value for key, _, value in pairs})
 
 
-def _realsense_exposure(said: dict[str, Any]) -> tuple[float, float] | None:
+def _realsense_exposure(metadata: dict[str, Any]) -> tuple[float, float] | None:
+    said = {str(key).lower().replace(" ", "_"): value for key, value in metadata.items()}
     if "actual_exposure" not in said:
         return None
-    gain = _number(said.get("gain_level", _UNIT_GAIN), "gain_level") / _UNIT_GAIN
+    gain = _number(said.get("gain_level", REALSENSE_UNIT_GAIN), "gain_level") / REALSENSE_UNIT_GAIN
     return _number(said["actual_exposure"], "actual_exposure"), gain
 
 
@@ -175,7 +154,7 @@ _KNOWN: dict[str, Carrier] = {
         _realsense,
         ExposureUnit.US,
         GainUnit.LINEAR,
-        f"actual_exposure in µs, gain_level / {_UNIT_GAIN} as linear gain",
+        f"actual_exposure in µs, gain_level / {REALSENSE_UNIT_GAIN} as linear gain",
     ),
     "DiagnosticArray": Carrier(
         _diagnostics,
@@ -191,7 +170,7 @@ _REALSENSE_RECORDER = Carrier(
     _realsense_text,
     ExposureUnit.US,
     GainUnit.LINEAR,
-    f"Actual Exposure in µs, Gain Level / {_UNIT_GAIN} as linear gain",
+    f"Actual Exposure in µs, Gain Level / {REALSENSE_UNIT_GAIN} as linear gain",
 )
 
 _NUMBERS = tuple(
@@ -221,10 +200,7 @@ def _known(topic: Topic) -> Carrier | None:
 def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
     """Return how the messages of a topic carry exposures; the user's statements take precedence.
 
-    Raises
-    ------
-    ExposureError
-        If the field with the exposures has to be stated.
+    ExposureError if the field with the exposures has to be stated.
     """
     carrier = _known(topic)
     if options.exposure_field is not None:

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
-from ospc.errors import OspcError, RecordingError, said_by
-from ospc.recording.wording import escaped
+from ospc.errors import OspcError, RecordingError, escaped, said_by
 
 MAX_CHUNK_BYTES = 256 * 2**20
 """Larger chunks and messages are refused, before and after decompression."""
@@ -31,18 +30,14 @@ class Topic:
 
     Attributes
     ----------
-    name
-        Such as ``/camera/image_raw``.
-    type
-        Type of its messages in ROS 2 notation, such as ``sensor_msgs/msg/Image``, for bags of ROS 1 too.
+    name, type
+        Such as ``/camera/image_raw`` and ``sensor_msgs/msg/Image``; types are in the notation of ROS 2.
     messages
         Number of messages; None if the bag does not state it.
     encoding
         Serialisation of the messages.
-    definition
-        Definition of the type; empty if the bag does not include it.
-    idl
-        Whether the definition is in IDL.
+    definition, idl
+        Definition of the type, empty if the bag does not include it, and whether it is in IDL.
     """
 
     name: str
@@ -54,17 +49,7 @@ class Topic:
 
 
 class Message(NamedTuple):
-    """A message as it is stored.
-
-    Attributes
-    ----------
-    topic
-        Name of its topic.
-    log_ns
-        When it was recorded, in nanoseconds.
-    data
-        The serialised message.
-    """
+    """A serialised message, the name of its topic, and when it was recorded."""
 
     topic: str
     log_ns: int
@@ -72,17 +57,7 @@ class Message(NamedTuple):
 
 
 class BagFile(ABC):
-    """One file of a bag.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Attributes
-    ----------
-    topics
-        Its topics.
+    """One file of a bag, and its topics.
 
     Raises
     ------
@@ -100,19 +75,9 @@ class BagFile(ABC):
             self.topics = tuple(self._topics(reader))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Yield the messages of some topics one by one, in the same order every time.
+        """Yield the messages of the named topics one by one, in the same order every time.
 
-        Parameters
-        ----------
-        names
-            Names of the topics.
-        start_ns
-            Skip messages recorded before this time.
-
-        Raises
-        ------
-        RecordingError
-            If the file is damaged.
+        Those recorded before ``start_ns`` are skipped. RecordingError if the file is damaged.
         """
         with self._reader(names) as reader:
             yield from self._messages(reader, names, start_ns)

@@ -5,25 +5,15 @@ from __future__ import annotations
 import bz2
 import sys
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import RecordingError, needs_extra, quoted
 from ospc.recording.bags.container import MAX_CHUNK_BYTES
-from ospc.recording.wording import quoted
 
 ZSTD_START = b"\x28\xb5\x2f\xfd"
 """Magic number of a Zstandard frame (RFC 8878)."""
 
 
 def expand(data: bytes, compression: str, size: int | None = None) -> bytes:
-    """Decompress.
-
-    Parameters
-    ----------
-    data
-        The compressed bytes.
-    compression
-        ``zstd``, ``lz4``, ``bz2``, or ``none``.
-    size
-        Exact number of bytes that must come out, if it is stated.
+    """Decompress ``zstd``, ``lz4``, ``bz2``, or ``none``, to exactly ``size`` bytes if it is stated.
 
     Raises
     ------
@@ -51,14 +41,12 @@ def _decompressor(compression: str) -> bz2.BZ2Decompressor:
     """Return an incremental decompressor; all have the interface of that in bz2."""
     if compression == "bz2":
         return bz2.BZ2Decompressor()
-    try:
+    with needs_extra("reading compressed bags", "ros"):
         if compression == "lz4":
             from lz4.frame import LZ4FrameDecompressor as Decompressor
         elif sys.version_info >= (3, 14):
             from compression.zstd import ZstdDecompressor as Decompressor
         else:
             from backports.zstd import ZstdDecompressor as Decompressor
-    except ImportError:
-        raise MissingExtraError("reading compressed bags", "ros") from None
     decompressor: bz2.BZ2Decompressor = Decompressor()
     return decompressor

@@ -14,14 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import Image
-from ospc.errors import FrameError
+from ospc.errors import FrameError, quoted
 from ospc.recording.bags.container import Encoding
 from ospc.recording.bags.messages import MessageType
 from ospc.recording.bayer import Mosaic
 from ospc.recording.channel import Channel
 from ospc.recording.decoding import decode_stored
 from ospc.recording.pixel_layout import StoredImage
-from ospc.recording.wording import quoted
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 IMAGE_TYPES = (RAW, COMPRESSED)
@@ -29,17 +28,7 @@ IMAGE_TYPES = (RAW, COMPRESSED)
 
 @dataclass(frozen=True)
 class _Layout:
-    """How the pixels of an encoding are stored.
-
-    Attributes
-    ----------
-    channels
-        Values per pixel.
-    bits
-        Bits per value.
-    order
-        Positions of blue, green and red for colour; position of the luma if there is chroma too.
-    """
+    """Values per pixel and bits per value; positions of blue, green and red, or of the luma beside chroma."""
 
     channels: int
     bits: int
@@ -71,32 +60,13 @@ _ENCODINGS = {
 
 
 def read_stamp_ns(data: bytes, kind: str, encoding: Encoding) -> int:
-    """Return the time stamp of an image message in nanoseconds; 0 if the camera gave none.
-
-    Raises
-    ------
-    DamagedMessageError
-        If it is not a message of this type.
-    """
+    """Return the time stamp of an image message in nanoseconds, as :func:`read_image`; 0 if the camera gave none."""
     stamp = _type(kind, encoding).decode(data).header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def read_image(data: bytes, kind: str, encoding: Encoding, name: str, channel: Channel | None = None) -> StoredImage:
-    """Read an image message.
-
-    Parameters
-    ----------
-    data
-        The message.
-    kind
-        One of :data:`IMAGE_TYPES`.
-    encoding
-        Serialisation of the message.
-    name
-        Name of the image in messages to the user.
-    channel
-        Channel taken from colour images; luma if None.
+    """Read a message of one of the :data:`IMAGE_TYPES`; the image is called ``name`` in messages to the user.
 
     Raises
     ------

@@ -18,22 +18,6 @@ _ONLY_IMAGE_TOLERANCE_NS = 5e8
 
 
 @dataclass(frozen=True)
-class Matching:
-    """Exposures of the images.
-
-    Attributes
-    ----------
-    exposure
-        Index of the exposure of every image, -1 if there is none, shape (images,).
-    notes
-        What was done, for the user.
-    """
-
-    exposure: IntArray
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Times:
     """When messages were sent and recorded.
 
@@ -54,28 +38,20 @@ class Times:
         return bool(np.all(self.stamp_ns > 0))
 
 
-def match(images: Times, exposures: Times, source: str) -> Matching:
-    """Find the exposure of every image.
+def match(images: Times, exposures: Times, source: str) -> tuple[IntArray, list[str]]:
+    """Return the index of the exposure of every image, -1 for none, shape (images,), and notes for the user.
 
     Time stamps of the camera take precedence; if they are missing or come from different clocks, the times at which
     the messages were recorded are used.
 
-    Parameters
-    ----------
-    images, exposures
-        When they were sent and recorded.
-    source
-        Name of the exposures in messages.
-
     Raises
     ------
     ExposureError
-        If most images have no exposure.
+        If most images have no exposure; the message begins with ``source``.
     """
-    ways = []
+    ways = [("time of recording", images.log_ns, exposures.log_ns)]
     if images.stamped and exposures.stamped:
-        ways.append(("time stamp", images.stamp_ns, exposures.stamp_ns))
-    ways.append(("time of recording", images.log_ns, exposures.log_ns))
+        ways.insert(0, ("time stamp", images.stamp_ns, exposures.stamp_ns))
     for what, wanted, offered in ways:
         found, tolerance_ns = _nearest(wanted, offered)
         known = int(np.count_nonzero(found >= 0))
@@ -86,7 +62,7 @@ def match(images: Times, exposures: Times, source: str) -> Matching:
                     f"{source}: {len(found) - known} of {len(found)} images have no exposure within "
                     f"{tolerance_ns / 1e6:.3g} ms and are left out"
                 )
-            return Matching(found, tuple(notes))
+            return found, notes
     raise ExposureError(
         f"{source}: has an exposure for {known} of {len(found)} images only; record an exposure with the "
         f"time stamp of every image"

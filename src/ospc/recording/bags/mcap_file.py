@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, BinaryIO
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import RecordingError, needs_extra
 from ospc.recording.bags.container import (
     MAX_CHUNK_BYTES,
     MAX_TOPICS,
@@ -100,11 +100,9 @@ class McapFile(BagFile):
 
 def _parsed(record: str, content: bytes) -> Any:
     """Parse the content of a record with the class of that name in mcap."""
-    try:
+    with needs_extra("reading bags in the MCAP format", "ros"):
         from mcap import records
         from mcap.data_stream import ReadDataStream
-    except ImportError:
-        raise MissingExtraError("reading bags in the MCAP format", "ros") from None
     return getattr(records, record).read(ReadDataStream(BytesIO(content)))
 
 

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import RecordingError, escaped, needs_extra, quoted
 from ospc.recording.bags.container import Encoding
-from ospc.recording.wording import escaped, quoted
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -60,15 +59,11 @@ class MessageType:
 
     Parameters
     ----------
-    name
-        Such as ``std_msgs/msg/Float64``.
-    encoding
-        Serialisation of the messages.
-    definition
-        Its definition, followed by those of the types it contains, as bags store them. If empty, the type must be
-        part of ROS or of a driver that is supported.
-    idl
-        Whether the definition is in IDL.
+    name, encoding
+        Such as ``std_msgs/msg/Float64``, and the serialisation of its messages.
+    definition, idl
+        Its definition, followed by those of the types it contains, as bags store them, and whether that is in IDL.
+        If empty, the type must be part of ROS or of a driver that is supported.
 
     Raises
     ------
@@ -91,10 +86,7 @@ class MessageType:
     def decode(self, data: bytes) -> Any:
         """Return a message as an object whose attributes are its fields; arrays of numbers are NumPy arrays.
 
-        Raises
-        ------
-        DamagedMessageError
-            If the message does not fit its type.
+        DamagedMessageError if the message does not fit its type.
         """
         if not self._trusted and len(data) > MAX_MESSAGE_BYTES:
             raise DamagedMessageError(f"the message has {len(data)} bytes, more than the {MAX_MESSAGE_BYTES} allowed")
@@ -108,10 +100,8 @@ class MessageType:
 
 @cache
 def _standard_types(*, ros1: bool) -> Typestore:
-    try:
+    with needs_extra("reading bags", "ros"):
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError:
-        raise MissingExtraError("reading bags", "ros") from None
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     for name, definition in _DRIVER_TYPES.items():
         store.register(get_types_from_msg(definition, name))
@@ -120,10 +110,8 @@ def _standard_types(*, ros1: bool) -> Typestore:
 
 def _defined_types(name: str, definition: str, *, idl: bool) -> Typestore:
     """Return the types that a bag defines."""
-    try:
+    with needs_extra("reading bags", "ros"):
         from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-    except ImportError:
-        raise MissingExtraError("reading bags", "ros") from None
     if len(definition) > MAX_DEFINITION_CHARACTERS:
         raise DamagedMessageError(f"the definition of the type {quoted(name)} has {len(definition)} characters")
     store = get_typestore(Stores.EMPTY)
@@ -165,13 +153,7 @@ def _check(types: _Types) -> None:
 
 
 def value_at(message: Any, field: str) -> Any:
-    """Return a field of a message, such as ``exposure_time``, ``camera_info.header`` or ``shutter[0]``.
-
-    Raises
-    ------
-    DamagedMessageError
-        If there is no such field.
-    """
+    """Return a field such as ``exposure_time``, ``info.header`` or ``shutter[0]``; DamagedMessageError if missing."""
     value = message
     for step in _STEP.finditer(field):
         name, index = step.groups()

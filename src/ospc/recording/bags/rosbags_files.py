@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import RecordingError, needs_extra
 from ospc.recording.bags.container import (
     MAX_CHUNK_BYTES,
     MAX_TOPICS,
@@ -89,10 +89,8 @@ class Ros1File(RosbagsFile):
 
 def _sparing_reader() -> Any:
     """Return a reader that keeps the index of some topics only: that of an IMU can be larger than its messages."""
-    try:
+    with needs_extra("reading bags", "ros"):
         from rosbags.rosbag1.reader import IndexData, Reader
-    except ImportError:
-        raise MissingExtraError("reading bags", "ros") from None
 
     class SparingReader(Reader):
         def __init__(self, path: Path, names: Collection[str]) -> None:
@@ -129,10 +127,8 @@ class Sqlite3File(RosbagsFile):
 
     @contextmanager
     def _open(self, names: Collection[str]) -> Iterator[Any]:
-        try:
+        with needs_extra("reading bags", "ros"):
             from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-        except ImportError:
-            raise MissingExtraError("reading bags", "ros") from None
         _check_length(self.path)
         # The package puts the path into a URI without quoting it.
         if any(c in str(self.path) for c in "?#%"):

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from ospc.errors import ExposureError, RecordingError
+from ospc.errors import ExposureError, RecordingError, escaped, listed, quoted
 from ospc.recording.bags.bag import Bag
 from ospc.recording.bags.carriers import candidates
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import IMAGE_TYPES, RAW
 from ospc.recording.options import ReadingOptions
-from ospc.recording.wording import escaped, listed, quoted
 
 _NOT_PHOTOGRAPHS = ("depth", "disparity", "segmentation", "mask", "label")
 """Topics of images whose names contain one of these hold something other than grey values."""
 
 
 def image_topic(bag: Bag, options: ReadingOptions) -> tuple[Topic, list[str]]:
-    """Return the topic with the images, and notes about the choice.
-
-    Raises
-    ------
-    RecordingError
-        If there is none, or the one the user names does not exist or has no images.
-    """
+    """Return the topic with the images, and notes about the choice; RecordingError if there is none."""
     if options.image_topic is not None:
         topic = _named(bag, options.image_topic)
         if topic.type not in IMAGE_TYPES:
@@ -59,10 +52,7 @@ def uses(bag: Bag) -> list[tuple[Topic, str]]:
 def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     """Return the topic with the exposures of the images on another topic.
 
-    Raises
-    ------
-    ExposureError
-        If there is none, or several with names equally similar to that of the images.
+    ExposureError if there is none, or several with names equally similar to that of the images.
     """
     if options.exposure_topic is not None:
         return _named(bag, options.exposure_topic)
@@ -84,12 +74,8 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
 
 def _shared(name: str, other: str) -> int:
     """Return how many leading parts two names of topics have in common."""
-    count = 0
-    for part, other_part in zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False):
-        if part != other_part:
-            break
-        count += 1
-    return count
+    pairs = list(zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False))
+    return next((count for count, (part, other_part) in enumerate(pairs) if part != other_part), len(pairs))
 
 
 def _named(bag: Bag, name: str) -> Topic:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
-from ospc.errors import SettingError
+from ospc.errors import SettingError, quoted
 from ospc.recording.live.source import Camera
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.wording import quoted
 
-_MAX_DIGITS = 4
-"""Digits of a device number; more are a mistake."""
+_NUMBER = re.compile(r"\d{1,4}", re.ASCII)
+"""The number of a device; more digits are a mistake."""
 
 _EXPECTED = "expected opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE (.db3 or .bag), or depthai:SENSOR"
 
@@ -44,24 +44,22 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
     ...         calibrator.push(frame)
     """
     kind, _, which = text.partition(":")
-    colour = options.channel is not None
-    if kind == "opencv" and (which or "0").isascii() and (which or "0").isdigit() and len(which) <= _MAX_DIGITS:
+    channel = options.channel
+    colour = channel is not None
+    if kind == "opencv" and _NUMBER.fullmatch(which or "0"):
         from ospc.recording.live.opencv_capture import OpenCvCamera
 
         return OpenCvCamera(
-            int(which or 0),
-            exposure_unit=options.exposure_unit,
-            gain_unit=options.gain_unit,
-            channel=options.channel,
+            int(which or 0), exposure_unit=options.exposure_unit, gain_unit=options.gain_unit, channel=channel
         )
     if kind == "realsense":
         from ospc.recording.live.realsense import RealSenseCamera
 
         if which.endswith((".bag", ".db3")):
-            return RealSenseCamera.open(recording=Path(which), colour=colour, channel=options.channel)
-        return RealSenseCamera.open(which, colour=colour, channel=options.channel)
+            return RealSenseCamera.open(recording=Path(which), colour=colour, channel=channel)
+        return RealSenseCamera.open(which, colour=colour, channel=channel)
     if kind == "depthai":
         from ospc.recording.live.depthai import DepthAiCamera
 
-        return DepthAiCamera.open(which or ("colour" if colour else "left"), channel=options.channel)
+        return DepthAiCamera.open(which or ("colour" if colour else "left"), channel=channel)
     raise SettingError(f"{quoted(text)} is not a camera; {_EXPECTED}")

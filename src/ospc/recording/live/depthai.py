@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ospc.errors import MissingExtraError, RecordingError
+from ospc.errors import RecordingError, needs_extra, quoted
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.live.source import Camera, DriverFrame, ExposureReader, quoted_driver
-from ospc.recording.wording import quoted
+from ospc.recording.live.source import Camera, DriverFrame, quoted_driver
 
 SOCKETS = {"colour": "CAM_A", "left": "CAM_B", "right": "CAM_C"}
 """Sockets of the sensors, as DepthAI names them."""
@@ -28,14 +27,10 @@ class DepthAiCamera(Camera):
     ----------
     wait
         Returns the next ``ImgFrame``: ``queue.get``.
-    name
-        Name of the camera in messages.
-    channel
-        Channel taken from colour; luma if None.
+    name, channel, stop
+        As for every :class:`~ospc.recording.live.source.Camera`.
     running
         Tells whether more frames will arrive.
-    stop
-        Releases the device.
     """
 
     def __init__(
@@ -47,9 +42,8 @@ class DepthAiCamera(Camera):
         running: Callable[[], bool] = lambda: True,
         stop: Callable[[], object] = lambda: None,
     ) -> None:
-        note = f"{name}: exposures are exposure time times ISO / 100, as the device reports them with each frame"
-        exposures = ExposureReader(name, ExposureUnit.S, GainUnit.ISO)
-        super().__init__(name, (note,), exposures, channel=channel, stop=stop)
+        note = "exposures are exposure time times ISO / 100, as the device reports them with each frame"
+        super().__init__(name, note, ExposureUnit.S, GainUnit.ISO, channel=channel, stop=stop)
         self._wait = wait
         self._running = running
 
@@ -57,16 +51,7 @@ class DepthAiCamera(Camera):
     def open(
         cls, sensor: str = "left", size: tuple[int, int] = (640, 480), *, channel: Channel | None = None
     ) -> DepthAiCamera:
-        """Open a camera.
-
-        Parameters
-        ----------
-        sensor
-            One of :data:`SOCKETS`.
-        size
-            Width and height of the frames in pixels.
-        channel
-            Channel taken from the colour sensor; luma if None.
+        """Open one of the sensors :data:`SOCKETS`, with frames of the given width and height.
 
         Raises
         ------
@@ -77,10 +62,8 @@ class DepthAiCamera(Camera):
         """
         if sensor not in SOCKETS:
             raise RecordingError(f"no sensor is called {quoted(sensor)}; known: {', '.join(SOCKETS)}")
-        try:
+        with needs_extra("reading from OAK cameras", "depthai"):
             import depthai
-        except ImportError:
-            raise MissingExtraError("reading from OAK cameras", "depthai") from None
         name = f"DepthAI {sensor}"
         kind = depthai.ImgFrame.Type.BGR888i if sensor == "colour" else depthai.ImgFrame.Type.GRAY8
         try:

@@ -7,32 +7,17 @@ setting. ``ospc check`` detects this in what was recorded.
 from __future__ import annotations
 
 import time
-from typing import Protocol
+from typing import Any
 
 import cv2
 
-from ospc.arrays import Image
 from ospc.errors import RecordingError, SettingError
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.live.source import Camera, DriverFrame, ExposureReader
+from ospc.recording.live.source import Camera, DriverFrame
 
 _UNITS = {"V4L2": ExposureUnit.US100, "DSHOW": ExposureUnit.LOG2_S, "MSMF": ExposureUnit.LOG2_S}
 """Units of drivers: V4L2's ``exposure_time_absolute`` counts 100 µs, DirectShow and its successor use log2 s."""
-
-
-class Capture(Protocol):
-    """The part of ``cv2.VideoCapture`` that is used."""
-
-    def isOpened(self) -> bool: ...  # noqa: D102, N802 (as OpenCV names it)
-
-    def read(self) -> tuple[bool, Image | None]: ...  # noqa: D102
-
-    def get(self, propId: int, /) -> float: ...  # noqa: D102
-
-    def getBackendName(self) -> str: ...  # noqa: D102, N802
-
-    def release(self) -> None: ...  # noqa: D102
 
 
 class OpenCvCamera(Camera):
@@ -42,14 +27,10 @@ class OpenCvCamera(Camera):
     ----------
     device
         Number of the device.
-    exposure_unit
-        Unit of the exposures; by default that of the system's driver.
-    gain_unit
-        Unit of the gains; without it, the gain must stay constant.
-    channel
-        Channel taken from colour; luma if None.
+    exposure_unit, gain_unit, channel
+        As for every :class:`~ospc.recording.live.source.Camera`; exposures are by default in the driver's unit.
     capture
-        A capture that is already open, instead of one for the device.
+        A ``cv2.VideoCapture`` that is already open, instead of one for the device.
 
     Raises
     ------
@@ -66,10 +47,10 @@ class OpenCvCamera(Camera):
         exposure_unit: ExposureUnit | None = None,
         gain_unit: GainUnit | None = None,
         channel: Channel | None = None,
-        capture: Capture | None = None,
+        capture: Any = None,
     ) -> None:
         name = f"camera {device}"
-        self._capture: Capture = cv2.VideoCapture(device) if capture is None else capture
+        self._capture = cv2.VideoCapture(device) if capture is None else capture
         if not self._capture.isOpened():
             raise RecordingError(f"{name}: cannot be opened; check its number, and that no other program uses it")
         driver = self._capture.getBackendName()
@@ -80,9 +61,8 @@ class OpenCvCamera(Camera):
                 f"{name}: the driver {driver} does not say in which unit exposures are; state it "
                 f"(s, ms, us, 100us, log2s)"
             )
-        note = f"{name}: exposures are taken as {unit.value}, the unit of the driver {driver}; they are often stale"
-        exposures = ExposureReader(name, unit, gain_unit)
-        super().__init__(name, (note,), exposures, channel=channel, stop=self._capture.release)
+        note = f"exposures are taken as {unit.value}, the unit of the driver {driver}; they are often stale"
+        super().__init__(name, note, unit, gain_unit, channel=channel, stop=self._capture.release)
         self._begun_s = time.monotonic()
 
     def _next(self) -> DriverFrame | None:
@@ -90,5 +70,5 @@ class OpenCvCamera(Camera):
         if not done or image is None:
             return None
         stamp_s = time.monotonic() - self._begun_s
-        exposure = self._capture.get(cv2.CAP_PROP_EXPOSURE)
-        return DriverFrame(image, exposure, self._capture.get(cv2.CAP_PROP_GAIN), stamp_s)
+        exposure, gain = (self._capture.get(key) for key in (cv2.CAP_PROP_EXPOSURE, cv2.CAP_PROP_GAIN))
+        return DriverFrame(image, exposure, gain, stamp_s)

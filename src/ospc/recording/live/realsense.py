@@ -14,11 +14,8 @@ import numpy as np
 
 from ospc.errors import ExposureError, MissingExtraError, RecordingError
 from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.live.source import Camera, DriverFrame, ExposureReader, quoted_driver
-
-_UNIT_GAIN = 16
-"""``gain_level`` at a gain of one."""
+from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
+from ospc.recording.live.source import Camera, DriverFrame, quoted_driver
 
 _WAITS, _WAIT_MS = 25, 200
 """Attempts to get a frame, and how long each waits: five seconds in all, as a camera needs to start."""
@@ -32,12 +29,8 @@ class RealSenseCamera(Camera):
     wait
         Returns the next frame of pyrealsense2 or None at the end of a recording, and raises ``RuntimeError`` if none
         arrives: ``queue.wait_for_frame``, for example.
-    name
-        Name of the camera in messages.
-    channel
-        Channel taken from colour; luma if None.
-    stop
-        Releases the device.
+    name, channel, stop
+        As for every :class:`~ospc.recording.live.source.Camera`.
     """
 
     def __init__(
@@ -48,9 +41,8 @@ class RealSenseCamera(Camera):
         channel: Channel | None = None,
         stop: Callable[[], object] = lambda: None,
     ) -> None:
-        note = f"{name}: exposures are actual_exposure in µs times gain_level / {_UNIT_GAIN}"
-        exposures = ExposureReader(name, ExposureUnit.US, GainUnit.LINEAR)
-        super().__init__(name, (note,), exposures, channel=channel, stop=stop)
+        note = f"exposures are actual_exposure in µs times gain_level / {REALSENSE_UNIT_GAIN}"
+        super().__init__(name, note, ExposureUnit.US, GainUnit.LINEAR, channel=channel, stop=stop)
         self._metadata = _module().frame_metadata_value
         self._wait = wait
 
@@ -66,10 +58,8 @@ class RealSenseCamera(Camera):
             Serial number; the first camera if empty.
         recording
             A file recorded with RealSense's viewer: ``.db3``, formerly ``.bag``.
-        colour
-            Whether to take the colour stream instead of the first infrared stream.
-        channel
-            Channel taken from colour; luma if None.
+        colour, channel
+            Whether to take the colour stream instead of the first infrared stream, and its channel; luma if None.
 
         Raises
         ------
@@ -128,7 +118,7 @@ class RealSenseCamera(Camera):
             )
         gain = 1.0
         if frame.supports_frame_metadata(value.gain_level):
-            gain = frame.get_frame_metadata(value.gain_level) / _UNIT_GAIN
+            gain = frame.get_frame_metadata(value.gain_level) / REALSENSE_UNIT_GAIN
         exposure_us = float(frame.get_frame_metadata(value.actual_exposure))
         # The copy outlives the frame, whose memory the library reuses.
         return DriverFrame(np.array(frame.get_data()), exposure_us, gain, float(frame.get_timestamp()) / 1e3)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -47,10 +46,12 @@ class Camera(ABC):
     ----------
     name
         Name of the camera in messages.
-    notes
+    note
         What the user should know about its exposures.
-    exposures
-        Converts the driver's exposures.
+    exposure_unit
+        Unit of the driver's exposures.
+    gain_unit
+        Unit of the gains; None if only the maker of the camera knows it, and then the gain must stay constant.
     channel
         Channel taken from colour; luma if None.
     stop
@@ -60,15 +61,18 @@ class Camera(ABC):
     def __init__(
         self,
         name: str,
-        notes: tuple[str, ...],
-        exposures: ExposureReader,
+        note: str,
+        exposure_unit: ExposureUnit,
+        gain_unit: GainUnit | None,
         *,
         channel: Channel | None = None,
         stop: Callable[[], object] = lambda: None,
     ) -> None:
         self.name = name
-        self.notes = notes
-        self._exposures = exposures
+        self.notes = (f"{name}: {note}",)
+        self._exposure_unit = exposure_unit
+        self._gain_unit = gain_unit
+        self._first_gain: float | None = None
         self._channel = channel or Channel.LUMINANCE
         self._stop = stop
 
@@ -88,7 +92,7 @@ class Camera(ABC):
         """
         index = 0
         while (found := self._next()) is not None:
-            exposure_ms = self._exposures.exposure_ms(found.exposure, found.gain)
+            exposure_ms = self._exposure_ms(found.exposure, found.gain)
             yield Frame.of_array(self._grey(found.image), exposure_ms, index=index, stamp_s=found.stamp_s)
             index += 1
 
@@ -97,13 +101,9 @@ class Camera(ABC):
         self._stop()
 
     def __enter__(self) -> Self:
-        """Return the camera."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Release the device."""
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _grey(self, image: Image) -> Image:
@@ -111,48 +111,20 @@ class Camera(ABC):
             return self._channel.of(image)
         return np.array(image[:, :, 0] if image.ndim == 3 else image)
 
-
-class ExposureReader:
-    """Converts what a driver states about a frame to an exposure in milliseconds times linear gain.
-
-    Parameters
-    ----------
-    name
-        The camera, for messages.
-    unit
-        Unit of the exposures.
-    gain_unit
-        Unit of the gains; None if only the maker of the camera knows it, and then the gain must stay constant.
-    """
-
-    def __init__(self, name: str, unit: ExposureUnit, gain_unit: GainUnit | None) -> None:
-        self._name = name
-        self._unit = unit
-        self._gain_unit = gain_unit
-        self._first_gain: float | None = None
-
-    def exposure_ms(self, exposure: float, gain: float) -> float:
-        """Return the exposure of a frame.
-
-        Raises
-        ------
-        ExposureError
-            If the driver states none, or a gain of unknown unit changes.
-        """
-        if self._gain_unit is None:
-            if self._first_gain is None:
-                self._first_gain = gain
-            if gain != self._first_gain:
-                raise ExposureError(
-                    f"{self._name}: the gain changed from {self._first_gain:g} to {gain:g} in the camera's own unit; "
-                    f"fix the gain, or state its unit"
-                )
-        factor = (self._gain_unit or GainUnit.NONE).linear(np.array(gain, dtype=np.float64))
-        exposure_ms = float(self._unit.to_ms(np.array(exposure, dtype=np.float64)) * factor)
+    def _exposure_ms(self, exposure: float, gain: float) -> float:
+        if self._first_gain is None:
+            self._first_gain = gain
+        if self._gain_unit is None and gain != self._first_gain:
+            raise ExposureError(
+                f"{self.name}: the gain changed from {self._first_gain:g} to {gain:g} in the camera's own unit; "
+                f"fix the gain, or state its unit"
+            )
+        factor = (self._gain_unit or GainUnit.NONE).linear(gain)
+        exposure_ms = float(self._exposure_unit.to_ms(exposure) * factor)
         low, high = EXPOSURE_RANGE_MS
         if not low <= exposure_ms <= high:
             raise ExposureError(
-                f"{self._name}: the driver gives no exposure with its frames (exposure {exposure:g}, gain {gain:g}); "
+                f"{self.name}: the driver gives no exposure with its frames (exposure {exposure:g}, gain {gain:g}); "
                 f"set the exposure by hand and pass it as Frame.of_array(image, exposure_ms)"
             )
         return exposure_ms

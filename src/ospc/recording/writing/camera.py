@@ -31,33 +31,30 @@ def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
     """
     places = [recording.path / folder for folder in _CAMERA_FOLDERS]
     full = [place.resolve() for place in places]
-    written = [recording.path / "camera.txt", *(p.parent.parent / "dso" / p.name / "camera.txt" for p in full)]
+    sources = [recording.path / "camera.txt", *(p.parent.parent / "dso" / p.name / "camera.txt" for p in full)]
+    sources += [place / "sensor.yaml" for place in places]
     notes: list[str] = []
-    for source, make in (
-        *((source, _unchanged) for source in written),
-        *((p / "sensor.yaml", _of_sensor) for p in places),
-    ):
-        if not source.is_file():
-            continue
-        try:
-            return make(source, recording.size), notes
-        except FormatError as error:
-            notes.append(f"no camera.txt from {error}")
+    for source in sources:
+        if source.is_file():
+            try:
+                text = read_text(source, _MOST_BYTES)
+                if source.suffix == ".yaml":
+                    return _of_sensor(text, source, recording.size), notes
+                _check_size(input_size(text), source, recording.size)
+                return text, notes
+            except FormatError as error:
+                notes.append(f"no camera.txt from {error}")
     return None, notes
 
 
-def _unchanged(source: Path, size: ImageSize) -> str:
-    text = read_text(source, _MOST_BYTES)
-    found = input_size(text)
+def _check_size(found: tuple[float, ...] | None, source: Path, size: ImageSize) -> None:
     if found != size:
-        stated = "none" if found is None else f"{found[0]}×{found[1]}"
+        stated = "none" if found is None else "×".join(f"{side:g}" for side in found)
         raise FormatError(f"{source}: it is for images of another size ({stated}, not {size[0]}×{size[1]})")
-    return text
 
 
-def _of_sensor(source: Path, size: ImageSize) -> str:
+def _of_sensor(text: str, source: Path, size: ImageSize) -> str:
     """Return the content of a camera.txt from a sensor.yaml of the EuRoC layout."""
-    text = read_text(source, _MOST_BYTES)
     focal_and_centre = _numbers(text, "intrinsics", source)
     resolution = _numbers(text, "resolution", source)
     distortion = _numbers(text, "distortion_coefficients", source)
@@ -65,8 +62,7 @@ def _of_sensor(source: Path, size: ImageSize) -> str:
     model = _MODELS.get(named[1]) if named else None
     if len(focal_and_centre) != 4 or (len(distortion) != 4 and any(distortion)):
         raise FormatError(f"{source}: it does not hold four intrinsics and four distortion coefficients")
-    if tuple(resolution) != size:
-        raise FormatError(f"{source}: it is for images of another size, not {size[0]}×{size[1]}")
+    _check_size(tuple(resolution), source, size)
     if any(distortion) and model is None:
         raise FormatError(
             f"{source}: DSO does not know its distortion model {named[1] if named else 'without a name'}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,7 +63,7 @@ def convert_recording(
     image_format: ImageFormat | None = None,
     archive: bool = False,
     overwrite: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> Converted:
     """Write a recording as ``images/`` or ``images.zip``, ``times.txt`` and, if intrinsics are known, ``camera.txt``.
 
@@ -74,24 +74,16 @@ def convert_recording(
 
     Parameters
     ----------
-    recording
-        The recording.
-    out
-        A folder, new or empty.
+    recording, out
+        The recording, and a folder, new or empty.
     image_format
         ``"png"`` or ``"jpg"`` (8 bit, lossy); None to copy files if possible and write PNG otherwise.
     archive
         Whether to write ``images.zip`` instead of the folder ``images``.
     overwrite
-        Whether the folder may be in use; ``images``, ``images.zip``, ``times.txt`` and ``camera.txt`` in it are
-        replaced, other files are kept.
+        Whether the folder may be in use; its parts of a recording are replaced, other files are kept.
     progress
         Called with the number of frames done and the number of all frames.
-
-    Returns
-    -------
-    Converted
-        What was written.
 
     Raises
     ------
@@ -141,7 +133,7 @@ def _write(
     image_format: ImageFormat | None,
     *,
     archive: bool,
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], None],
 ) -> Converted:
     """Write everything into the folder ``stage``."""
     with NumberedImages(stage, len(recording), archive=archive) as images:
@@ -153,7 +145,10 @@ def _write(
         stage / "times.txt", range(len(written)), recording.stamps_s[written], recording.exposures_ms[written]
     )
     notes = [*encoding_notes(recording, len(written) - copied, image_format), *notes]
-    notes += [f"{name}: {rule}" for name, rule in _broken_rules(stage, recording)]
+    for finding in validate([stage], "dso", recording.size).findings:
+        if finding.severity == "error":
+            said = f"{Path(finding.file).name}: {finding.rule}; DSO {finding.effect}; {finding.remedy}"
+            notes.append(said.rstrip("; "))
     if problems:
         count = "1 frame was" if len(problems) == 1 else f"{len(problems)} frames were"
         more = "; …" if len(problems) > _SHOWN_REASONS else ""
@@ -161,18 +156,11 @@ def _write(
     return Converted(place, len(written), copied, len(problems), camera is not None, tuple(notes))
 
 
-def _broken_rules(stage: Path, recording: Recording) -> Iterator[tuple[str, str]]:
-    """Yield what DSO would not accept of the written files, as ``ospc validate`` finds it."""
-    for finding in validate([stage], "dso", recording.size).findings:
-        if finding.severity == "error":
-            yield Path(finding.file).name, f"{finding.rule}; DSO {finding.effect}; {finding.remedy}".rstrip("; ")
-
-
 def _write_frames(
     recording: Recording,
     images: NumberedImages,
     image_format: ImageFormat | None,
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], None],
 ) -> tuple[list[int], int, list[str]]:
     """Return the indices of the written frames, how many were copied, and why the others were left out."""
     written: list[int] = []
@@ -186,8 +174,7 @@ def _write_frames(
             written.append(frame.index)
         except FrameError as error:
             problems.append(str(error))
-        if progress is not None:
-            progress(frame.index + 1, len(recording))
+        progress(frame.index + 1, len(recording))
     if not written:
         raise RecordingError(f"{recording.path}: none of its frames can be read; the first: {' '.join(problems[:1])}")
     if np.any(np.diff(np.round(recording.stamps_s[written], 9)) <= 0):

@@ -49,14 +49,10 @@ def film(
 
     Parameters
     ----------
-    frames
-        From a camera, or anywhere else.
-    out
-        A folder, new or empty.
-    most
-        Number of frames after which to stop.
-    stop
-        Called after every frame; stops if it returns True.
+    frames, out
+        From a camera, or anywhere else; into a folder, new or empty.
+    most, stop
+        Number of frames after which to stop; called after every frame, and stops if it returns True.
     progress
         Called with the number of frames written and ``most``.
 

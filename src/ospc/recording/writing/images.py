@@ -11,9 +11,9 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import FrameError
+from ospc.formats.image_header import read_header
 from ospc.recording.derived import innermost
 from ospc.recording.frame import Frame
-from ospc.recording.image_header import read_header
 from ospc.recording.image_sequence import ImageSequence
 from ospc.recording.recording import Recording
 
@@ -34,16 +34,9 @@ _DIGITS = 5
 
 
 class NumberedImages:
-    """Writes numbered images into a folder ``images`` or an archive ``images.zip``.
+    """Writes at most ``count`` numbered images into a folder ``images`` or an archive ``images.zip``.
 
-    Parameters
-    ----------
-    place
-        An existing folder.
-    count
-        Largest number of images; all names get the same number of digits, because programs sort them as text.
-    archive
-        Whether to write the archive instead of the folder.
+    All names get the same number of digits, because programs sort them as text.
     """
 
     def __init__(self, place: Path, count: int, *, archive: bool) -> None:
@@ -73,22 +66,10 @@ class NumberedImages:
 def original_file(recording: Recording, frame: Frame, image_format: ImageFormat | None) -> bytes | None:
     """Return the file of a frame if other programs read the same image from it, None if it must be encoded again.
 
-    Parameters
-    ----------
-    recording
-        The recording.
-    frame
-        One of its frames.
-    image_format
-        The only acceptable format; None for any.
-
-    Raises
-    ------
-    FrameError
-        If the file is damaged.
+    ``image_format`` is the only acceptable format; None for any. FrameError if the file is damaged.
     """
     source, index = innermost(recording, frame.index)
-    if not isinstance(source, ImageSequence) or source.layout.green is not None:
+    if not isinstance(source, ImageSequence) or source.layout.mosaic is not None:
         return None
     data = source.stored_bytes(index)
     kind = "png" if data.startswith(_PNG) else "jpg" if data.startswith(_JPEG) else None
@@ -111,13 +92,7 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
 
 
 def encode(frame: Frame, image_format: ImageFormat) -> bytes:
-    """Encode the image of a frame with 8 bits, or left-aligned in 16 so that its upper byte is the 8-bit image.
-
-    Raises
-    ------
-    FrameError
-        If its image cannot be read.
-    """
+    """Encode the image of a frame with 8 bits, or left-aligned in 16 so that its upper byte is the 8-bit image."""
     image = _aligned(frame.image, frame.max_grey, only_8_bit=image_format == "jpg")
     options = {
         "png": [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION],

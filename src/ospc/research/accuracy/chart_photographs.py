@@ -18,8 +18,8 @@ from scipy.optimize import isotonic_regression
 from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import FormatError
 from ospc.formats.files import read_bytes, read_text
+from ospc.formats.image_header import read_header
 from ospc.photometry.response import Response
-from ospc.recording.image_header import read_header
 
 EXPOSURES = 4
 ILLUMINANTS = (1, 2)

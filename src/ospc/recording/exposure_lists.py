@@ -1,0 +1,296 @@
+"""Lists of exposures: ``times.txt``, ``image_list.txt``, and delimited text with a header that names the columns."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import ExposureError, RecordingError, listed
+from ospc.recording.column_names import Columns, name_columns
+from ospc.recording.exposure_units import ExposureUnit, infer_unit
+from ospc.recording.frame_table import FrameTable, make_table
+from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.text_file import is_number, lines_of, parse_number, read_text
+
+_IMAGE_LIST = "image_list.txt"
+_NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)
+_MAX_CSV_FILES = 32
+"""CSV files of a folder that are searched for exposures; more belong to something else."""
+
+_LARGEST_STAMP_S = 1e11
+"""Larger time stamps are not in seconds, so they do not yet give the frame rate."""
+
+_LONG_EXPOSURE = 1.5
+"""Ratio of exposure to frame interval beyond which the unit of ``times.txt`` is doubtful; time stamps jitter."""
+
+_INVERSE_TOLERANCE = 0.01
+"""Relative rounding error allowed between an exposure time and its inverse in ``image_list.txt``."""
+
+_TIMES_LINE = "a line is 'id stamp[s] exposure[ms]'"
+_IMAGE_LIST_LINE = "a line is 'file exposure[s] 1/exposure'"
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """The rows of a file, split into fields, and the meaning of its columns; named if there is a header."""
+
+    columns: Columns
+    rows: list[tuple[int, list[str]]]
+    named: bool = True
+
+
+def lists_in(folder: Path) -> list[Path]:
+    """Return the lists of exposures in a folder, recognised by their names or headers."""
+    named = [folder / name for name in _NAMES if (folder / name).is_file()]
+    csv_files = [p for p in sorted(folder.glob("*.csv")) if p.is_file() and p not in named][:_MAX_CSV_FILES]
+    return named + [p for p in csv_files if _names_exposures(p)]
+
+
+def _names_exposures(path: Path) -> bool:
+    """Tell whether the header of a file, commented out or not, names a column of exposures."""
+    try:
+        layout = _layout(read_text(path), str(path))
+    except ExposureError:
+        return True
+    except RecordingError:
+        return False
+    return layout.named and layout.columns.exposure is not None
+
+
+def only_list(found: Sequence[Path], place: Path, advice: str) -> Path:
+    """Return the only list of exposures that was found; ExposureError, with advice if there is none."""
+    if len(found) > 1:
+        named = [path.name if path.parent in (place, place.parent) else path for path in found]
+        raise ExposureError(f"{place}: has several lists of exposures ({listed(named)}); keep the one to use")
+    if not found:
+        raise ExposureError(f"{place}: has no list of exposures; {advice}")
+    return found[0]
+
+
+def read_list(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
+    """Read an ``image_list.txt`` or a list with columns, as the name says; errors as :func:`parse_columns`."""
+    text = read_text(path)
+    return parse_image_list(text, str(path)) if path.name == _IMAGE_LIST else parse_columns(text, str(path), options)
+
+
+def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
+    """Read the ``times.txt`` of a TUM dataset: ``id stamp[s] exposure[ms]`` per line.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read or a line breaks the format; the message names the line.
+    ExposureError
+        If exposures are missing or not positive.
+    """
+    return parse_times(read_text(path), str(path), options)
+
+
+def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:
+    """Parse the content of a ``times.txt``, named ``source`` in messages; see :func:`read_times`."""
+    rows = _uncommented(text, source)
+    if options.unknown_exposures:
+        rows = [(line, [*fields[:2], "1"] if len(fields) in (2, 3) else fields) for line, fields in rows]
+    if rows and all(len(fields) == 2 for _, fields in rows):
+        raise ExposureError(
+            f"{source}: has no exposures, only ids and time stamps; calibration needs a third column with the "
+            f"exposure of each frame in milliseconds"
+        )
+    for line, fields in rows:
+        if len(fields) == 2:
+            raise ExposureError(f"{source}, line {line}: has no exposure; {_TIMES_LINE}")
+        if len(fields) != 3:
+            raise RecordingError(f"{source}, line {line}: has {len(fields)} columns, not 3; {_TIMES_LINE}")
+    columns = Columns(3, image=0, stamp=1, exposure=2, unit=ExposureUnit.MS)
+    table = _table(_Layout(columns, rows), source, options)
+    interval_ms = 1e3 * float(np.median(np.diff(table.stamps_s))) if len(table) > 1 else math.inf
+    middle_ms = float(np.median(table.exposures_ms))
+    if middle_ms <= _LONG_EXPOSURE * interval_ms:
+        return table
+    remark = (
+        f"{source}: exposures of {middle_ms:.4g} ms are longer than the {interval_ms:.4g} ms between frames; "
+        f"if they are in µs, state --exposure-unit us"
+    )
+    return replace(table, notes=(*table.notes, remark))
+
+
+def parse_image_list(text: str, source: str) -> FrameTable:
+    """Parse the ``image_list.txt`` of a static exposure series.
+
+    Columns are ``file exposure[s] 1/exposure[1/s]``, optionally followed by f-stop, gain and neutral density.
+
+    Raises
+    ------
+    RecordingError
+        If a line breaks the format; the message names it.
+    ExposureError
+        If exposures are missing or invalid, or other settings than the exposure time vary.
+    """
+    rows = _uncommented(text, source)
+    settings: list[float] | None = None
+    for line, fields in rows:
+        place = f"{source}, line {line}"
+        if len(fields) == 1:
+            raise ExposureError(f"{place}: has no exposure; {_IMAGE_LIST_LINE}")
+        exposure_s = parse_number(fields[1], "the exposure", place)
+        others = [parse_number(field, "every further column", place) for field in fields[2:]]
+        # The inverse confirms that the column holds exposure times in seconds.
+        if others and not abs(exposure_s * others[0] - 1) < _INVERSE_TOLERANCE:
+            raise ExposureError(
+                f"{place}: the exposure {exposure_s:g} s contradicts its inverse {others[0]:g}; {_IMAGE_LIST_LINE}"
+            )
+        settings = others[1:] if settings is None else settings
+        if others[1:] != settings:
+            raise ExposureError(
+                f"{place}: f-stop, gain or filter differ from those of the first image; keep images that differ in "
+                f"exposure time only, or list their exposures in a CSV file 'file,exposure_s'"
+            )
+    columns = Columns(2, image=0, exposure=1, unit=ExposureUnit.S, notes=("exposures are in seconds",))
+    return _table(_Layout(columns, [(line, fields[:2]) for line, fields in rows]), source, DEFAULT)
+
+
+def parse_columns(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:
+    """Parse a list of exposures with columns.
+
+    Fields are separated by commas, semicolons, tabs or spaces. The header is the first line, or the last comment
+    line before the data; without a header, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
+    ``exposure[ms]``.
+
+    Parameters
+    ----------
+    text, source
+        Content of the file, and its name in messages.
+    options
+        What the user states about units.
+
+    Raises
+    ------
+    RecordingError
+        If a line breaks the format; the message names it.
+    ExposureError
+        If exposures are missing, ambiguous or not positive.
+    """
+    return _table(_layout(text, source), source, options)
+
+
+def _uncommented(text: str, source: str) -> list[tuple[int, list[str]]]:
+    return [(number, line.split()) for number, line in lines_of(text, source) if not line.startswith("#")]
+
+
+def _layout(text: str, source: str) -> _Layout:
+    lines = lines_of(text, source)
+    start = next((i for i, (_, line) in enumerate(lines) if not line.startswith("#")), None)
+    if start is None:
+        raise RecordingError(f"{source}: holds no frames; it needs one line per image")
+    separator = next((s for s in (";", ",", "\t") if s in lines[start][1]), None)
+    rows = [(n, _fields(line, separator, f"{source}, line {n}")) for n, line in lines[start:] if line[0] != "#"]
+    if not any(is_number(field) for field in rows[0][1]):
+        return _Layout(name_columns(rows[0][1], f"{source}, line {rows[0][0]}"), rows[1:])
+    if start > 0:
+        number, comment = lines[start - 1]
+        heading = _fields(comment.lstrip("# "), separator, f"{source}, line {number}")
+        if len(heading) == len(rows[0][1]):
+            columns = name_columns(heading, f"{source}, line {number}")
+            if columns.exposure is not None:
+                return _Layout(columns, rows)
+    return _Layout(_unnamed(rows[0][1]), rows, named=False)
+
+
+def _unnamed(fields: list[str]) -> Columns:
+    """Infer the columns of a file without header from their number and the first row."""
+    count = len(fields)
+    if count == 3:
+        return Columns(count, image=0, stamp=1, exposure=2, notes=("columns are taken as id, stamp[s], exposure",))
+    if count == 2 and not is_number(fields[0]):
+        return Columns(count, image=0, exposure=1, notes=("columns are taken as file, exposure",))
+    if count == 1:
+        return Columns(count, exposure=0, notes=("its numbers are taken as exposures",))
+    return Columns(count)
+
+
+def _fields(line: str, separator: str | None, place: str) -> list[str]:
+    """Split a line; units such as ``[ms]`` stay with their name."""
+    if separator is None:
+        return re.sub(r"\s+(?=[\[(]\w{1,3}[\])])", "", line).split()
+    try:
+        return [field.strip() for field in next(csv.reader([line], delimiter=separator, strict=True))]
+    except csv.Error as error:
+        raise RecordingError(f"{place}: its quotes are wrong ({error}); correct the line") from None
+
+
+def _table(layout: _Layout, source: str, options: ReadingOptions) -> FrameTable:
+    """Turn fields into frames."""
+    columns, lines = layout.columns, [line for line, _ in layout.rows]
+    if columns.exposure is None:
+        raise ExposureError(
+            f"{source}: it is unclear which of its {columns.count} columns holds exposures; name the columns in its "
+            f"first line, such as 'file,timestamp_s,exposure_ms'"
+        )
+    for line, fields in layout.rows:
+        if len(fields) != columns.count:
+            raise RecordingError(
+                f"{source}, line {line}: has {len(fields)} columns where the others have {columns.count}; correct it"
+            )
+
+    def numbers(column: int, what: str) -> FloatArray:
+        found = [parse_number(fields[column], what, f"{source}, line {line}") for line, fields in layout.rows]
+        return np.array(found, dtype=np.float64)
+
+    values = numbers(columns.exposure, "the exposure")
+    stamps_s = np.arange(len(lines), dtype=np.float64)
+    if columns.stamp is not None:
+        stamps_s = numbers(columns.stamp, "the time stamp") * columns.to_s
+    factors = np.ones(len(lines))
+    with np.errstate(over="ignore", invalid="ignore"):
+        unit, unit_notes = _unit(columns, values, stamps_s, source, options)
+        for gain in columns.gains:
+            gains = numbers(gain.column, f"the {gain.name}")
+            factors = factors * (options.gain_unit or gain.unit).linear(gains)
+        exposures_ms = unit.to_ms(values) * factors
+    return make_table(
+        source,
+        _image_names(layout, source),
+        stamps_s,
+        exposures_ms,
+        [f"{source}: {note}" for note in (*columns.notes, *unit_notes)],
+        lines=lines,
+        stamped=columns.stamp is not None,
+    )
+
+
+def _image_names(layout: _Layout, source: str) -> list[str]:
+    """Return the name of the image of every row, or its time stamp, which may be the name."""
+    columns = layout.columns
+    if columns.image is None:
+        return [] if columns.stamp is None else [fields[columns.stamp] for _, fields in layout.rows]
+    names = [PurePosixPath(fields[columns.image].replace("\\", "/")).name for _, fields in layout.rows]
+    if "" in names:
+        line = layout.rows[names.index("")][0]
+        raise RecordingError(f"{source}, line {line}: does not name its image; correct the line")
+    return names
+
+
+def _unit(
+    columns: Columns, values: FloatArray, stamps_s: FloatArray, source: str, options: ReadingOptions
+) -> tuple[ExposureUnit, list[str]]:
+    """Return the unit that is stated, that is in the header, or that fits the numbers, in this order."""
+    if options.exposure_unit is not None:
+        return options.exposure_unit, [f"exposures are in {options.exposure_unit.value}, as stated"]
+    if columns.unit is not None:
+        return columns.unit, []
+    steps = np.diff(stamps_s) if columns.stamp is not None else np.empty(0)
+    usable = len(steps) > 0 and np.all(np.isfinite(steps)) and abs(stamps_s[0]) < _LARGEST_STAMP_S
+    interval_ms = 1e3 * float(np.median(steps)) if usable else None
+    try:
+        unit = infer_unit(values, interval_ms if interval_ms and interval_ms > 0 else None, source)
+    except ExposureError:
+        unit = ExposureUnit.MS
+    how = "no other unit is stated" if unit is ExposureUnit.MS else "by their size"
+    return unit, [f"exposures are taken as {unit.value}: {how}"]
