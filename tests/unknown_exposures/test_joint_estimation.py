@@ -90,7 +90,7 @@ def test_no_other_solver_finds_a_smaller_cost():
 @settings(max_examples=5)
 def test_an_exponent_changes_response_vignette_and_exposures_together(exponent):
     found = estimate_jointly(observations(points=80), iterations=5)
-    powered = found.with_exponent(exponent)
+    powered = replace(found, exponent=exponent)
     greys = np.linspace(0.2, 0.9, 10)
     np.testing.assert_allclose(powered.response.inverse(greys), found.response.inverse(greys) ** exponent, atol=5e-3)
     np.testing.assert_allclose(powered.exposures, found.exposures**exponent)

@@ -8,7 +8,7 @@ The spread of cameras about that mean is the uncertainty of γ, which is added t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -16,13 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
 from ospc.calibrator import calibrate
 from ospc.errors import FrameError, NotObservableError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.recording import open_recording
 from ospc.recording.derived import DerivedRecording
-from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
 from ospc.recording.recording import Recording
 from ospc.settings import Settings
@@ -49,60 +47,20 @@ class RecoveredRecording(DerivedRecording):
 
     Attributes
     ----------
-    inner
-        The recording.
-    frames
-        Indices, in the inner recording, of the frames with an estimated exposure, increasing; others are left out.
-    exposures_ms
-        Their exposures, relative to the median, shape (frames,).
     exponent_sigma
         Standard deviation of ln γ.
     """
 
-    inner: Recording
-    frames: IntArray
-    exposures_ms: FloatArray
     exponent_sigma: float = EXPONENT_SIGMA
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        """Time stamp of every frame in seconds, shape (frames,)."""
-        return self.inner.stamps_s[self.frames]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes of the inner recording, and one on the exposures."""
-        missing = len(self.inner) - len(self)
-        left_out = f"; {missing} frames, whose exposure was not estimated, are left out" if missing else ""
-        return (
-            *self.inner.notes,
-            f"exposures are estimated from the images: relative, and up to one exponent{left_out}",
-        )
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self.frames)
-
-    def __iter__(self) -> Iterator[Frame]:
-        """Give the frames one by one."""
-        number = {int(frame): i for i, frame in enumerate(self.frames)}
-        for frame in self.inner:
-            index = number.get(frame.index)
-            if index is not None:
-                yield replace(frame, index=index, exposure_ms=float(self.exposures_ms[index]))
 
 
 def recover_exposures(
     recording: Recording, progress: Callable[[int, int], None] = lambda _done, _all: None
 ) -> RecoveredRecording:
-    """Estimate the exposures of a recording from its images alone.
+    """Return a recording with exposures estimated from its images alone, relative to their median.
 
-    Parameters
-    ----------
-    recording
-        The recording.
-    progress
-        Called with the number of frames done, and of all.
+    Frames whose exposure cannot be estimated are left out. ``progress`` is called with the number of frames done, and
+    of all.
 
     Raises
     ------
@@ -125,25 +83,19 @@ def recover_exposures(
     log_e = typical_exponent(found) * found.log_exposures
     exposures = np.exp(log_e - np.median(log_e))
     exposures.setflags(write=False)
-    return RecoveredRecording(recording, found.frames, exposures)
+    remark = "exposures are estimated from the images: relative, and up to one exponent"
+    missing = len(recording) - len(found.frames)
+    if missing:
+        remark += f"; {missing} frames, whose exposure was not estimated, are left out"
+    return RecoveredRecording(recording, found.frames, exposures, remarks=(remark,))
 
 
 def calibrate_without_exposures(
     recording: Recording | str | Path, settings: Settings | str = "default"
 ) -> Calibration:
-    """Calibrate the camera of a recording whose exposures are unknown.
+    """Calibrate the camera of a recording, or of the path of one, whose exposures are unknown or not to be used.
 
-    Parameters
-    ----------
-    recording
-        A recording, or the path of one; its exposures are not used.
-    settings
-        Settings of the method, or the name of a preset.
-
-    Returns
-    -------
-    Calibration
-        Response and vignette up to one common exponent, as its verdicts and ``exponent_sigma`` state.
+    Response and vignette are known up to one common exponent, as verdicts and ``exponent_sigma`` state.
 
     Raises
     ------
@@ -167,15 +119,7 @@ def typical_exponent(found: JointEstimate) -> float:
 
 
 def labelled(calibration: Calibration, recording: object) -> Calibration:
-    """Return the calibration, labelled and with larger uncertainties if the exposures were estimated.
-
-    Parameters
-    ----------
-    calibration
-        The calibration of the recording.
-    recording
-        A :class:`RecoveredRecording`; for any other, the calibration is returned unchanged.
-    """
+    """Return the calibration of a recording, labelled and less certain if its exposures were estimated."""
     if not isinstance(recording, RecoveredRecording):
         return calibration
     sigma = recording.exponent_sigma

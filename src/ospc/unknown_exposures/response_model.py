@@ -16,14 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
-from ospc.errors import FormatError
-from ospc.formats.files import read_text
+from ospc.formats.hugin import read_emor
 from ospc.photometry.response import Response
 
 SAMPLES = 1024
 """Irradiances at which a model is tabulated, as in the published tables."""
 
-_MAX_FILE_BYTES = 8_000_000
 _LEAST_SLOPE = 1e-4
 """Least growth of an estimated response over the whole range: a curve must increase to have an inverse."""
 
@@ -73,31 +71,15 @@ def learned_model(count: int = 4) -> ResponseModel:
 
 
 def read_model(path: str | Path, count: int = 4) -> ResponseModel:
-    """Read the tables of the empirical model of response as its authors publish them (``emor.txt``).
+    """Read the empirical model of response from ``emor.txt``, with ``count`` of its components, at most five.
 
     Raises
     ------
     FormatError
-        If the file does not hold a mean and as many components of 1024 values.
+        If it is not that file.
     """
-    blocks: dict[str, list[float]] = {}
-    current: list[float] = []
-    for number, line in enumerate(read_text(path, _MAX_FILE_BYTES).splitlines(), start=1):
-        name, equals, rest = line.partition("=")
-        if equals:
-            current = blocks.setdefault(name.strip().lower(), [])
-        try:
-            current.extend(float(word) for word in (rest if equals else line).split())
-        except ValueError:
-            raise FormatError(f"{path}: line {number} is not a row of numbers; give the published emor.txt") from None
-    wanted = ["f0", *(f"h({i})" for i in range(1, count + 1))]
-    missing = [name for name in wanted if len(blocks.get(name, ())) != SAMPLES]
-    if missing:
-        raise FormatError(f"{path}: has no {missing[0]} of {SAMPLES} values; give the published emor.txt")
-    table = np.array([blocks[name] for name in wanted])
-    if not np.all(np.isfinite(table)):
-        raise FormatError(f"{path}: holds values that are not finite")
-    return ResponseModel(table[0], table[1:])
+    basis = read_emor(path)
+    return ResponseModel(basis.mean, basis.components[:count])
 
 
 def family_of_inverses(levels: int) -> FloatArray:
