@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, rules, save
-from ospc.research.measurement import Measurement, Metric
-from ospc.research.summary import medians
+from ospc.research.measurement import Measurement, Metric, medians
 
 _COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#4B0082")
 _LINES = ("-", "--", "-.", ":")
@@ -49,26 +48,30 @@ def look(number: int) -> dict[str, Any]:
     return {"color": _COLOURS[number % len(_COLOURS)], "ls": _LINES[number % len(_LINES)], "lw": 1.5}
 
 
+def figure_of_panels(count: int, most_columns: int, panel_in: tuple[float, float]) -> tuple[Any, list[Any]]:
+    """Return a figure and its panels, whose width and height are given in inches, in rows."""
+    columns = min(most_columns, max(1, count))
+    lines = max(1, -(-count // columns))
+    figure = new_figure(panel_in[0] * columns, panel_in[1] * lines)
+    panels = list(np.atleast_1d(figure.subplots(lines, columns)).ravel())
+    for axes in panels[count:]:
+        axes.set_visible(False)
+    return figure, panels[:count]
+
+
 def draw_errors(comparison: Comparison, rows: Sequence[Measurement], path: Path) -> Path:
     """Draw the errors of every recording and their medians, by method or over the varied setting.
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If it cannot be written.
     """
-    columns = min(2, len(comparison.metrics))
-    lines = -(-len(comparison.metrics) // columns)
-    figure = new_figure(_PANEL_IN[0] * columns, _PANEL_IN[1] * lines)
     with rules():
-        panels = np.atleast_1d(figure.subplots(lines, columns)).ravel()
+        figure, panels = figure_of_panels(len(comparison.metrics), 2, _PANEL_IN)
         figure.suptitle(comparison.title)
-        for axes, metric in zip(panels, comparison.metrics, strict=False):
+        for axes, metric in zip(panels, comparison.metrics, strict=True):
             _draw_panel(axes, comparison, metric, rows)
-        for axes in panels[len(comparison.metrics) :]:
-            axes.set_visible(False)
         return save(figure, path)
 
 
@@ -96,23 +99,10 @@ def _draw_panel(axes: Any, comparison: Comparison, metric: Metric, rows: Sequenc
 def draw_curves(
     title: str, curves: Mapping[str, Mapping[str, Sequence[float]]], rows: Sequence[Measurement], path: Path
 ) -> Path:
-    """Draw the responses and vignettes found on one recording beside the truth, and exposure ratios where given.
-
-    Parameters
-    ----------
-    title
-        Title of the picture.
-    curves
-        By name, the truth first: "response" and "vignette" as in :attr:`Measurement.curves`.
-    rows
-        Measurements whose exposure ratios are drawn.
-    path
-        Where to.
+    """Draw responses and vignettes found on one recording, by name, the truth first; and the exposure ratios of rows.
 
     Raises
     ------
-    MissingExtraError
-        Without matplotlib.
     FormatError
         If it cannot be written.
     """

@@ -60,9 +60,8 @@ def test_table_json_and_picture_hold_every_row(rows, tmp_path):
     assert [row[0] for row in table.rows] == ["default", "fast", "live"]
     assert all(len(row) == len(table.header) for row in table.rows)
     written = write_speed(tmp_path, rows)
-    assert [path.name for path in written.files] == ["speed.json", "speed.png"]
-    assert written.problems == []
-    content = json.loads(written.files[0].read_text())
+    assert [path.name for path in written] == ["speed.json", "speed.png"]
+    content = json.loads(written[0].read_text())
     assert content == json.loads(json.dumps(content_of(rows)))
     assert content["rows"][0]["over_decoding"] == pytest.approx(rows[0].seconds / rows[0].decoding_s)
 

@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image
+from ospc.arrays import BoolArray, Float32Array, FloatArray
 from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
 from ospc.research.held_out import HeldOutPair
+from ospc.unknown_exposures.tracking import sampled
 
 _FEATURES = 3000
 _RATIO = 0.8
@@ -60,8 +61,8 @@ class SampledFrame:
             If its image cannot be read.
         """
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
-        sift = cv2.SIFT_create(nfeatures=_FEATURES)
-        key_points, descriptors = sift.detectAndCompute(_equalised(grey), None)
+        equalised = cv2.equalizeHist(np.rint(grey * 255).astype(np.uint8))
+        key_points, descriptors = cv2.SIFT_create(nfeatures=_FEATURES).detectAndCompute(equalised, None)
         found = np.array([point.pt for point in key_points], dtype=np.float64).reshape(-1, 2)
         smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX)
         gradient = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)) / 8
@@ -101,8 +102,8 @@ def flat_pair(
     far = np.array([width, height]) - 1 - margin
     near = (distance < _NEAREST_PX) & _within(places0, margin, far) & _within(places1, margin, far)
     places0, places1 = places0[near], places1[near]
-    grey0, grey1 = _read(first.grey, places0), _read(second.grey, places1)
-    flat = (_read(first.gradient, places0) < _FLAT) & (_read(second.gradient, places1) < _FLAT)
+    grey0, grey1 = sampled(first.grey, places0), sampled(second.grey, places1)
+    flat = (sampled(first.gradient, places0) < _FLAT) & (sampled(second.gradient, places1) < _FLAT)
     exposed = (np.minimum(grey0, grey1) > greys[0]) & (np.maximum(grey0, grey1) < greys[1])
     radius0, radius1 = (np.linalg.norm(normalised(p, (width, height)), axis=1) for p in (places0, places1))
     kept = flat & exposed & (np.abs(radius0 - radius1) < max_radial_displacement)
@@ -127,16 +128,5 @@ def _matches(first: SampledFrame, second: SampledFrame) -> tuple[FloatArray, Flo
     return points0[agree], points1[agree]
 
 
-def _equalised(grey: Float32Array) -> Image:
-    return np.asarray(cv2.equalizeHist(np.rint(grey * 255).astype(np.uint8)))
-
-
 def _within(places: FloatArray, margin: float, far: FloatArray) -> BoolArray:
     return np.asarray(np.all((places >= margin) & (places <= far), axis=1))
-
-
-def _read(image: Float32Array, places: FloatArray) -> FloatArray:
-    if len(places) == 0:
-        return np.empty(0)
-    where = places.astype(np.float32).reshape(-1, 1, 2)
-    return np.asarray(cv2.remap(image, where, None, cv2.INTER_LINEAR), dtype=np.float64).reshape(-1)

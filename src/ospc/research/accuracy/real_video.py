@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ospc.formats.dso import read_pcalib
 from ospc.recording import Frame, open_recording
-from ospc.recording.identity import identity
 from ospc.research.accuracy.flat_matches import SampledFrame, flat_pair
 from ospc.research.held_out import HeldOut, HeldOutPair
 from ospc.research.scoring import Truth
+from ospc.research.source import PCALIB, GivenSource
 
 FOLDER = "borealhdr_left"
 """Name of the recording in the folder of real data."""
@@ -36,52 +33,15 @@ _MAX_RADIAL_DISPLACEMENT = 0.01
 
 
 @dataclass(frozen=True)
-class VideoSource:
-    """The video. Methods get its first frames; pairs of the others judge them.
+class VideoSource(GivenSource):
+    """The video with its makers' ``pcalib.txt``. Methods get its first frames; pairs of the others judge them."""
 
-    Attributes
-    ----------
-    path
-        Its folder, in the layout of the TUM monocular data set with the makers' ``pcalib.txt``.
-    """
-
-    path: Path
-
-    @property
-    def name(self) -> str:
-        """Name of the folder."""
-        return self.path.name
-
-    @property
-    def group(self) -> str:
-        """``video``."""
-        return "video"
-
-    @property
-    def factors(self) -> dict[str, str]:
-        """Nothing varies."""
-        return {}
-
-    @property
-    def count(self) -> int:
-        """Number of frames that methods get."""
-        return _FITTED_FRAMES
-
-    def describe(self) -> dict[str, Any]:
-        """Return what identifies the recording, and how it is split."""
-        return {"kind": "video", **identity(open_recording(self.path)), "fitted": _FITTED_FRAMES}
-
-    def frames(self) -> Iterator[Frame]:
-        """Give the frames for fitting."""
-        return islice(iter(open_recording(self.path)), _FITTED_FRAMES)
+    most_frames: int | None = _FITTED_FRAMES
+    group: str = field(default="video", kw_only=True)
 
     def truth(self) -> Truth:
         """Return the makers' own laboratory calibration."""
-        return Truth(read_pcalib(self.path / "pcalib.txt"), greys=_LABORATORY_GREYS)
-
-    def exposures_ms(self) -> Mapping[int, float]:
-        """Return the exposures of the metadata."""
-        return dict(enumerate(np.asarray(open_recording(self.path).exposures_ms).tolist()))
+        return Truth(read_pcalib(self.path / PCALIB), greys=_LABORATORY_GREYS)
 
     def held_out(self) -> HeldOut:
         """Return pairs of the frames for judging; the factor is that of pairs that differ eightfold."""
@@ -101,13 +61,3 @@ def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
         if first.exposure_ms != second.exposure_ms
     )
     return [pair for pair in pairs if pair is not None and len(pair.grey0) >= _FEWEST_PLACES]
-
-
-def video_sources(data: Path | None) -> tuple[list[VideoSource], str]:
-    """Return the video in the folder of real data, or a note on why there is none."""
-    if data is None:
-        return [], "--data is not given: no real video"
-    place = data / FOLDER
-    if not place.is_dir():
-        return [], f"{place} is not there: no real video"
-    return [VideoSource(place)], ""

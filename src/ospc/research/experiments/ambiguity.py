@@ -12,13 +12,14 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray
 from ospc.errors import FormatError, NotObservableError
+from ospc.estimation.robust import robust_scale
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.report.style import BLUE, GREY, ORANGE, new_figure, rules, save
 from ospc.research.runner import OnProgress
 from ospc.research.source import Source
 from ospc.research.store import made_with
-from ospc.research.tables import Written, as_csv, write
+from ospc.research.tables import as_csv, write
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
@@ -31,9 +32,6 @@ _EXPOSED = (0.04, 0.96)
 
 _FEWEST_VIEWS = 3
 """Observations of a point that residuals are counted of: with fewer its radiance fits too well."""
-
-_MAD_TO_SIGMA = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +138,8 @@ def _unexplained(  # noqa: PLR0917 - one formula
     log_l = np.bincount(tracks.point, weights=inside * (log_g - log_ev)) / counts
     predicted = response(np.exp((log_ev + log_l[tracks.point]) / gamma))
     several = inside & (counts[tracks.point] >= _FEWEST_VIEWS)
-    # The median, because a few tracks have left their points.
-    return float(_MAD_TO_SIGMA * np.median(np.abs((tracks.grey - predicted)[several])))
+    # Robust, because a few tracks have left their points.
+    return robust_scale((tracks.grey - predicted)[several])
 
 
 def _estimate_from(tracks: TrackObservations, exponent: float) -> JointEstimate:
@@ -161,14 +159,8 @@ def _exponent_of(found: JointEstimate, truth: Response) -> float:
     return float(estimate @ true / (true @ true))
 
 
-def write_ambiguity(found: Ambiguity, name: str, folder: Path) -> Written:
-    """Write ``ambiguity.csv``, ``starts.csv`` and ``ambiguity.png``.
-
-    Raises
-    ------
-    SettingError
-        If they cannot be written.
-    """
+def write_ambiguity(found: Ambiguity, name: str, folder: Path) -> list[Path]:
+    """Write ``ambiguity.csv``, ``starts.csv`` and ``ambiguity.png``; see :func:`~ospc.research.tables.write`."""
     by_exponent = zip(found.exponents, found.free, found.known, strict=True)
     by_start = zip(found.starts, found.reached, found.costs, strict=True)
     texts = {

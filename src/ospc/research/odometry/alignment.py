@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ospc.arrays import Float32Array, FloatArray
+from ospc.estimation.robust import robust_scale
 
 LEVELS = 4
 """Levels of the image pyramid, each half as large as the one below."""
@@ -16,8 +17,8 @@ LEVELS = 4
 _ITERATIONS, _SETTLED = 12, 1e-6
 """Most steps on a level, and the change at which they end on the finest one."""
 
-_HUBER, _MAD_TO_SIGMA = 1.345, 1.4826
-"""Huber's tuning constant, and standard deviation over median absolute deviation of a normal distribution."""
+_HUBER = 1.345
+"""Huber's tuning constant: 95 % efficient for normal residuals."""
 
 _AGREEING_SIGMAS = 3
 _NEAR_M = 0.05
@@ -189,7 +190,7 @@ class _Problem:
         if self.affine:
             jacobian = np.column_stack([jacobian, -scaled, -np.ones_like(scaled)])
         size = np.abs(residual)
-        sigma = _MAD_TO_SIGMA * float(np.median(size)) + 1e-6
+        sigma = robust_scale(residual) + 1e-6
         weight = np.minimum(1, _HUBER * sigma / np.maximum(size, 1e-12))
         weight *= _GRADIENT**2 / (_GRADIENT**2 + dx**2 + dy**2)
         normal = (jacobian * weight[:, None]).T @ jacobian

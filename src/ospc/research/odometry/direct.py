@@ -18,9 +18,9 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray
 from ospc.errors import OspcError, RecordingError
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.recording import Frame, open_recording
-from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
+from ospc.research.odometry.alignment import LEVELS, Brightness, Pose, align
 from ospc.research.odometry.depth import SceneDepth
-from ospc.research.odometry.inputs import OdometryInput
+from ospc.research.odometry.inputs import TRUTH, OdometryInput
 from ospc.research.odometry.judging import Tracked
 from ospc.research.store import made_with
 
@@ -104,13 +104,14 @@ class _Photometer:
         return np.asarray(np.sqrt(light)), saturated
 
 
-def _whole_truth(source: OdometryInput) -> Trajectory:
-    """Return the true trajectory, from which the depth is computed."""
-    place = source.place / "groundtruthSync.txt"
+def _true_poses(source: OdometryInput) -> list[Pose]:
+    """Return the true pose of every frame, from which the depth is computed."""
+    place = source.place / TRUTH
     truth = read_trajectory(place)
     if len(truth) != len(source.stamps_s) or not truth.known.all():
         raise RecordingError(f"{place}: does not hold a pose for each of the {len(source.stamps_s)} frames")
-    return truth
+    rotations = [Rotation.from_quat(quaternion).as_matrix() for quaternion in truth.quaternions]
+    return [Pose(rotation, position) for rotation, position in zip(rotations, truth.positions, strict=True)]
 
 
 class _Tracker:
@@ -120,8 +121,8 @@ class _Tracker:
         self._photometer = _Photometer(source)
         self._affine = source.condition.mode == 1
         self._depth = SceneDepth.of(source.place)
-        self._camera = Camera(self._depth.focal_px, self._depth.centre_px)
-        self._truth = _whole_truth(source)
+        self._camera = self._depth.camera
+        self._truth = _true_poses(source)
         self._random = np.random.default_rng(run)
         self._key = Pose.identity()
         self._points = np.empty((0, 3))
@@ -171,8 +172,7 @@ class _Tracker:
     def _begin(self, frame: Frame, pyramid: Brightness, image: Float32Array, saturated: BoolArray) -> None:
         """Make a frame the keyframe."""
         places = self._choose(image, saturated)
-        true_pose = self._truth.positions[frame.index], self._truth.quaternions[frame.index]
-        depth = self._depth.at(places, true_pose[0], Rotation.from_quat(true_pose[1]).as_matrix())
+        depth = self._depth.at(places, self._truth[frame.index])
         known = np.isfinite(depth)
         places, depth = places[known], depth[known]
         self._points = self._camera.lift(places, depth)

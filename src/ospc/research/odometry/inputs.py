@@ -24,7 +24,7 @@ from ospc.research.odometry.conditions import Condition
 from ospc.research.source import PCALIB, VIGNETTE, fingerprints
 from ospc.research.store import key_of
 
-CAMERA, TIMES = "camera.txt", "times.txt"
+CAMERA, TIMES, TRUTH = "camera.txt", "times.txt", "groundtruthSync.txt"
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
@@ -81,13 +81,12 @@ class OdometryInput:
 
     def describe(self) -> dict[str, Any]:
         """Return what results depend on: recording, camera, mode, and a hash of each parameter."""
-        curves = {} if self.photometry is None else fingerprints(self.photometry.response, self.photometry.vignette)
         return {
             "recording": self.recording_identity,
             "camera": sha256(camera_file(self.place).read_bytes()).hexdigest(),
             "mode": self.condition.mode,
             "metadata_exposures": self.condition.metadata_exposures,
-            **curves,
+            **({} if self.photometry is None else fingerprints(self.photometry)),
         }
 
     @contextmanager
@@ -116,9 +115,24 @@ def camera_file(place: Path) -> Path:
     RecordingError
         If there is none.
     """
-    if not (place / CAMERA).is_file():
-        raise RecordingError(f"{place}: has no {CAMERA}; odometry needs the camera's geometry")
-    return place / CAMERA
+    return _required(place / CAMERA, "odometry needs the camera's geometry")
+
+
+def truth_file(place: Path) -> Path:
+    """Return the path of the groundtruthSync.txt in a recording's folder.
+
+    Raises
+    ------
+    RecordingError
+        If there is none.
+    """
+    return _required(place / TRUTH, "errors of trajectories need the truth")
+
+
+def _required(path: Path, why: str) -> Path:
+    if not path.is_file():
+        raise RecordingError(f"{path.parent}: has no {path.name}; {why}")
+    return path
 
 
 def images_of(recording: Recording, cache: Path) -> Path:

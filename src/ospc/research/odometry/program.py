@@ -70,11 +70,10 @@ class Program:
             f"calib={CAMERA}",
             f"mode={source.condition.mode}",
         ]
-        if source.photometry is not None:
-            if source.photometry.response is not None:
-                command.append(f"gamma={PCALIB}")
-            if source.photometry.vignette is not None:
-                command.append(f"vignette={VIGNETTE}")
+        if source.photometry is not None and source.photometry.response is not None:
+            command.append(f"gamma={PCALIB}")
+        if source.photometry is not None and source.photometry.vignette is not None:
+            command.append(f"vignette={VIGNETTE}")
         return [*command, *self.arguments]
 
     def track(self, source: OdometryInput, run: int) -> Tracked:
