@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import cv2
 import numpy as np
 
@@ -19,22 +17,8 @@ _LEVELS = 65536
 """Entries of the table from 16-bit irradiance to 8-bit grey values."""
 
 
-class FrameKind(Protocol):
-    """A way to prepare two successive frames for tracking."""
-
-    def pair(self, before: Frame, after: Frame) -> tuple[Image, Image]:
-        """Return the images of two successive frames, 8 bit, shape (height, width) each."""
-        ...
-
-
 class RawFrames:
-    """Grey values as recorded, in 8 bit.
-
-    Parameters
-    ----------
-    max_grey
-        Largest grey value of the frames.
-    """
+    """Grey values as recorded, in 8 bit; ``max_grey`` is the largest that is recorded."""
 
     def __init__(self, max_grey: int) -> None:
         self._scale = 255 / max_grey

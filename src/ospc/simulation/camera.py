@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray, Image
+from ospc.arrays import Float32Array, Image
 from ospc.errors import SettingError
-from ospc.photometry.response import Response
-from ospc.photometry.vignette import Vignette
 from ospc.recording.frame import Frame
 from ospc.simulation.files import ImageWriter, remove_recording, write_truth
 from ospc.simulation.motion import Motion
@@ -25,44 +23,16 @@ _DEFAULT = SimulationSettings()
 
 
 @dataclass(frozen=True)
-class SimulatedRecording:
-    """A simulated recording on disk.
+class SimulatedRecording(Truth):
+    """A simulated recording on disk, in the layout of the TUM monocular dataset, with its truth.
 
     Attributes
     ----------
     path
-        Its folder, in the layout of the TUM monocular dataset.
-    truth
-        The truth.
+        Its folder.
     """
 
     path: Path
-    truth: Truth
-
-    @property
-    def response(self) -> Response:
-        """The true response."""
-        return self.truth.response
-
-    @property
-    def vignette(self) -> Vignette:
-        """The true vignette."""
-        return self.truth.vignette
-
-    @property
-    def exposures_ms(self) -> FloatArray:
-        """True exposures, time times gain, shape (frames,); those of the metadata may differ."""
-        return self.truth.exposures_ms
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        """Time stamps, shape (frames,)."""
-        return self.truth.stamps_s
-
-    @property
-    def trajectory(self) -> FloatArray:
-        """Rows (tx, ty, tz, qx, qy, qz, qw), camera to world, shape (frames, 7)."""
-        return self.truth.trajectory
 
 
 def frames(settings: SimulationSettings = _DEFAULT) -> Iterator[Frame]:
@@ -109,11 +79,6 @@ def simulate(
     progress
         Called with the number of frames written and the total.
 
-    Returns
-    -------
-    SimulatedRecording
-        Its folder and truth.
-
     Raises
     ------
     SettingError
@@ -138,7 +103,7 @@ def simulate(
                     progress(index + 1, settings.frames)
     except OSError as error:
         raise SettingError(f"{place}: cannot be written ({error}); choose another folder") from error
-    return SimulatedRecording(place, known)
+    return SimulatedRecording(**vars(known), path=place)
 
 
 def irradiances(settings: SimulationSettings = _DEFAULT) -> Iterator[Float32Array]:
