@@ -179,8 +179,7 @@ class SimulatedSource(Source):
 
     def held_out(self) -> HeldOut:
         """Return pairs of another scene."""
-        still = self.settings.motion == "static"
-        return HeldOut(simulated_pairs(self.settings, still=still) if self.with_pairs else ())
+        return HeldOut(simulated_pairs(self.settings) if self.with_pairs else ())
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,8 @@ class Table:
 
     Attributes
     ----------
-    title
-        Its heading.
-    header
-        The headings of its columns.
+    title, header
+        Its heading, and those of its columns.
     rows
         The cells, of the columns of names first.
     names

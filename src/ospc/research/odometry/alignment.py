@@ -83,15 +83,9 @@ class Brightness:
 
     def at(self, level: int, points: FloatArray) -> FloatArray:
         """Return brightness and derivatives at pixels of level 0, shape (n, 2) -> (n, 3); NaN outside."""
-        places = ((points + 0.5) / 2**level - 0.5).astype(np.float32)
-        sampled = cv2.remap(
-            self.levels[level],
-            np.ascontiguousarray(places[:, 0]),
-            np.ascontiguousarray(places[:, 1]),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=(np.nan, np.nan, np.nan),
-        )
+        places = ((points + 0.5) / 2**level - 0.5).astype(np.float32).reshape(-1, 1, 2)
+        outside = {"borderMode": cv2.BORDER_CONSTANT, "borderValue": (np.nan, np.nan, np.nan)}
+        sampled = cv2.remap(self.levels[level], places, None, cv2.INTER_LINEAR, **outside)
         return np.asarray(sampled.reshape(-1, 3), dtype=np.float64)
 
 
@@ -132,14 +126,11 @@ def align(
 
     Parameters
     ----------
-    points_m
-        Points in the frame of the first camera, shape (n, 3).
-    reference
-        Their brightness on each level of its image, shape (levels, n).
-    image
-        The image of the second camera.
-    camera
-        Geometry of both cameras.
+    points_m, reference
+        Points in the frame of the first camera, shape (n, 3), and their brightness on each level of its image, shape
+        (levels, n).
+    image, camera
+        The image of the second camera, and the geometry of both.
     start
         Initial motion.
     affine

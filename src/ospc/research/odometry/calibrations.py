@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -30,7 +31,7 @@ class Calibrations:
     Attributes
     ----------
     folder
-        The folder; made when needed.
+        Made when needed.
     given
         Calibrations of other programs, by the name of their condition; they are preferred to everything else.
     online
@@ -91,9 +92,7 @@ class Calibrations:
         return {f"joint-{variant.rpartition('-')[2]}": estimate for variant, estimate in found.items()}
 
     def _found(self, recording: Recording, method: Method) -> dict[str, Estimate]:
-        def progress(share: float) -> None:
-            self.progress(f"calibrating {recording.path.name}", share)
-
+        progress = partial(self.progress, f"calibrating {recording.path.name}")
         estimates: dict[str, Estimate] = {}
         for result in run_methods({"method": method}, recording, len(recording), progress):
             if isinstance(result.outcome, str):

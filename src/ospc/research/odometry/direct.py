@@ -79,7 +79,7 @@ class _Photometer:
     """Converts grey images to brightness under a condition."""
 
     def __init__(self, source: OdometryInput) -> None:
-        self._exposures = np.asarray(source.exposures_ms, dtype=np.float64)
+        self._exposures = source.exposures_ms
         self._reference = float(np.median(self._exposures))
         self._photometry = source.photometry
         vignette = None if source.photometry is None else source.photometry.vignette
@@ -163,11 +163,9 @@ class _Tracker:
         if len(self._poses) < 2:
             return None
         rotations = np.array([pose.rotation for _, pose in self._poses])
-        return Trajectory(
-            np.array([stamp for stamp, _ in self._poses]),
-            np.array([pose.translation for _, pose in self._poses]),
-            np.asarray(Rotation.from_matrix(rotations).as_quat()),
-        )
+        positions = np.array([pose.translation for _, pose in self._poses])
+        stamps_s = np.array([stamp for stamp, _ in self._poses])
+        return Trajectory(stamps_s, positions, np.asarray(Rotation.from_matrix(rotations).as_quat()))
 
     def _begin(self, frame: Frame, pyramid: Brightness, image: Float32Array, saturated: BoolArray) -> None:
         """Make a frame the keyframe."""
@@ -192,5 +190,5 @@ class _Tracker:
         best = flat.argmax(axis=2)
         y = np.arange(rows)[:, None] * edge + best // edge
         x = np.arange(columns)[None] * edge + best % edge
-        found = np.column_stack([x.ravel(), y.ravel()])[flat.max(axis=2).ravel() > 0]
+        found = np.stack([x, y], axis=-1)[flat.max(axis=2) > 0]
         return np.asarray(found, dtype=np.float64)
