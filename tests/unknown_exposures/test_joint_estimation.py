@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from ospc.errors import NotObservableError, SettingError
+from ospc.errors import NotObservableError
 from ospc.evaluation.metrics import response_rmse, vignette_rmse
-from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.simulation import SimulationSettings, frames, truth
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
@@ -139,5 +138,3 @@ def test_little_is_refused():
         estimate_jointly(observations(points=10, count=3))
     with pytest.raises(NotObservableError):
         estimate_from([])
-    with pytest.raises(SettingError):
-        estimate_jointly(observations(), iterations=1).aligned_to(Response.gamma(2.0), 1.0)

@@ -39,11 +39,6 @@ class CorrectedFrames:
 
     M' is the frame warped to that exposure. The factor s ≤ 1 makes room for the corrected corners, which can be
     brighter than white in the middle of the image.
-
-    Parameters
-    ----------
-    corrector
-        Response and vignette.
     """
 
     def __init__(self, corrector: Corrector) -> None:

@@ -68,18 +68,9 @@ class Result:
 def run_methods(
     methods: dict[str, Method], frames: Iterable[Frame], count: int, progress: OnProgress
 ) -> list[Result]:
-    """Run methods over a recording in one pass; errors of a method are outcomes.
+    """Run new methods over a recording of so many frames in one pass, and tell the progress after each frame.
 
-    Parameters
-    ----------
-    methods
-        New methods by name. Where a method breaks down, its name stands for all of its variants.
-    frames
-        The recording.
-    count
-        Number of its frames.
-    progress
-        Called after every frame.
+    Errors of a method are outcomes. Where it breaks down, its name stands for all of its variants.
     """
     seconds = dict.fromkeys(methods, 0.0)
     broken: dict[str, str] = {}

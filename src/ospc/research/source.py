@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -80,25 +80,23 @@ class Source(ABC):
         return HeldOut()
 
 
-class Methods(Protocol):
-    """A set of methods to compare."""
+@dataclass(frozen=True)
+class Methods(ABC):
+    """A set of methods to compare, by its name."""
 
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
+    name: str
 
+    @abstractmethod
     def describe(self) -> dict[str, Any]:
         """Return all settings, as JSON-compatible values."""
-        ...
 
+    @abstractmethod
     def make(self, source: Source) -> dict[str, Method]:
         """Return new methods for a recording."""
-        ...
 
     def references(self, source: Source) -> dict[str, Outcome]:
         """Return further outcomes on a recording, to be compared with the methods'."""
-        ...
+        return {}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import Float32Array, Image
 from ospc.errors import SettingError
 from ospc.recording.frame import Frame
-from ospc.simulation.files import ImageWriter, remove_recording, write_truth
+from ospc.simulation.files import image_writer, remove_recording, write_truth
 from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import radiance
 from ospc.simulation.scene import Scene
@@ -96,9 +96,9 @@ def simulate(
             remove_recording(place)
         place.mkdir(parents=True, exist_ok=True)
         write_truth(place, known)
-        with ImageWriter(place, settings) as writer:
+        with image_writer(place, settings) as write:
             for index, image in enumerate(_images(scene, known)):
-                writer.write(index, image)
+                write(index, image)
                 if progress is not None:
                     progress(index + 1, settings.frames)
     except OSError as error:
@@ -125,10 +125,9 @@ def _irradiances(scene: Scene, known: Truth) -> Iterator[Float32Array]:
     settings = known.settings
     attenuation = known.vignette.image()
     motion = Motion.of(settings)
-    still = settings.motion == "static" and not settings.moving_objects
     exposed: Float32Array | None = None
     for index in range(settings.frames):
-        if exposed is None or not still:
+        if exposed is None or not settings.still:
             exposed = _exposed(scene, settings, motion, float(known.stamps_s[index]), float(known.times_ms[index]))
         factor = known.exposures_ms[index] * known.light[index]
         yield exposed * attenuation * np.float32(factor)

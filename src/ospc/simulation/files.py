@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import re
 import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from types import TracebackType
 
 import cv2
 import numpy as np
@@ -26,44 +27,34 @@ _FILES = (
 )  # fmt: skip
 
 
-class ImageWriter:
-    """Writes numbered images into ``images/`` or ``images.zip``; used in a with statement."""
+@contextmanager
+def image_writer(folder: Path, settings: SimulationSettings) -> Iterator[Callable[[int, Image], None]]:
+    """Give a function that writes numbered images into ``images/`` or ``images.zip``.
 
-    def __init__(self, folder: Path, settings: SimulationSettings) -> None:
-        self._folder = folder / "images"
-        self._suffix = "." + settings.image_format
-        jpg = [cv2.IMWRITE_JPEG_QUALITY, settings.jpg_quality]
-        self._parameters = jpg if settings.image_format == "jpg" else [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION]
-        self._archive = zipfile.ZipFile(folder / "images.zip", "w") if settings.archive else None
-        if self._archive is None:
-            self._folder.mkdir()
+    Raises
+    ------
+    OSError
+        Also by that function, if an image cannot be encoded or written.
+    """
+    suffix = f".{settings.image_format}"
+    jpg = [cv2.IMWRITE_JPEG_QUALITY, settings.jpg_quality]
+    parameters = jpg if settings.image_format == "jpg" else [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION]
+    with zipfile.ZipFile(folder / "images.zip", "w") if settings.archive else nullcontext() as archive:
+        if archive is None:
+            (folder / "images").mkdir()
 
-    def write(self, index: int, image: Image) -> None:
-        """Write one image.
+        def write(index: int, image: Image) -> None:
+            done, coded = cv2.imencode(suffix, image, parameters)
+            if not done:
+                raise OSError(f"image {index} could not be encoded")
+            name = frame_name(index) + suffix
+            if archive is None:
+                (folder / "images" / name).write_bytes(coded.tobytes())
+            else:
+                # A fixed date keeps archives of the same recording identical.
+                archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), coded.tobytes())
 
-        Raises
-        ------
-        OSError
-            If it cannot be encoded or written.
-        """
-        done, coded = cv2.imencode(self._suffix, image, self._parameters)
-        if not done:
-            raise OSError(f"image {index} could not be encoded")
-        name = frame_name(index) + self._suffix
-        if self._archive is None:
-            (self._folder / name).write_bytes(coded.tobytes())
-        else:
-            # A fixed date keeps archives of the same recording identical.
-            self._archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), coded.tobytes())
-
-    def __enter__(self) -> ImageWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._archive is not None:
-            self._archive.close()
+        yield write
 
 
 def frame_name(index: int) -> str:

@@ -240,6 +240,11 @@ class SimulationSettings:
         return full_well, read_noise
 
     @property
+    def still(self) -> bool:
+        """Whether every frame shows the same from the same place."""
+        return self.motion == "static" and not self.moving_objects
+
+    @property
     def max_grey(self) -> int:
         """Largest grey value."""
         return int(2**self.bit_depth - 1)

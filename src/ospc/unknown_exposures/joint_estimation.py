@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import lsqr
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
-from ospc.errors import NotObservableError, SettingError
+from ospc.errors import NotObservableError
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
 from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learned_model
@@ -99,18 +99,10 @@ class JointEstimate:
         """Exposures up to a factor, with the exponent, shape (m,)."""
         return np.asarray(np.exp(self.exponent * self.log_exposures))
 
-    def aligned_to(self, truth: Response, grey: float = 0.5) -> JointEstimate:
-        """Return the estimate with the exponent that makes g true at one grey level.
-
-        Raises
-        ------
-        SettingError
-            If the grey level is not between 0 and 1.
-        """
-        if not 0 < grey < 1:
-            raise SettingError(f"the known point of the response is at grey level {grey}; choose one within (0, 1)")
-        found = float(self.model.response(self.coefficients).inverse(grey))
-        return replace(self, exponent=float(np.log(truth.inverse(grey)) / np.log(found)))
+    def aligned_to(self, truth: Response) -> JointEstimate:
+        """Return the estimate with the exponent that makes g(½) true."""
+        found = float(self.model.response(self.coefficients).inverse(0.5))
+        return replace(self, exponent=float(np.log(truth.inverse(0.5)) / np.log(found)))
 
 
 def estimate_jointly(

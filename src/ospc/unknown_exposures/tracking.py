@@ -26,8 +26,11 @@ _RIGHT, _DOWN = np.array([1, 0], dtype=np.float32), np.array([0, 1], dtype=np.fl
 _ROUNDS, _GAIN_CHANGE = 2, 0.02
 """Most turns of tracking and gain, and the change of ln gain at which they end."""
 
-_LEVELS = 4
-"""Levels of the image pyramid above the image itself."""
+_FEATURES = 250
+"""Features tracked at a time; the published program follows more, and takes longer."""
+
+_WINDOW_PX, _LEVELS = 21, 4
+"""Side of the windows that are compared, and levels of the image pyramid above the image itself."""
 
 _BACK_PX = 0.7
 """Largest forward-backward error of a track in pixels."""
@@ -97,21 +100,9 @@ class TrackObservations:
 
 
 class GainRobustTracker:
-    """Tracks features from frame to frame.
+    """Tracks features from frame to frame, and keeps observations of one in so many frames."""
 
-    Parameters
-    ----------
-    features
-        Number of features tracked at a time.
-    window_px
-        Edge length of the windows that are compared.
-    every
-        Observations are kept of one in so many frames; features are tracked through all.
-    """
-
-    def __init__(self, features: int = 250, window_px: int = 21, every: int = 2) -> None:
-        self._features = features
-        self._window = (window_px, window_px)
+    def __init__(self, every: int = 2) -> None:
         self._every = every
         self._previous: Image | None = None
         self._points: Float32Array = np.empty((0, 2), np.float32)
@@ -129,7 +120,7 @@ class GainRobustTracker:
         self._size = (image.shape[1], image.shape[0])
         if self._previous is not None and len(self._points):
             self._track_into(self._previous, image)
-        if len(self._points) < _REFILL * self._features:
+        if len(self._points) < _REFILL * _FEATURES:
             self._detect(image)
         if self._count % self._every == 0:
             self._keep(frame.index, image)
@@ -156,7 +147,7 @@ class GainRobustTracker:
         self.log_gain = log_brightness(after) - log_brightness(before)
         for _ in range(_ROUNDS):
             first, second = equalised(before, after, self.log_gain)
-            options = {"winSize": self._window, "maxLevel": _LEVELS}
+            options = {"winSize": (_WINDOW_PX, _WINDOW_PX), "maxLevel": _LEVELS}
             moved, found, _ = cv2.calcOpticalFlowPyrLK(first, second, self._points, None, **options)
             back, found_back, _ = cv2.calcOpticalFlowPyrLK(second, first, moved, None, **options)
             good = (found.ravel() > 0) & (found_back.ravel() > 0)
@@ -174,7 +165,7 @@ class GainRobustTracker:
         mask = np.full(image.shape, 255, np.uint8)
         for x, y in self._points:
             cv2.circle(mask, (round(float(x)), round(float(y))), _OCCUPIED_PX, 0, -1)
-        wanted = self._features - len(self._points)
+        wanted = _FEATURES - len(self._points)
         # Equalised, so that dark parts of the image get features too.
         corners = cv2.goodFeaturesToTrack(cv2.equalizeHist(image), wanted, _QUALITY, _SPACING_PX, mask=mask)
         if corners is None:

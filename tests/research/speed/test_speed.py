@@ -9,7 +9,7 @@ from ospc.cli.main import cli
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.research.speed.measuring import Reel, run, run_live
 from ospc.research.speed.report import content_of, table_of, write_speed
-from ospc.research.speed.stages import OTHER, Stages
+from ospc.research.speed.stages import OTHER, clocks
 
 SIZE = (128, 96)
 
@@ -50,7 +50,7 @@ def test_figures_are_those_of_the_run(rows):
 
 def test_clocks_are_taken_away_again():
     before = Preprocessor.__call__
-    with Stages():
+    with clocks():
         assert Preprocessor.__call__ is not before
     assert Preprocessor.__call__ is before
 

@@ -26,7 +26,7 @@ from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
 from ospc.research.method import Estimate, Method, Outcome
 from ospc.research.own_methods import methods_of_preset, quadratic_on_known_pixels
-from ospc.research.source import SWEEP, SimulatedSource, Source
+from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
 from ospc.settings import as_dict, preset
 from ospc.simulation import SimulationSettings
 from ospc.simulation.settings import NoisePreset
@@ -55,10 +55,8 @@ _Named: TypeAlias = tuple[str, str, str | Response]
 
 
 @dataclass(frozen=True)
-class PresetMethods:
+class PresetMethods(Methods):
     """The methods of a preset, by its name."""
-
-    name: str
 
     def describe(self) -> dict[str, Any]:
         """Return the settings."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from ospc.photometry.response import Response
 from ospc.research.measurement import metrics
-from ospc.research.method import Method, Outcome
+from ospc.research.method import Method
 from ospc.research.own_methods import VIGNETTE_SOLVERS, OwnMethod, PaperVariants, SolversKnowingResponse
 from ospc.research.pictures import Comparison
 from ospc.research.rivals.bergmann import Bergmann
@@ -18,7 +18,7 @@ from ospc.research.rivals.engel import engel_response
 from ospc.research.rivals.kim_pollefeys import KimPollefeys
 from ospc.research.rivals.mitsunaga_nayar import mitsunaga_nayar
 from ospc.research.rivals.robertson import robertson
-from ospc.research.source import Source
+from ospc.research.source import Methods, Source
 from ospc.settings import PaperSettings
 
 FEATURES = ("sift", "surf", "orb")
@@ -44,13 +44,11 @@ def _none(_source: Source) -> dict[str, Method]:
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """One of the paper's figures or tables, or a comparison with methods of other papers.
+class Experiment(Methods):
+    """One of the paper's figures or tables, or a comparison with methods of other papers, by the name of its command.
 
     Attributes
     ----------
-    name
-        Name of the command.
     comparison
         The picture of errors.
     stand_ins
@@ -67,7 +65,6 @@ class Experiment:
         Whether exposure ratios are compared with the metadata too.
     """
 
-    name: str
     comparison: Comparison
     stand_ins: tuple[int, int]
     variants: dict[str, dict[str, PaperSettings]] = field(default_factory=dict)
@@ -84,10 +81,6 @@ class Experiment:
     def make(self, source: Source) -> dict[str, Method]:
         """Return new methods for a recording."""
         return {**self.rivals(source), **{name: PaperVariants(group) for name, group in self.variants.items()}}
-
-    def references(self, _source: Source) -> dict[str, Outcome]:
-        """Return none."""
-        return {}
 
 
 def _compared(title: str, figure: str, varied: dict[str, float] | None = None, axis: str = "") -> Comparison:

@@ -24,9 +24,6 @@ from ospc.simulation import SimulationSettings
 RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narrow_radial_DIGITISED.csv"
 EXPOSURES = "params/tum_vi_times.txt"
 
-ANALYTIC_VIGNETTE = (-0.35, 0.05, -0.15)
-"""Coefficients of R², R⁴ and R⁶ without reference data."""
-
 STATIC_RESPONSES = ("linear", "srgb", "gamma2.2", "log", "filmic", "tum_narrow")
 """Responses of the cameras at rest, in turn."""
 
@@ -42,18 +39,7 @@ def stand_ins(
 ) -> list[SimulatedSource]:
     """Return simulated recordings, each with its own scene, motion and course of exposures.
 
-    Parameters
-    ----------
-    count
-        Number of recordings.
-    frames
-        Frames of each.
-    size
-        Width and height of the images.
-    data
-        Folder of reference data; None for the analytic camera.
-    speed
-        Factor of the speed of the camera's motion.
+    ``data`` is the folder of reference data, and ``speed`` a factor of the speed of the camera's motion.
 
     Raises
     ------
@@ -66,14 +52,7 @@ def stand_ins(
         raise SettingError("an experiment needs at least one recording, of two frames or more")
     response, vignette = _camera(size, data)
     courses = _courses(count, frames, data)
-    common = SimulationSettings(
-        size=size,
-        frames=frames,
-        speed=speed,
-        response=response,
-        vignette=vignette,
-        vignette_coefficients=ANALYTIC_VIGNETTE,
-    )
+    common = SimulationSettings(size=size, frames=frames, speed=speed, response=response, vignette=vignette)
     found = []
     for number in range(count):
         settings = replace(common, seed=_SEED + number)

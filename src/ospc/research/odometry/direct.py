@@ -45,19 +45,11 @@ _LEAST_V = 0.02
 
 @dataclass(frozen=True)
 class DirectOdometry:
-    """Direct alignment with depth from the simulated scene.
-
-    Attributes
-    ----------
-    every
-        One in so many frames is tracked.
-    """
-
-    every: int = 1
+    """Direct alignment with depth from the simulated scene."""
 
     def describe(self) -> dict[str, Any]:
-        """Return its source and settings."""
-        return {"builtin": made_with(), "every": self.every}
+        """Return its source."""
+        return {"builtin": made_with()}
 
     def track(self, source: OdometryInput, run: int) -> Tracked:
         """Track once; the number of the run is the seed for the selection of points."""
@@ -65,8 +57,7 @@ class DirectOdometry:
         try:
             tracker = _Tracker(source, run)
             for frame in open_recording(source.place):
-                if frame.index % self.every == 0:
-                    tracker.push(frame)
+                tracker.push(frame)
                 if tracker.lost:
                     break
         except OspcError as error:

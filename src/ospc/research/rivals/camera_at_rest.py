@@ -121,15 +121,7 @@ def response_of_values(values: FloatArray, name: str) -> Response:
 
 
 class CameraAtRest:
-    """A method for a camera at rest, as studies run it.
-
-    Parameters
-    ----------
-    name
-        Name of its outcome.
-    response_of
-        The method.
-    """
+    """A method for a camera at rest, as studies run it, and the name of its outcome."""
 
     def __init__(self, name: str, response_of: Callable[[ExposureSeries], Response]) -> None:
         self._name, self._response_of = name, response_of

@@ -82,13 +82,8 @@ class DecoupledEstimate:
 def estimate_decoupled(pairs: Sequence[Correspondences], known: tuple[int, float] | None = None) -> DecoupledEstimate:
     """Return response, exposures and vignette from points that are visible in both images of each pair.
 
-    Parameters
-    ----------
-    pairs
-        Points of each pair.
-    known
-        Number of a pair and ln of its exposure ratio e₀/e₁; where None, that of the pair whose brightness changes
-        most is assumed to be 1.5 or 1/1.5.
+    ``known`` is the number of a pair and ln of its exposure ratio e₀/e₁; where None, that of the pair whose
+    brightness changes most is assumed to be 1.5 or 1/1.5.
 
     Raises
     ------
@@ -149,24 +144,22 @@ def _solve_response(
         value = float(np.sign(changes[fixed])) * _ASSUMED_LOG_RATIO
     if abs(changes[fixed]) < _LEAST_LOG_CHANGE:
         raise NotObservableError("the brightness of no pair of images changes; the response cannot be known")
+    count = len(components)
     rows, targets = [], []
     for column, (_, first, second, support) in enumerate(transfers):
-        inner = np.zeros((first.size, components.shape[0] + len(transfers)))
-        inner[:, : components.shape[0]] = (components[:, first] - components[:, second]).T
-        inner[:, components.shape[0] + column] = -1
+        inner = np.zeros((first.size, count + len(transfers)))
+        inner[:, :count] = (components[:, first] - components[:, second]).T
+        inner[:, count + column] = -1
         root = np.sqrt(np.minimum(support, 50))
         rows.append(inner * root[:, None])
         targets.append((mean[second] - mean[first]) * root)
     matrix, target = np.concatenate(rows), np.concatenate(targets)
-    place = components.shape[0] + fixed
-    target = target - matrix[:, place] * value
-    free = np.delete(matrix, place, axis=1)
+    target = target - matrix[:, count + fixed] * value
     # A weak pull towards the mean curve determines what no pair shows.
-    pull = np.zeros((components.shape[0], free.shape[1]))
-    pull[:, : components.shape[0]] = _PULL * np.eye(components.shape[0])
-    found = _robust(free, target, pull)
-    curve = np.exp(mean + found[: components.shape[0]] @ components)
-    ratios = np.insert(found[components.shape[0] :], fixed, value)
+    pull = _PULL * np.eye(count, count + len(transfers) - 1)
+    found = _robust(np.delete(matrix, count + fixed, axis=1), target, pull)
+    curve = np.exp(mean + found[:count] @ components)
+    ratios = np.insert(found[count:], fixed, value)
     increasing = np.asarray(isotonic_regression(curve).x) + 1e-9 * np.arange(_LEVELS)
     increasing[0] = 0.0
     response = Response.from_values(increasing, model={"name": "kim-pollefeys"})

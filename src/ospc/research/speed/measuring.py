@@ -175,12 +175,12 @@ def run(preset: str, size: ImageSize, reel: Reel, count: int) -> SpeedRow:
     """
     from ospc.calibrator import OnlineCalibrator
     from ospc.recording.ahead import decoded_ahead
-    from ospc.research.speed.stages import Stages
+    from ospc.research.speed.stages import clocks, with_rest
 
     count = min(count, SLOW_FRAMES) if preset == "paper" else count
     decoding = reel.decoding_s(count)
     pushes: list[float] = []
-    with Stages() as stages:
+    with clocks() as stages:
         begun, cpu = time.perf_counter(), time.process_time()
         calibrator = OnlineCalibrator(preset)
         for frame in decoded_ahead(reel.frames(count), calibrator.foresees):
@@ -190,7 +190,7 @@ def run(preset: str, size: ImageSize, reel: Reel, count: int) -> SpeedRow:
         calibrator.calibration()
         seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
     return SpeedRow(
-        preset, size, count, seconds, *decoding, cpu, _spread(np.array(pushes)), peak_mb(), stages.shares(seconds)
+        preset, size, count, seconds, *decoding, cpu, _spread(np.array(pushes)), peak_mb(), with_rest(stages, seconds)
     )
 
 
