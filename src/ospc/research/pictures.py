@@ -1,4 +1,7 @@
-"""Pictures of measurements: errors by method, curves beside the truth, exposure ratios."""
+"""Pictures of measurements: errors by method, curves beside the truth, exposure ratios.
+
+Errors are those of :func:`ospc.report.style.save`.
+"""
 
 from __future__ import annotations
 
@@ -60,13 +63,7 @@ def figure_of_panels(count: int, most_columns: int, panel_in: tuple[float, float
 
 
 def draw_errors(comparison: Comparison, rows: Sequence[Measurement], path: Path) -> Path:
-    """Draw the errors of every recording and their medians, by method or over the varied setting.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Draw the errors of every recording and their medians, by method or over the varied setting."""
     with rules():
         figure, panels = figure_of_panels(len(comparison.metrics), 2, _PANEL_IN)
         figure.suptitle(comparison.title)
@@ -99,13 +96,7 @@ def _draw_panel(axes: Any, comparison: Comparison, metric: Metric, rows: Sequenc
 def draw_curves(
     title: str, curves: Mapping[str, Mapping[str, Sequence[float]]], rows: Sequence[Measurement], path: Path
 ) -> Path:
-    """Draw responses and vignettes found on one recording, by name, the truth first; and the exposure ratios of rows.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Draw responses and vignettes of one recording, by name, the truth first; and the exposure ratios of rows."""
     ratios = {row.method: found for row in rows if len(found := _reliable_ratios(row))}
     figure = new_figure(15.0 if ratios else 10.0, 4.6)
     with rules():

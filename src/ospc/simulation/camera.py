@@ -38,14 +38,8 @@ class SimulatedRecording(Truth):
 def frames(settings: SimulationSettings = _DEFAULT) -> Iterator[Frame]:
     """Yield the frames of a simulated recording without writing it.
 
-    Their exposures are those of the metadata, as in a recording on disk; :func:`truth` has the true ones.
-
-    Raises
-    ------
-    SettingError
-        If there is no such response or vignette.
-    FormatError
-        If the file of a response or vignette cannot be read.
+    Their exposures are those of the metadata, as in a recording on disk; the true ones, and the errors, are those of
+    :func:`~ospc.simulation.truth.truth`.
     """
     scene = Scene.of(settings)
     known = plan(settings, scene)
@@ -82,9 +76,9 @@ def simulate(
     Raises
     ------
     SettingError
-        If the folder is not empty or cannot be written, or there is no such response or vignette.
-    FormatError
-        If the file of a response or vignette cannot be read.
+        If the folder is not empty or cannot be written.
+    OspcError
+        As :func:`~ospc.simulation.truth.truth`.
     """
     place = Path(out)
     if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):

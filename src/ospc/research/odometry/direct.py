@@ -72,8 +72,8 @@ class _Photometer:
     def __init__(self, source: OdometryInput) -> None:
         self._exposures = source.exposures_ms
         self._reference = float(np.median(self._exposures))
-        self._photometry = source.photometry
-        vignette = None if source.photometry is None else source.photometry.vignette
+        self._calibrated, self._response = source.condition.calibrated, source.photometry.response
+        vignette = source.photometry.vignette
         self._attenuation = None if vignette is None else np.maximum(vignette.image(), np.float32(_LEAST_V))
 
     def brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
@@ -84,10 +84,10 @@ class _Photometer:
         """
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         saturated = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        if self._photometry is None:
+        if not self._calibrated:
             return grey, saturated
-        response = self._photometry.response
-        table = np.linspace(0, 1, frame.max_grey + 1) if response is None else response.resampled(frame.max_grey + 1)
+        levels = frame.max_grey + 1
+        table = np.linspace(0, 1, levels) if self._response is None else self._response.resampled(levels)
         light: Float32Array = table.astype(np.float32)[frame.image]
         if self._attenuation is not None:
             light /= self._attenuation

@@ -14,7 +14,7 @@ from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.recording import Recording
 from ospc.research.odometry.calibrations import Calibrations
 from ospc.research.odometry.conditions import Condition
-from ospc.research.odometry.inputs import OdometryInput, camera_file, images_of, truth_file
+from ospc.research.odometry.inputs import CAMERA, TRUTH, OdometryInput, images_of, needed
 from ospc.research.odometry.judging import Odometry, RunResult, Tracked, judged
 from ospc.research.runner import OnProgress, OnShare, run
 from ospc.research.store import ResultStore
@@ -58,7 +58,7 @@ class Experiment:
         if self.end_share is not None and not 0 < self.end_share <= 0.5:
             raise SettingError(f"the share of the truth at either end is {self.end_share}; choose one up to 0.5")
         for recording in self.recordings.values():
-            camera_file(recording.path)
+            needed(recording.path, CAMERA)
             self.truth_of(recording)
 
     def truth_of(self, recording: Recording) -> Trajectory:
@@ -69,7 +69,7 @@ class Experiment:
         RecordingError
             If its folder has none.
         """
-        known = read_trajectory(truth_file(recording.path))
+        known = read_trajectory(needed(recording.path, TRUTH))
         return known if self.end_share is None else end_segments(known, self.end_share)
 
 

@@ -1,4 +1,7 @@
-"""Pictures of odometry: cumulative errors, and trajectories aligned to either end of the truth (paper, figure 6)."""
+"""Pictures of odometry: cumulative errors, and trajectories aligned to either end of the truth (paper, figure 6).
+
+Errors are those of :func:`ospc.report.style.save`.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +26,7 @@ _PANEL_IN = (4.4, 4.4)
 
 
 def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition], path: Path) -> Path:
-    """Draw the number of runs below an alignment error, one line a condition; runs that did not finish never count.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Draw the number of finished runs below an alignment error, one line a condition."""
     figure = new_figure(7.0, 5.2)
     with rules():
         axes = figure.subplots()
@@ -55,13 +52,7 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
 
 
 def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajectory, title: str, path: Path) -> Path:
-    """Draw one run for each condition, aligned to the first and to the last part of the truth; NaN is unknown.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Draw one run for each condition, aligned to the first and to the last part of the truth; NaN is unknown."""
     plane = _widest_axes(truth.positions[truth.known])
     with rules():
         figure, panels = figure_of_panels(len(runs), 3, _PANEL_IN)

@@ -84,7 +84,7 @@ class SpeedRow:
     def as_dict(self) -> dict[str, Any]:
         """Return everything as JSON-compatible values."""
         derived = {"frames_per_second": self.frames_per_second, "over_decoding": self.over_decoding}
-        return {**asdict(self), "size": list(self.size), "push_ms": list(self.push_ms), **derived}
+        return asdict(self) | derived
 
 
 @dataclass(frozen=True)
