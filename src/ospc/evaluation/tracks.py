@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from ospc.evaluation.frame_kinds import CorrectedFrames, RawFrames
+from ospc.evaluation.corrected_frames import CorrectedFrames
 from ospc.evaluation.lucas_kanade import LOSSES, WINDOW_PX, follow, in_contrasts, windows
 from ospc.evaluation.streams import LifeTable, StreamingMedian
 from ospc.photometry.correction import Corrector
@@ -67,7 +67,6 @@ class Tracks:
 
     def __init__(self, corrector: Corrector) -> None:
         self._max_grey = corrector.max_grey
-        self._raw = RawFrames(corrector.max_grey)
         self._corrected = CorrectedFrames(corrector)
         self._lives = [LifeTable(_HORIZON) for _ in KINDS]
         self._lost = [np.zeros(len(CAUSES), np.int64) for _ in KINDS]
@@ -81,7 +80,7 @@ class Tracks:
 
     def begin(self, frame: Frame) -> None:
         """Start tracks at the corners of a raw frame that are not saturated."""
-        image = self._raw.image(frame)
+        image = frame.image_8_bit
         usable = cv2.erode((frame.image < self._max_grey).view(np.uint8), np.ones((WINDOW_PX, WINDOW_PX), np.uint8))
         found = cv2.goodFeaturesToTrack(image, _POINTS, _QUALITY, _DISTANCE_PX, mask=usable, blockSize=_BLOCK_PX)
         if found is None:
@@ -100,7 +99,7 @@ class Tracks:
         """Continue all tracks from one frame to the next."""
         self._alive &= self._inside(before) & (self._age < _HORIZON)
         radiance = self._corrected.radiance(after)
-        pairs = (self._raw.pair(before, after), self._corrected.pair(before, after))
+        pairs = ((before.image_8_bit, after.image_8_bit), self._corrected.pair(before, after))
         for kind, images in enumerate(pairs):
             index = np.flatnonzero(self._alive[kind])
             step = follow(*images, self._places[kind, index])
@@ -152,7 +151,7 @@ class Tracks:
             return changes
         now, first = windows(radiance, places), self._first_radiance[index]
         exposed = np.isfinite(now).all(axis=1) & np.isfinite(first).all(axis=1)
-        grey = windows(self._raw.image(frame), places)
+        grey = windows(frame.image_8_bit, places)
         changes[0, exposed] = _residual(self._first_grey[index[exposed]], grey[exposed])
         both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
         changes[1, exposed] = _residual(*both)

@@ -214,7 +214,7 @@ class SimulationSettings:
 
     def _check_exposures(self) -> None:
         in_order = self.exposure_min_ms <= self.exposure_max_ms
-        self._require("exposure_min_ms", in_order, f"above exposure_max_ms {self.exposure_max_ms}; swap them")
+        self._require("exposure_min_ms", in_order, f"give at most exposure_max_ms, {self.exposure_max_ms}")
         if self.exposure in ("cycle", "file"):
             listed = bool(self.exposures_ms) and all(map(_positive, self.exposures_ms))
             self._require("exposures_ms", listed, "list finite exposure times above 0 in milliseconds")
@@ -223,11 +223,11 @@ class SimulationSettings:
                 f"exposures_ms holds {len(self.exposures_ms)} exposures for {self.frames} frames; give one each"
             )
         if self.exposure == "auto":
-            self._require("gain_max", self.gain_max >= self.gain, f"below gain {self.gain}; raise it")
+            self._require("gain_max", self.gain_max >= self.gain, f"give at least gain, {self.gain}")
         self._require("auto_target", 0 < self.auto_target < 1, "give a grey level between 0 and 1")
-        self._require("flicker", self.flicker < 1, "the light's amplitude must be below 1")
+        self._require("flicker", self.flicker < 1, "give a relative amplitude below 1")
         short = isinstance(self.lag, int) and abs(self.lag) < self.frames
-        self._require("lag", short, f"give a whole number of frames, fewer than the {self.frames} recorded")
+        self._require("lag", short, f"give a whole number of frames, fewer than {self.frames}")
 
     @property
     def sensor(self) -> tuple[float, float]:

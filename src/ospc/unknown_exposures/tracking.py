@@ -116,7 +116,7 @@ class GainRobustTracker:
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
-        image = image_8_bit(frame)
+        image = frame.image_8_bit
         self._size = (image.shape[1], image.shape[0])
         if self._previous is not None and len(self._points):
             self._track_into(self._previous, image)
@@ -194,13 +194,6 @@ class GainRobustTracker:
         self._rows.append(
             (index, point[exposed], grey[exposed] / 255, np.asarray(radius[exposed]), np.asarray(weight[exposed]))
         )
-
-
-def image_8_bit(frame: Frame) -> Image:
-    """Return the image of a frame in 8 bits."""
-    if frame.max_grey == 255:
-        return frame.image
-    return np.rint(frame.image * (255 / frame.max_grey)).astype(np.uint8)
 
 
 def sampled(image: Float32Array, places: npt.ArrayLike) -> FloatArray:

@@ -17,7 +17,6 @@ from ospc.errors import FrameError, NotObservableError, SettingError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome
-from ospc.unknown_exposures.tracking import image_8_bit
 
 LEVELS = 256
 """Grey levels of 8-bit images."""
@@ -72,7 +71,7 @@ class ExposureSeries:
             logs = np.log([frame.exposure_ms for frame in taken])
             wanted = np.linspace(logs[0], logs[-1], most)
             taken = [taken[i] for i in sorted({int(np.argmin(np.abs(logs - w))) for w in wanted})]
-        images = [image_8_bit(frame) for frame in taken]
+        images = [frame.image_8_bit for frame in taken]
         if len({image.shape for image in images}) > 1:
             raise FrameError("the images of a series must have one size")
         return cls(np.asarray(images, dtype=np.uint8), np.array([f.exposure_ms for f in taken]))
@@ -82,7 +81,7 @@ class ExposureSeries:
         """Exposures with a mean of 1, shape (n,)."""
         return np.asarray(self.exposures_ms / self.exposures_ms.mean())
 
-    def sampled(self, count: int, seed: int = 0) -> npt.NDArray[np.uint8]:
+    def sampled(self, count: int) -> npt.NDArray[np.uint8]:
         """Return some pixels in all images, spread evenly over their brightness, shape (n, count).
 
         Pixels that are saturated in any image are left out if enough others remain.
@@ -90,7 +89,7 @@ class ExposureSeries:
         flat = self.images.reshape(len(self.images), -1)
         whole = flat.max(axis=0) < LEVELS - 1
         flat = flat[:, whole] if np.count_nonzero(whole) >= min(count, _FEWEST_UNSATURATED) else flat
-        order = np.argsort(flat.sum(axis=0, dtype=np.int64) + np.random.default_rng(seed).random(flat.shape[1]))
+        order = np.argsort(flat.sum(axis=0, dtype=np.int64) + np.random.default_rng(0).random(flat.shape[1]))
         sums = flat.sum(axis=0, dtype=np.int64)[order]
         places = np.searchsorted(sums, np.linspace(sums[0], sums[-1], count))
         chosen = order[np.unique(np.clip(places, 0, len(order) - 1))]

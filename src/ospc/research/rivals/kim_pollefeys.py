@@ -28,7 +28,7 @@ from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, failure
 from ospc.unknown_exposures.response_model import family_of_inverses
-from ospc.unknown_exposures.tracking import equalised, image_8_bit, log_brightness, sampled
+from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 
 _LEVELS = 256
 _COMPONENTS = 5
@@ -261,7 +261,7 @@ class KimPollefeys:
 
 def _registered(frame0: Frame, frame1: Frame) -> Correspondences:
     """Return points of a grid with their places in the other image, where forward and backward flow agree."""
-    image0, image1 = image_8_bit(frame0), image_8_bit(frame1)
+    image0, image1 = frame0.image_8_bit, frame1.image_8_bit
     first, second = equalised(image0, image1, log_brightness(image1) - log_brightness(image0))
     flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     there, back = flow.calc(first, second, None), flow.calc(second, first, None)

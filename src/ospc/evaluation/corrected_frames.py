@@ -1,8 +1,7 @@
-"""Frames as recorded, and as the camera would have recorded them without vignette and at equal exposure."""
+"""Frames as the camera would have recorded them without vignette and at equal exposure."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray, Image
@@ -15,23 +14,6 @@ _LEAST_HEADROOM = 0.25
 
 _LEVELS = 65536
 """Entries of the table from 16-bit irradiance to 8-bit grey values."""
-
-
-class RawFrames:
-    """Grey values as recorded, in 8 bit; ``max_grey`` is the largest that is recorded."""
-
-    def __init__(self, max_grey: int) -> None:
-        self._scale = 255 / max_grey
-
-    def image(self, frame: Frame) -> Image:
-        """Return the image of a frame in 8 bit."""
-        if self._scale == 1 and frame.image.dtype == np.uint8:
-            return frame.image
-        return np.asarray(cv2.convertScaleAbs(frame.image, alpha=self._scale))
-
-    def pair(self, before: Frame, after: Frame) -> tuple[Image, Image]:
-        """Return the images of two successive frames."""
-        return self.image(before), self.image(after)
 
 
 class CorrectedFrames:
