@@ -1,6 +1,6 @@
 """Pictures of measurements: errors by method, curves beside the truth, exposure ratios.
 
-Errors are those of :func:`ospc.report.style.save`.
+A picture that cannot be written is a :class:`~ospc.errors.FormatError`.
 """
 
 from __future__ import annotations

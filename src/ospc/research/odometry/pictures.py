@@ -1,6 +1,6 @@
 """Pictures of odometry: cumulative errors, and trajectories aligned to either end of the truth (paper, figure 6).
 
-Errors are those of :func:`ospc.report.style.save`.
+A picture that cannot be written is a :class:`~ospc.errors.FormatError`.
 """
 
 from __future__ import annotations
