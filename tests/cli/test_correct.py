@@ -54,10 +54,10 @@ def content_of(folder):
 def true_irradiances(made):
     """Give e·L without vignette, and how much of it a half grey value is."""
     attenuation = made.vignette.image().astype(float)
-    for irradiance in irradiances(made.truth.settings):
-        grey = np.rint(made.response(irradiance) * made.truth.settings.max_grey)
-        half = 0.51 / made.truth.settings.max_grey
-        edges = [made.response.inverse(grey / made.truth.settings.max_grey + side) for side in (-half, half)]
+    for irradiance in irradiances(made.settings):
+        grey = np.rint(made.response(irradiance) * made.settings.max_grey)
+        half = 0.51 / made.settings.max_grey
+        edges = [made.response.inverse(grey / made.settings.max_grey + side) for side in (-half, half)]
         yield irradiance / attenuation, (edges[1] - edges[0]) / attenuation, irradiance < 0.99
 
 

@@ -45,9 +45,16 @@ def test_it_is_the_shift_of_pixels_drawn_one_by_one(name, full_well, read_noise)
     np.testing.assert_array_less(np.abs(shift - true), statistical + 0.15 * np.abs(true) + 1e-5)
 
 
-def test_next_to_no_noise_shifts_next_to_nothing():
-    shift = mean_shift(GRID, log_response(Response.gamma(2.2, 2041)), NoiseModel(1e-12, 0))
+@pytest.mark.parametrize("variance", [0.0, 1e-12])
+def test_next_to_no_noise_shifts_next_to_nothing(variance):
+    shift = mean_shift(GRID, log_response(Response.gamma(2.2, 2041)), NoiseModel(variance, 0))
     np.testing.assert_allclose(shift, 0, atol=1e-6)
+
+
+def test_levels_without_noise_do_not_hide_the_noise_of_the_others():
+    variances = np.where(np.linspace(0, 1, TABLE_LEVELS) < 0.5, 0.0, 1e-4)
+    shift = mean_shift(GRID, log_response(LINEAR), NoiseModel(0, 0, tuple(variances)))
+    assert shift[-1] < -1e-3
 
 
 @given(st.floats(0.005, 0.05))

@@ -13,6 +13,7 @@ from image_samples import encoded, grey
 
 from ospc.errors import FrameError
 from ospc.recording import open_recording
+from ospc.recording.frame import Frame
 from ospc.recording.pixel_layout import BitDepth, detect_bit_depth
 
 Make = Callable[..., Path]
@@ -60,3 +61,13 @@ def test_a_frame_beyond_the_bits_found_is_an_error(tum_folder: Make, shift: int,
     recording = open_recording(tum_folder("".join(f"{i} {i} {5 - i}\n" for i in range(5)), images))
     with pytest.raises(FrameError, match=r"4\.png: has grey values beyond the 12 bits"):
         _ = list(recording)[4].image
+
+
+@pytest.mark.parametrize("max_grey", [255, 1023, 4095, 65_535])
+def test_an_image_of_eight_bits_spans_the_same_range(max_grey: int) -> None:
+    values = np.linspace(0, max_grey, 200, dtype=np.uint16)[None]
+    found = Frame.of_array(values, 1.0, max_grey=max_grey).image_8_bit
+    assert found.dtype == np.uint8
+    np.testing.assert_allclose(found, values * (255 / max_grey), atol=0.5)
+    brightest = Frame.of_array(np.full((2, 2), 65_535, np.uint16), 1.0, max_grey=max_grey)
+    assert np.all(brightest.image_8_bit == 255)

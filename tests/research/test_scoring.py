@@ -12,14 +12,14 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.research.held_out import HeldOut
 from ospc.research.measurement import METRICS, Measurement
-from ospc.research.method import Estimate, Exposures, Result
+from ospc.research.method import Estimate, Result
 from ospc.research.scoring import Truth, exposure_error, measurement, profile_along_diagonal, score
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings
 
 SIZE = (64, 48)
 TRUTH = Truth(Response.gamma(2.0), PolynomialVignette(SIZE, (-0.3, 0.0, -0.1)))
-SOURCE = SimulatedSource("a", SimulationSettings(size=SIZE, frames=2), {"noise": "low"})
+SOURCE = SimulatedSource("a", SimulationSettings(size=SIZE, frames=2), factors={"noise": "low"})
 
 
 def response(exponent, sigma=None):
@@ -104,15 +104,14 @@ def test_coverage_counts_points_within_the_stated_uncertainty():
 
 
 def test_exposures_are_compared_up_to_a_factor():
-    frames = np.arange(8)
-    values = np.exp(np.sin(frames))
-    true = dict(enumerate(values.tolist()))
-    assert exposure_error(Exposures(frames, 7 * values), true) == pytest.approx(0, abs=1e-12)
-    assert exposure_error(Exposures(frames, values**1.5), true) == pytest.approx(0.5 * np.std(np.log(values)))
-    with pytest.raises(ExposureError, match="lacks"):
-        exposure_error(Exposures(frames + 1, values), true)
+    values = np.exp(np.sin(np.arange(8)))
+    true = dict(enumerate(values))
+    assert exposure_error(dict(enumerate(7 * values)), true) == pytest.approx(0, abs=1e-12)
+    assert exposure_error(dict(enumerate(values**1.5)), true) == pytest.approx(0.5 * np.std(np.log(values)))
+    with pytest.raises(ExposureError, match="lacks 1"):
+        exposure_error(dict(enumerate(values, start=1)), true)
     with pytest.raises(ExposureError, match="above 0"):
-        exposure_error(Exposures(frames, -values), true)
+        exposure_error(dict(enumerate(-values)), true)
 
 
 def test_profile_begins_at_one_and_is_that_of_the_model():

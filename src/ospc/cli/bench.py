@@ -45,11 +45,9 @@ def accuracy(
     results.csv, table.md and errors.png. Finished results are kept in OUT/cache: the same command continues an
     interrupted run, and computes again only what has changed.
     """
-    from ospc.research.accuracy.design import accuracy_sources, select
-    from ospc.research.accuracy.methods import PresetMethods
+    from ospc.research.accuracy.design import PresetMethods, accuracy_sources, select
     from ospc.research.accuracy.report import accuracy_tables, content_of, write_accuracy
     from ospc.research.source import MeasuringTask, measured
-    from ospc.research.tables import Written
 
     sources, notes = accuracy_sources(data, frames)
     tasks = [MeasuringTask(source, PresetMethods(name)) for name in presets for source in select(sources, only)]
@@ -60,7 +58,7 @@ def accuracy(
 
     complete = run_tasks(tasks, out / "cache", jobs, take)
     rows = [row for task in tasks for row in found.get(task.name, [])]
-    written = write_accuracy(out, rows, presets, notes) if rows else Written()
+    written = write_accuracy(out, rows, presets, notes) if rows else []
     if not as_json:
         print_tables(accuracy_tables(rows))
     finish_study(written, notes, as_json=content_of(rows, presets, notes) if as_json else None, complete=complete)

@@ -92,9 +92,9 @@ def odometry(
         print_tables([median_table(experiment, outcome)])
     titles = {condition.name: condition.title for condition in columns}
     failures = [
-        f"{run.recording}, {titles[run.condition]}, run {run.run}: {run.outcome}; {run.reason}"
+        f"{run.recording}, {titles[run.condition]}, run {run.run}: {run.ending}; {run.reason}"
         for run in ordered(experiment, outcome)
-        if run.outcome != "finished"
+        if run.ending != "finished"
     ]
     medians = medians_of(experiment, outcome) if as_json else None
     finish_study(write_outcome(experiment, outcome), failures, as_json=medians, complete=complete)

@@ -19,6 +19,8 @@ from ospc.cli.studies import (
 )
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ospc.research.measurement import Measurement
     from ospc.research.method import Result
     from ospc.research.runner import Finished
@@ -87,17 +89,16 @@ for _name in _EXPERIMENTS:
 
 
 def _run_experiment(name: str, options: dict[str, Any]) -> None:
-    from ospc.research.experiments.design import EXPERIMENTS, ExperimentMethods
+    from ospc.research.experiments.design import EXPERIMENTS
     from ospc.research.experiments.report import median_table, write_experiment
     from ospc.research.source import MeasuringTask, judge, measured
-    from ospc.research.tables import Written
 
     experiment = EXPERIMENTS[name]
     count, frames = experiment.stand_ins
     sources = _sources(options, count, frames, speed=experiment.speed, at_rest=experiment.at_rest)
     others = _others(options)
     rows: list[Measurement] = []
-    written = Written()
+    written: list[Path] = []
 
     def take(finished: Finished) -> None:
         nonlocal written
@@ -106,7 +107,7 @@ def _run_experiment(name: str, options: dict[str, Any]) -> None:
         # After every recording, so that an interruption leaves tables and pictures of those before.
         written = write_experiment(experiment, [s for s in sources if s.name in done], rows, options["out"])
 
-    tasks = [MeasuringTask(source, ExperimentMethods(name)) for source in sources]
+    tasks = [MeasuringTask(source, experiment) for source in sources]
     complete = run_tasks(tasks, options["out"] / "cache", options["jobs"], take)
     if rows:
         print_tables([median_table(rows)])
@@ -116,9 +117,8 @@ def _run_experiment(name: str, options: dict[str, Any]) -> None:
 
 def _run_ambiguity(options: dict[str, Any]) -> None:
     from ospc.research.experiments.ambiguity import Ambiguity, AmbiguityTask, write_ambiguity
-    from ospc.research.tables import Written
 
-    written = Written()
+    written: list[Path] = []
 
     def take(finished: Finished) -> None:
         nonlocal written
@@ -137,7 +137,7 @@ def _sources(
     from ospc.research.source import GivenSource
 
     if options["recordings"]:
-        return [GivenSource(place, options["frames"]) for place in options["recordings"]]
+        return [GivenSource.of(place, options["frames"]) for place in options["recordings"]]
     count, frames = options["count"] or count, options["frames"] or frames
     size = options["size"]
     if at_rest:
@@ -147,7 +147,7 @@ def _sources(
 
 def _others(options: dict[str, Any]) -> list[Result]:
     """Return the results of other programs; exposures belong to the calibration of the same name, if there is one."""
-    from ospc.research.experiments.report import read_exposures
+    from ospc.research.experiments.sources import read_exposures
     from ospc.research.method import Estimate, Result
 
     calibrations = given_calibrations(options["given"])

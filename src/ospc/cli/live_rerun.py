@@ -13,7 +13,6 @@ from ospc.arrays import Image
 from ospc.cli.live import Watcher
 from ospc.cli.pace import Pace
 from ospc.errors import FormatError, MissingExtraError, SettingError
-from ospc.evaluation.frame_kinds import RawFrames
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.correction import Corrector
 from ospc.photometry.vignette import diagonal_profile
@@ -115,7 +114,7 @@ class RerunStream:
             return  # most frames are not even decoded
         self._pairs = pairs
         self._longest_ms = max(self._longest_ms, frame.exposure_ms)
-        self._log_image("recorded/image", RawFrames(frame.max_grey).image(frame))
+        self._log_image("recorded/image", frame.image_8_bit)
         if self._pace.due:
             with self._pace.look():
                 preview = calibrator.preview()

@@ -18,7 +18,7 @@ from ospc.errors import SettingError
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
     from ospc.research.runner import Finished, Task
-    from ospc.research.tables import Table, Written
+    from ospc.research.tables import Table
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _Item = TypeVar("_Item")
@@ -135,16 +135,16 @@ def print_tables(tables: Iterable[Table]) -> None:
         console.print()
 
 
-def finish_study(written: Written, notes: Iterable[str] = (), *, as_json: Any = None, complete: bool = True) -> None:
-    """Print results as JSON if given, then notes, problems and files; raise again if it was interrupted."""
+def finish_study(
+    written: Sequence[Path], notes: Iterable[str] = (), *, as_json: Any = None, complete: bool = True
+) -> None:
+    """Print results as JSON if given, then notes and files; exit if the study was interrupted."""
     if as_json is not None:
         print_json(as_json)
     for line in notes:
         click.echo(line, err=as_json is not None)
-    for line in written.problems:
-        click.echo(line, err=True)
-    if written.files:
-        names = ", ".join(path.name for path in written.files)
-        click.echo(f"written to {written.files[0].parent}: {names}", err=as_json is not None)
+    if written:
+        names = ", ".join(path.name for path in written)
+        click.echo(f"written to {written[0].parent}: {names}", err=as_json is not None)
     if not complete:
         raise KeyboardInterrupt("the same command continues where it stopped")

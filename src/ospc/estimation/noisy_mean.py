@@ -53,7 +53,8 @@ def _irradiance_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseMod
     slope = np.gradient(irradiance, level)
     # Near the ends, noise cannot be measured, and the model repeats the nearest measurement.
     unclipped = np.minimum(level, 1 - level) > UNCLIPPED_SIGMAS * np.sqrt(variance)
-    known = unclipped & (irradiance > MIN_NOISE_IRRADIANCE)
+    # Levels without any noise would have infinite weight.
+    known = unclipped & (irradiance > MIN_NOISE_IRRADIANCE) & (variance > 0)
     if np.count_nonzero(known) < MIN_NOISE_LEVELS:
         return 0.0, 0.0
     of_irradiance = variance[known] * slope[known] ** 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -72,25 +72,25 @@ def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> C
         If they have neither response nor vignette in common.
     """
     _check_common(estimate, truth)
-    found: dict[str, float | Coverage | None] = {}
+    found = Comparison(exponent)
     if estimate.response is not None and truth.response is not None:
         response = _powered_response(estimate.response, exponent)
-        found |= {
-            "response_rmse": response_rmse(response, truth.response),
-            "response_shape_rmse": response_shape_rmse(response, truth.response),
-            "log_ratio_error": log_ratio_error(response, truth.response),
-        }
-        if exponent == 1 and estimate.response.inverse_sigma is not None:
-            known = truth.response.inverse(estimate.response.levels)
-            found["response_coverage"] = coverage(
-                estimate.response.inverse_table, estimate.response.inverse_sigma, known
-            )
+        found = replace(
+            found,
+            response_rmse=response_rmse(response, truth.response),
+            response_shape_rmse=response_shape_rmse(response, truth.response),
+            log_ratio_error=log_ratio_error(response, truth.response),
+        )
+        if exponent == 1 and response.inverse_sigma is not None:
+            known = truth.response.inverse(response.levels)
+            shares = coverage(response.inverse_table, response.inverse_sigma, known)
+            found = replace(found, response_coverage=shares)
     if estimate.vignette is not None and truth.vignette is not None:
         vignette = _powered_vignette(estimate.vignette, exponent)
-        found["vignette_rmse"] = vignette_rmse(vignette, truth.vignette)
+        found = replace(found, vignette_rmse=vignette_rmse(vignette, truth.vignette))
         if vignette.size == truth.vignette.size:
-            found["vignette_pixel_rmse"] = vignette_pixel_rmse(vignette, truth.vignette)
-    return Comparison(exponent=exponent, **found)  # type: ignore[arg-type]
+            found = replace(found, vignette_pixel_rmse=vignette_pixel_rmse(vignette, truth.vignette))
+    return found
 
 
 def aligning_exponent(estimate: Photometry, truth: Photometry) -> float:

@@ -13,6 +13,22 @@ LOSSES = ("gave up", "came back elsewhere", "looks different")
 """Causes of loss: the Lucas–Kanade method itself fails; tracking back does not return to the start; the windows
 differ too much."""
 
+WINDOW_PX = 21
+"""Side of the square windows that are tracked, as OpenCV has it."""
+
+_LEVELS = 3
+"""Levels of the image pyramid above the image itself, as OpenCV has it."""
+
+_MAX_RETURN_PX = 1.0
+"""Largest forward-backward error: distance between a point and the end of tracking it there and back."""
+
+_MAX_MISMATCH = 0.5
+"""Largest mean absolute difference of the two windows over the mean absolute deviation within them: the share of the
+structure that the match does not explain."""
+
+_LEAST_CONTRAST = 1e-9
+"""Keeps the quotients of flat windows finite."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -35,65 +51,37 @@ class Step:
         return np.asarray(~self.losses.any(axis=0))
 
 
-@dataclass(frozen=True)
-class Follower:
-    """Tracks points with the pyramidal Lucas–Kanade method.
-
-    Attributes
-    ----------
-    window_px
-        Side of the square window, odd.
-    levels
-        Pyramid levels above the image itself.
-    max_return_px
-        Largest forward-backward error: distance between a point and the end of tracking it there and back.
-    max_mismatch
-        Largest mean absolute difference of the two windows over the mean absolute deviation within them: the share
-        of the structure that the match does not explain.
-    """
-
-    window_px: int = 21
-    levels: int = 3
-    max_return_px: float = 1.0
-    max_mismatch: float = 0.5
-
-    def step(self, before: Image, after: Image, places: FloatArray) -> Step:
-        """Track points from one image to the next.
-
-        Parameters
-        ----------
-        before, after
-            8-bit images, shape (height, width).
-        places
-            Pixel coordinates in the first, shape (n, 2).
-        """
-        if len(places) == 0:
-            return Step(places, np.zeros((len(LOSSES), 0), np.bool_))
-        there, found = self._flow(before, after, places)
-        back, found_back = self._flow(after, before, there)
-        gave_up = ~(found & found_back)
-        elsewhere = ~gave_up & (np.linalg.norm(back - places, axis=1) > self.max_return_px)
-        windows = self.windows(before, places), self.windows(after, there)
-        mismatch = np.abs(windows[0] - windows[1]).mean(axis=1) / np.maximum(contrast(*windows), 1e-9)
-        different = ~gave_up & ~elsewhere & (mismatch > self.max_mismatch)
-        return Step(there, np.stack([gave_up, elsewhere, different]))
-
-    def windows(self, image: Image, places: FloatArray) -> FloatArray:
-        """Return the values around places, interpolated bilinearly, shape (n, window_px²)."""
-        reach = np.arange(self.window_px, dtype=np.float64) - self.window_px // 2
-        y, x = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
-        at = [(places[:, i, None] + offset).astype(np.float32) for i, offset in enumerate((x, y))]
-        values = cv2.remap(image.astype(np.float32), *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(values, dtype=np.float64)
-
-    def _flow(self, before: Image, after: Image, places: FloatArray) -> tuple[FloatArray, BoolArray]:
-        points = places.astype(np.float32).reshape(-1, 1, 2)
-        side = (self.window_px, self.window_px)
-        there, status, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, winSize=side, maxLevel=self.levels)
-        return np.asarray(there, dtype=np.float64).reshape(-1, 2), np.asarray(status.ravel() == 1)
+def follow(before: Image, after: Image, places: FloatArray) -> Step:
+    """Track points, shape (n, 2), from one 8-bit image to the next."""
+    if len(places) == 0:
+        return Step(places, np.zeros((len(LOSSES), 0), np.bool_))
+    there, found = _flow(before, after, places)
+    back, found_back = _flow(after, before, there)
+    gave_up = ~(found & found_back)
+    elsewhere = ~gave_up & (np.linalg.norm(back - places, axis=1) > _MAX_RETURN_PX)
+    first, second = windows(before, places), windows(after, there)
+    mismatch = in_contrasts(np.abs(first - second).mean(axis=1), first, second)
+    different = ~gave_up & ~elsewhere & (mismatch > _MAX_MISMATCH)
+    return Step(there, np.stack([gave_up, elsewhere, different]))
 
 
-def contrast(*windows: FloatArray) -> FloatArray:
-    """Return the mean absolute deviation within windows, mean over the arguments, shape (n, pixels) -> (n,)."""
-    deviations = [np.abs(w - w.mean(axis=1, keepdims=True)).mean(axis=1) for w in windows]
-    return np.asarray(np.mean(deviations, axis=0))
+def windows(image: Image, places: FloatArray, side_px: int = WINDOW_PX) -> FloatArray:
+    """Return the values around places, interpolated bilinearly, shape (n, 2) -> (n, side_px²)."""
+    reach = np.arange(side_px, dtype=np.float64) - side_px // 2
+    y, x = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
+    at = [(places[:, i, None] + offset).astype(np.float32) for i, offset in enumerate((x, y))]
+    values = cv2.remap(image.astype(np.float32), *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(values, dtype=np.float64)
+
+
+def in_contrasts(change: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return changes, shape (n,), over the mean absolute deviation within two windows, shape (n, pixels) each."""
+    deviations = [np.abs(w - w.mean(axis=1, keepdims=True)).mean(axis=1) for w in (first, second)]
+    return np.asarray(change / np.maximum(np.mean(deviations, axis=0), _LEAST_CONTRAST))
+
+
+def _flow(before: Image, after: Image, places: FloatArray) -> tuple[FloatArray, BoolArray]:
+    points = places.astype(np.float32).reshape(-1, 1, 2)
+    window = (WINDOW_PX, WINDOW_PX)
+    there, status, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, winSize=window, maxLevel=_LEVELS)
+    return np.asarray(there, dtype=np.float64).reshape(-1, 2), np.asarray(status.ravel() == 1)

@@ -19,8 +19,8 @@ from ospc.photometry.vignette import Vignette, radial_profile
 GREYS = 256
 """Grey levels at which responses are compared."""
 
-_CENTRE_BINS = 3
-"""Bins of the radial profile that count as the centre, where a vignette is normalised."""
+_BINS, _CENTRE_BINS = 50, 3
+"""Bins of a radial profile, and those that count as the centre, where a vignette is normalised."""
 
 _RANDOM_PAIRS = 20_000
 _DARKEST, _BRIGHTEST = 15.0, 245.0
@@ -71,13 +71,6 @@ def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float
 
     There are 20 000 pairs: a is uniform in 15…245, and b = a·exp(N(0, 0.3)) is clipped to the same range. A direct
     method compares such pairs.
-
-    Parameters
-    ----------
-    estimate, truth
-        The responses.
-    seed
-        Seed of the random pairs.
     """
     random = np.random.default_rng(seed)
     a = random.uniform(_DARKEST, _BRIGHTEST, _RANDOM_PAIRS)
@@ -90,29 +83,17 @@ def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float
     return float(np.median(np.abs(log_ratios[0] - log_ratios[1])))
 
 
-def vignette_rmse(estimate: Vignette, truth: Vignette, bins: int = 50) -> float:
+def vignette_rmse(estimate: Vignette, truth: Vignette) -> float:
     """Return the root mean square difference of the radial profiles, each divided by its first three bins' mean.
 
-    Parameters
-    ----------
-    estimate, truth
-        The vignettes; their sizes may differ, because the radius is 1 at the corner of each.
-    bins
-        Number of equal bins of R in [0, 1]; bins without a pixel in either vignette do not count.
+    Their sizes may differ, because the radius is 1 at the corner of each; bins without a pixel do not count.
     """
-    difference = radial_profile(estimate, bins) - radial_profile(truth, bins)
+    difference = radial_profile(estimate, _BINS) - radial_profile(truth, _BINS)
     return _rms(difference[np.isfinite(difference)])
 
 
-def vignette_pixel_rmse(estimate: Vignette, truth: Vignette, bins: int = 50) -> float:
+def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
     """Return the root mean square difference over all pixels, each vignette divided by its mean at the centre.
-
-    Parameters
-    ----------
-    estimate, truth
-        The vignettes, of equal size.
-    bins
-        The centre is R < 3/bins, as in :func:`vignette_rmse`.
 
     Raises
     ------
@@ -125,19 +106,14 @@ def vignette_pixel_rmse(estimate: Vignette, truth: Vignette, bins: int = 50) -> 
             f"be compared pixel by pixel; resize one of them"
         )
     radius = np.linalg.norm(normalised(pixel_grid(truth.size), truth.size), axis=-1)
-    centre = radius < _CENTRE_BINS / bins
-    images = [v.image().astype(np.float64) for v in (estimate, truth)]
-    relative = [image / image[centre].mean() for image in images]
-    return _rms(relative[0] - relative[1])
+    centre = radius < _CENTRE_BINS / _BINS
+    images = [vignette.image().astype(np.float64) for vignette in (estimate, truth)]
+    first, second = (image / image[centre].mean() for image in images)
+    return _rms(first - second)
 
 
 def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) -> RatioError:
     """Return the errors of estimated exposure ratios against the metadata, for pairs that were not used in the fit.
-
-    Parameters
-    ----------
-    k_estimated, k_metadata
-        Positive ratios, shape (pairs,) each.
 
     Raises
     ------
@@ -157,21 +133,15 @@ def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) 
 def coverage(estimate: npt.ArrayLike, sigma: npt.ArrayLike, truth: npt.ArrayLike) -> Coverage:
     """Return the share of curve points within ±1σ and ±2σ of the truth: 0.683 and 0.954 if σ is right.
 
-    Points without error and with σ = 0 do not count; the ends of a response are such by convention.
-
-    Parameters
-    ----------
-    estimate, sigma, truth
-        Curves, their standard deviations and the true curves; shapes that broadcast, such as (recordings, points).
+    Points without error and with σ = 0 do not count; the ends of a response are such by convention. The shapes of
+    curves, standard deviations and true curves broadcast, such as (recordings, points).
 
     Raises
     ------
     FormatError
         If a standard deviation is negative, a value is not finite, or no point counts.
     """
-    e, s, t = np.broadcast_arrays(
-        *(np.asarray(array, dtype=np.float64) for array in (estimate, sigma, truth)), subok=False
-    )
+    e, s, t = np.broadcast_arrays(*(np.asarray(array, dtype=np.float64) for array in (estimate, sigma, truth)))
     if not all(np.all(np.isfinite(array)) for array in (e, s, t)) or np.any(s < 0):
         raise FormatError("coverage needs finite curves and standard deviations that are not negative")
     error = np.abs(e - t)

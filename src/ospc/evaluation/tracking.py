@@ -1,11 +1,11 @@
 """The effect of a calibration on tracking: points are tracked through a recording as it is and corrected.
 
 Both start from the same points, detected in the raw frames. Both are tracked from frame to frame by the same
-Lucas–Kanade method with the same settings (:class:`~ospc.evaluation.lucas_kanade.Follower`):
+Lucas–Kanade method with the same settings (:mod:`ospc.evaluation.lucas_kanade`):
 
 - *raw*: in the grey values as recorded;
 - *corrected*: in what the same camera would have recorded without vignette and at the longer exposure of the two
-  frames (:class:`~ospc.evaluation.frame_kinds.CorrectedFrames`). Since these are encoded by the camera's own
+  frames (:class:`~ospc.evaluation.corrected_frames.CorrectedFrames`). Since these are encoded by the camera's own
   response, both kinds of frames have similar grey levels, noise and contrast, and no setting favours one of them.
 
 A track ends when it is lost. It is censored when it leaves the image or the recording ends. It is lost if the
@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from ospc.errors import FrameError, NotObservableError
-from ospc.evaluation.tracks import TrackFigures, TrackingSettings, Tracks
+from ospc.evaluation.tracks import EVERY, TrackFigures, Tracks
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
 
@@ -100,23 +100,11 @@ def _times(ratio: float, what: str, same: str) -> str:
 
 
 def compare_tracking(
-    recording: Recording,
-    corrector: Corrector,
-    settings: TrackingSettings | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    recording: Recording, corrector: Corrector, progress: Callable[[int, int], None] = lambda _done, _total: None
 ) -> TrackingComparison:
     """Track points through a recording as it is and corrected.
 
-    Parameters
-    ----------
-    recording
-        The recording.
-    corrector
-        Response and vignette of the camera.
-    settings
-        Settings of the tracks.
-    progress
-        Called with the number of frames done and the total.
+    ``progress`` is called with the number of frames done and the total.
 
     Raises
     ------
@@ -125,8 +113,7 @@ def compare_tracking(
     SettingError
         If the calibration is for images of another size.
     """
-    chosen = settings or TrackingSettings()
-    tracks = Tracks(chosen, corrector)
+    tracks = Tracks(corrector)
     before: Frame | None = None
     used, skipped, largest = 0, 0, 1.0
     for number, frame in enumerate(_readable(recording), start=1):
@@ -138,7 +125,7 @@ def compare_tracking(
             tracks.follow(before, frame)
             ratio = before.exposure_ms / frame.exposure_ms
             largest = max(largest, ratio, 1 / ratio)
-        if used % chosen.every == 0:
+        if used % EVERY == 0:
             tracks.begin(frame)
         before, used = frame, used + 1
     raw, corrected, horizon = tracks.figures()

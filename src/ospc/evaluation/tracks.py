@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from ospc.errors import SettingError
-from ospc.evaluation.frame_kinds import CorrectedFrames, FrameKind, RawFrames
-from ospc.evaluation.lucas_kanade import LOSSES, Follower, contrast
-from ospc.evaluation.streaming_median import StreamingMedian
-from ospc.evaluation.survival import LifeTable
+from ospc.evaluation.corrected_frames import CorrectedFrames
+from ospc.evaluation.lucas_kanade import LOSSES, WINDOW_PX, follow, in_contrasts, windows
+from ospc.evaluation.streams import LifeTable, StreamingMedian
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame
 
@@ -21,41 +19,21 @@ CAUSES = (*LOSSES, "too bright or dark")
 """Causes that end a track: the point is lost from one frame to the next, or its brightness differs from that at the
 start, so that a method which compares brightness with the first frame cannot track it."""
 
+EVERY = 15
+"""Frames from one in which tracks start to the next."""
 
-@dataclass(frozen=True)
-class TrackingSettings:
-    """Settings of the tracks, the same for raw and corrected frames.
+_POINTS = 150
+"""Most tracks that start in one frame."""
 
-    Attributes
-    ----------
-    follower
-        How points are tracked from frame to frame and when they are lost.
-    points
-        Most tracks that start in one frame.
-    every
-        Number of frames between frames in which tracks start.
-    horizon
-        Number of frames after which a track is no longer followed.
-    max_change
-        Largest change of a window's mean grey level since its track began, in units of the contrast within it.
-    quality, distance_px, block_px
-        Detection of corners: least response relative to the best (Shi and Tomasi 1994), least distance between
-        points, side of the block in which the response is computed.
-    """
+_HORIZON = 60
+"""Frames after which a track is no longer followed; few points stay in view for longer."""
 
-    follower: Follower = field(default_factory=Follower)
-    points: int = 150
-    every: int = 15
-    horizon: int = 60
-    max_change: float = 0.5
-    quality: float = 0.01
-    distance_px: float = 10.0
-    block_px: int = 7
+_MAX_CHANGE = 0.5
+"""Largest change of a window's mean grey level since its track began, in units of the contrast within it."""
 
-    def __post_init__(self) -> None:
-        """Check that there will be tracks."""
-        if min(self.points, self.every, self.horizon) < 1:
-            raise SettingError("points, every and horizon must be at least 1")
+_QUALITY, _DISTANCE_PX, _BLOCK_PX = 0.01, 10.0, 7
+"""Detection of corners: least response relative to the best (Shi and Tomasi 1994), least distance between points,
+side of the block in which the response is computed."""
 
 
 @dataclass(frozen=True)
@@ -85,38 +63,26 @@ class TrackFigures:
 
 
 class Tracks:
-    """Tracks in raw and corrected frames that start at the same points.
+    """Tracks that start at the same points in raw frames, and in frames corrected with a response and vignette."""
 
-    Parameters
-    ----------
-    settings
-        Settings of the tracks.
-    corrector
-        Response and vignette for the corrected frames.
-    """
-
-    def __init__(self, settings: TrackingSettings, corrector: Corrector) -> None:
-        self._settings = settings
+    def __init__(self, corrector: Corrector) -> None:
         self._max_grey = corrector.max_grey
-        self._raw = RawFrames(corrector.max_grey)
         self._corrected = CorrectedFrames(corrector)
-        self._lives = [LifeTable(settings.horizon) for _ in KINDS]
+        self._lives = [LifeTable(_HORIZON) for _ in KINDS]
         self._lost = [np.zeros(len(CAUSES), np.int64) for _ in KINDS]
         self._residuals = [StreamingMedian() for _ in KINDS]
-        pixels = settings.follower.window_px**2
         self._places = np.empty((len(KINDS), 0, 2))
         self._alive = np.empty((len(KINDS), 0), np.bool_)
         self._age = np.empty(0, np.int64)
-        self._first_grey = np.empty((0, pixels))
-        self._first_radiance = np.empty((0, pixels))
+        self._first_grey = np.empty((0, WINDOW_PX**2))
+        self._first_radiance = np.empty((0, WINDOW_PX**2))
         self.begun = 0
 
     def begin(self, frame: Frame) -> None:
         """Start tracks at the corners of a raw frame that are not saturated."""
-        s, image = self._settings, self._raw.image(frame)
-        side = s.follower.window_px
-        usable = cv2.erode((frame.image < self._max_grey).view(np.uint8), np.ones((side, side), np.uint8))
-        found = cv2.goodFeaturesToTrack(image, s.points, s.quality, s.distance_px, mask=usable, blockSize=s.block_px)
+        image = frame.image_8_bit
+        usable = cv2.erode((frame.image < self._max_grey).view(np.uint8), np.ones((WINDOW_PX, WINDOW_PX), np.uint8))
+        found = cv2.goodFeaturesToTrack(image, _POINTS, _QUALITY, _DISTANCE_PX, mask=usable, blockSize=_BLOCK_PX)
         if found is None:
             return
         places = found.reshape(-1, 2).astype(np.float64)
@@ -125,21 +91,20 @@ class Tracks:
         self._places = np.concatenate([self._places, np.stack([places] * len(KINDS))], axis=1)
         self._alive = np.concatenate([self._alive, np.ones((len(KINDS), count), np.bool_)], axis=1)
         self._age = np.concatenate([self._age, np.zeros(count, np.int64)])
-        self._first_grey = np.concatenate([self._first_grey, s.follower.windows(image, places)])
-        self._first_radiance = np.concatenate([self._first_radiance, s.follower.windows(radiance, places)])
+        self._first_grey = np.concatenate([self._first_grey, windows(image, places)])
+        self._first_radiance = np.concatenate([self._first_radiance, windows(radiance, places)])
         self.begun += count
 
     def follow(self, before: Frame, after: Frame) -> None:
         """Continue all tracks from one frame to the next."""
-        watched = self._inside(before) & (self._age < self._settings.horizon)
-        self._alive &= watched
+        self._alive &= self._inside(before) & (self._age < _HORIZON)
         radiance = self._corrected.radiance(after)
-        kinds: tuple[FrameKind, FrameKind] = (self._raw, self._corrected)
-        for kind, frames in enumerate(kinds):
+        pairs = ((before.image_8_bit, after.image_8_bit), self._corrected.pair(before, after))
+        for kind, images in enumerate(pairs):
             index = np.flatnonzero(self._alive[kind])
-            step = self._settings.follower.step(*frames.pair(before, after), self._places[kind, index])
+            step = follow(*images, self._places[kind, index])
             change = self._changes(after, radiance, index, step.places)[kind]
-            changed = step.followed & (change > self._settings.max_change)
+            changed = step.followed & (change > _MAX_CHANGE)
             followed = step.followed & ~changed
             self._lives[kind].add(self._age[index], self._age[index[~followed]])
             self._lost[kind] += np.append(step.losses.sum(axis=1), changed.sum())
@@ -147,7 +112,9 @@ class Tracks:
             self._alive[kind, index] = followed
         self._age += 1
         self._compare_with_first(after, radiance)
-        self._keep(np.asarray(self._alive.any(axis=0)))
+        kept = self._alive.any(axis=0)
+        self._places, self._alive, self._age = self._places[:, kept], self._alive[:, kept], self._age[kept]
+        self._first_grey, self._first_radiance = self._first_grey[kept], self._first_radiance[kept]
 
     def figures(self) -> tuple[TrackFigures, TrackFigures, int]:
         """Return the statistics of raw and of corrected frames, and the age up to which both are known."""
@@ -166,9 +133,8 @@ class Tracks:
 
     def _inside(self, frame: Frame) -> BoolArray:
         """Return which places are at least a window's side from the border, shape (2, n)."""
-        margin = self._settings.follower.window_px
-        far = np.array(frame.image.shape[::-1]) - 1 - margin
-        return np.asarray(np.all((self._places >= margin) & (self._places <= far), axis=-1))
+        far = np.array(frame.image.shape[::-1]) - 1 - WINDOW_PX
+        return np.asarray(np.all((self._places >= WINDOW_PX) & (self._places <= far), axis=-1))
 
     def _compare_with_first(self, frame: Frame, radiance: Float32Array) -> None:
         """Add the brightness residuals of both kinds, computed at the same places."""
@@ -178,28 +144,20 @@ class Tracks:
         for residual, change in zip(self._residuals, self._changes(frame, radiance, index, places), strict=True):
             residual.add(change)
 
-    def _changes(
-        self, frame: Frame, radiance: Float32Array, index: IntArray, places: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the brightness residuals of tracks at places, in raw and in corrected frames; NaN if saturated."""
+    def _changes(self, frame: Frame, radiance: Float32Array, index: IntArray, places: FloatArray) -> FloatArray:
+        """Return the brightness residuals of tracks at places, in both kinds of frames; NaN if saturated."""
+        changes = np.full((len(KINDS), index.size), np.nan)
         if not index.size:
-            return np.empty(0), np.empty(0)
-        windows = self._settings.follower.windows
+            return changes
         now, first = windows(radiance, places), self._first_radiance[index]
         exposed = np.isfinite(now).all(axis=1) & np.isfinite(first).all(axis=1)
-        grey = windows(self._raw.image(frame), places)
-        changes = np.full((len(KINDS), index.size), np.nan)
+        grey = windows(frame.image_8_bit, places)
         changes[0, exposed] = _residual(self._first_grey[index[exposed]], grey[exposed])
         both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
         changes[1, exposed] = _residual(*both)
-        return changes[0], changes[1]
-
-    def _keep(self, kept: BoolArray) -> None:
-        self._places, self._alive, self._age = self._places[:, kept], self._alive[:, kept], self._age[kept]
-        self._first_grey, self._first_radiance = self._first_grey[kept], self._first_radiance[kept]
+        return changes
 
 
 def _residual(first: FloatArray, now: FloatArray) -> FloatArray:
     """Return the change of brightness in units of the contrast, shape (n, pixels) twice -> (n,)."""
-    change = np.abs(now.mean(axis=1) - first.mean(axis=1))
-    return np.asarray(change / np.maximum(contrast(first, now), 1e-9))
+    return in_contrasts(np.abs(now.mean(axis=1) - first.mean(axis=1)), first, now)

@@ -151,32 +151,20 @@ def read_trajectory(path: str | Path) -> Trajectory:
     return Trajectory(table[:, 0], table[:, 1:4], table[:, 4:8])
 
 
-def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray, tolerance_s: float = STAMP_TOLERANCE_S) -> IntArray:
+def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray) -> IntArray:
     """Return for each stamp the index of the nearest true stamp, or −1 where none is within the tolerance.
 
-    Parameters
-    ----------
-    stamps_s, truth_stamps_s
-        In seconds, shapes (n,) and (m,), m ≥ 1; the second not decreasing.
-    tolerance_s
-        In seconds.
+    The shapes are (n,) and (m,), m ≥ 1; true stamps do not decrease.
     """
     right = np.clip(np.searchsorted(truth_stamps_s, stamps_s), 0, truth_stamps_s.size - 1)
     left = np.maximum(right - 1, 0)
     nearer = np.abs(truth_stamps_s[left] - stamps_s) <= np.abs(truth_stamps_s[right] - stamps_s)
     nearest = np.where(nearer, left, right)
-    return np.where(np.abs(truth_stamps_s[nearest] - stamps_s) <= tolerance_s, nearest, -1).astype(np.int64)
+    return np.where(np.abs(truth_stamps_s[nearest] - stamps_s) <= STAMP_TOLERANCE_S, nearest, -1).astype(np.int64)
 
 
 def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
     """Return e_align, e_s and e_r of a trajectory; the truth is split at its middle row, NaN rows included.
-
-    Parameters
-    ----------
-    estimate
-        The trajectory; all its positions are known.
-    truth
-        The truth; unknown positions are NaN.
 
     Raises
     ------
@@ -185,21 +173,18 @@ def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
     NotObservableError
         If one half has too few poses with truth.
     """
-    matched, true_positions = _matched(estimate, truth)
-    middle = len(truth) // 2
-    halves = (
-        estimate.stamps_s <= truth.stamps_s[max(middle - 1, 0)],
-        estimate.stamps_s >= truth.stamps_s[(len(truth) + 1) // 2 - 1],
-    )
+    matched, partners = _matched(estimate, truth)
+    stamps_s, target = estimate.stamps_s[matched], truth.positions[partners]
+    halves = {
+        "first": stamps_s <= truth.stamps_s[max(len(truth) // 2 - 1, 0)],
+        "second": stamps_s >= truth.stamps_s[(len(truth) + 1) // 2 - 1],
+    }
     alignments: list[Similarity] = []
-    counts: list[int] = []
-    for name, half in zip(("first", "second"), halves, strict=True):
-        chosen = half & matched
+    for name, half in halves.items():
         try:
-            alignments.append(align_similarity(estimate.positions[chosen], true_positions[chosen]))
+            alignments.append(align_similarity(estimate.positions[matched][half], target[half]))
         except NotObservableError as error:
             raise NotObservableError(f"{name} half of the truth: {error}") from None
-        counts.append(int(np.count_nonzero(chosen)))
     first, second = alignments
     apart = first(estimate.positions) - second(estimate.positions)
     turn = Rotation.from_matrix(second.rotation @ first.rotation.T)
@@ -209,16 +194,14 @@ def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
         e_r_deg=float(np.degrees(turn.magnitude())),
         rmse=absolute_trajectory_error(estimate, truth),
         poses=len(estimate),
-        first=counts[0],
-        second=counts[1],
+        first=int(np.count_nonzero(halves["first"])),
+        second=int(np.count_nonzero(halves["second"])),
         unmatched=int(np.count_nonzero(associate(estimate.stamps_s, truth.stamps_s) < 0)),
     )
 
 
 def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
-    """Return the root mean square distance of the poses to the truth after the best similarity.
-
-    It is in units of the truth.
+    """Return the root mean square distance of the poses to the truth after the best similarity, in its units.
 
     Raises
     ------
@@ -227,21 +210,16 @@ def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
     NotObservableError
         If too few poses have a truth.
     """
-    matched, true_positions = _matched(estimate, truth)
-    points, target = estimate.positions[matched], true_positions[matched]
+    matched, partners = _matched(estimate, truth)
+    points, target = estimate.positions[matched], truth.positions[partners]
     return _rms_length(align_similarity(points, target)(points) - target)
 
 
 def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: float = 1.0) -> RelativeError:
     """Return the errors of the motions over an interval of time, after the best similarity over all poses.
 
-    Parameters
-    ----------
-    estimate, truth
-        Trajectories of the same camera frame.
-    interval_s
-        Time in seconds between the poses of a pair; each pose is paired with the first that is at least this much
-        later.
+    Each pose is paired with the first that is at least this interval later. Both trajectories are of the same camera
+    frame.
 
     Raises
     ------
@@ -254,10 +232,9 @@ def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: flo
     """
     if not interval_s > 0:
         raise SettingError(f"the interval of relative errors must be positive, not {interval_s}")
-    matched, true_positions = _matched(estimate, truth)
-    points, target = estimate.positions[matched], true_positions[matched]
+    matched, partners = _matched(estimate, truth)
+    points, target = estimate.positions[matched], truth.positions[partners]
     alignment = align_similarity(points, target)
-    partners = associate(estimate.stamps_s, truth.stamps_s)[matched]
     turned = Rotation.from_matrix(alignment.rotation) * _rotations(estimate.quaternions[matched])
     true_turned = _rotations(truth.quaternions[partners])
     stamps = estimate.stamps_s[matched]
@@ -275,16 +252,16 @@ def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: flo
     return RelativeError(_rms_length(local - true_local), float(np.sqrt(np.mean(angles**2))), int(starts.size))
 
 
-def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, FloatArray]:
-    """Return which poses have a truth, shape (n,), and their true positions, shape (n, 3)."""
+def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, IntArray]:
+    """Return which poses have a truth, shape (n,), and the rows of the truth that belong to these."""
     if not estimate.known.all():
         raise FormatError(
             f"{np.count_nonzero(~estimate.known)} of {len(estimate)} estimated positions are not finite; "
             f"the odometry failed"
         )
     partner = associate(estimate.stamps_s, truth.stamps_s)
-    true_positions = truth.positions[partner]
-    return np.asarray((partner >= 0) & truth.known[partner]), true_positions
+    matched = (partner >= 0) & truth.known[partner]
+    return np.asarray(matched), partner[matched]
 
 
 def _rotations(quaternions: FloatArray) -> Rotation:

@@ -87,6 +87,13 @@ class Frame:
         """
         return check_image(self.load(), self.name)
 
+    @property
+    def image_8_bit(self) -> Image:
+        """The image scaled to 8 bits, shape (height, width), uint8."""
+        if self.max_grey == 255 and self.image.dtype == np.uint8:
+            return self.image
+        return np.rint(np.minimum(self.image, self.max_grey) * (255 / self.max_grey)).astype(np.uint8)
+
 
 def check_image(image: Image, name: str) -> Image:
     """Return the image if it is a grey image of 8 or 16 bits; FrameError if it is not."""

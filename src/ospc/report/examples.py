@@ -10,7 +10,6 @@ import numpy as np
 
 from ospc.arrays import FloatArray, Image
 from ospc.errors import OspcError
-from ospc.evaluation.frame_kinds import RawFrames
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
 from ospc.photometry.calibration import Calibration, ExposureRatios
 from ospc.photometry.correction import Corrector
@@ -178,14 +177,15 @@ def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int,
             frames[frame.index] = frame
         if len(frames) == len(wanted):
             break
-    raw, found = RawFrames(corrector.max_grey), []
+    found = []
     for first, second in pairs:
         if first in frames and second in frames:
             a, b = frames[first], frames[second]
             longer_ms = max(a.exposure_ms, b.exposure_ms)
+            raw = (a.image_8_bit, b.image_8_bit)
             corrected = (corrected_picture(corrector, a, longer_ms), corrected_picture(corrector, b, longer_ms))
             exposures_ms = (a.exposure_ms, b.exposure_ms)
-            found.append(PicturePair((first, second), exposures_ms, _reduced(raw.pair(a, b)), _reduced(corrected)))
+            found.append(PicturePair((first, second), exposures_ms, _reduced(raw), _reduced(corrected)))
     return tuple(found)
 
 

@@ -64,15 +64,7 @@ class HeldOutPair:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The pairs of a recording that judge predictions.
-
-    Attributes
-    ----------
-    pairs
-        Those whose ratio is to be predicted.
-    factor_pairs
-        Those for the error of exposure factors in percent.
-    """
+    """The pairs of a recording whose ratio is to be predicted, and those for the error of factors in percent."""
 
     pairs: Sequence[HeldOutPair] = ()
     factor_pairs: Sequence[HeldOutPair] = ()
@@ -92,7 +84,7 @@ def prediction_error(pairs: Sequence[HeldOutPair], response: Response, vignette:
     return exposure_ratio_error(predicted, [pair.exposure_ratio for pair in pairs])
 
 
-def simulated_pairs(settings: SimulationSettings, *, still: bool = False) -> list[HeldOutPair]:
+def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:
     """Return pairs of frames that the simulated camera would take of another scene, without noise and quantisation.
 
     The radiance comes from rendered views of a room that the recording does not show. A light meter with some error
@@ -103,12 +95,11 @@ def simulated_pairs(settings: SimulationSettings, *, still: bool = False) -> lis
     Parameters
     ----------
     settings
-        The settings of the recording that the camera was calibrated from.
-    still
-        Whether the camera is at rest, so that points do not move.
+        Those of the recording that the camera was calibrated from. If it is at rest there, points do not move.
     """
     response, vignette = make_response(settings.response), make_vignette(settings)
     views = _radiances(settings)
+    longest_shift = 0.0 if settings.motion == "static" else _LONGEST_SHIFT
     random = np.random.default_rng([settings.seed, 77])
     pairs: list[HeldOutPair] = []
     for number in range(4 * PAIRS):
@@ -116,7 +107,7 @@ def simulated_pairs(settings: SimulationSettings, *, still: bool = False) -> lis
         metered = float(response.inverse(_METERED_GREY)) / float(np.median(radiance))
         exposure0 = metered * np.exp(_METER_SPREAD * random.standard_normal())
         ratio = float(np.exp(random.choice([-1, 1]) * random.uniform(*_LOG_RATIOS)))
-        points0, points1 = _places(random, settings.size, 0.0 if still else _LONGEST_SHIFT)
+        points0, points1 = _places(random, settings.size, longest_shift)
         light = radiance[points0[:, 1].astype(int), points0[:, 0].astype(int)]
         grey0 = response(exposure0 * vignette.at(points0) * light)
         grey1 = response(exposure0 / ratio * vignette.at(points1) * light)

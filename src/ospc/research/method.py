@@ -2,34 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from time import process_time
 from typing import Protocol, TypeAlias
 
-from ospc.arrays import FloatArray, IntArray
 from ospc.errors import OspcError
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.recording.frame import Frame
 from ospc.research.runner import OnProgress
-
-
-@dataclass(frozen=True)
-class Exposures:
-    """Estimated exposures, up to a factor.
-
-    Attributes
-    ----------
-    frames
-        Indices of the frames, shape (n,).
-    values
-        Positive, shape (n,).
-    """
-
-    frames: IntArray
-    values: FloatArray
 
 
 @dataclass(frozen=True)
@@ -43,13 +26,13 @@ class Estimate:
     calibration
         The whole calibration, with uncertainties and verdicts, of methods of this project.
     exposures
-        The exposures, of methods that estimate them.
+        The exposures by the index of the frame, up to a factor, of methods that estimate them.
     """
 
     response: Response | None = None
     vignette: Vignette | None = None
     calibration: Calibration | None = None
-    exposures: Exposures | None = None
+    exposures: Mapping[int, float] | None = None
 
     @classmethod
     def of(cls, calibration: Calibration) -> Estimate:
@@ -85,18 +68,9 @@ class Result:
 def run_methods(
     methods: dict[str, Method], frames: Iterable[Frame], count: int, progress: OnProgress
 ) -> list[Result]:
-    """Run methods over a recording in one pass; errors of a method are outcomes.
+    """Run new methods over a recording of so many frames in one pass, and tell the progress after each frame.
 
-    Parameters
-    ----------
-    methods
-        New methods by name. Where a method breaks down, its name stands for all of its variants.
-    frames
-        The recording.
-    count
-        Number of its frames.
-    progress
-        Called after every frame.
+    Errors of a method are outcomes. Where it breaks down, its name stands for all of its variants.
     """
     seconds = dict.fromkeys(methods, 0.0)
     broken: dict[str, str] = {}

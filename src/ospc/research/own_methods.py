@@ -35,27 +35,14 @@ VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
 """The solvers that the paper compares (section 5)."""
 
 _MATCHING = (
-    "features",
-    "max_features",
-    "match_ratio",
-    "filter_blocks",
-    "filter_bins",
-    "filter_min_matches",
-    "filter_length_sigmas",
-)
+    "features", "max_features", "match_ratio",
+    "filter_blocks", "filter_bins", "filter_min_matches", "filter_length_sigmas",
+)  # fmt: skip
 """Settings that the detection and matching of features depend on."""
 
 
 def methods_of_preset(name: str, *, solvers: bool) -> dict[str, Method]:
-    """Return the methods of a preset, new ones.
-
-    Parameters
-    ----------
-    name
-        Name of the preset.
-    solvers
-        Whether "paper" is run with each of its vignette solvers.
-    """
+    """Return new methods of a preset; where asked for, "paper" with each of its vignette solvers."""
     settings = preset(name)
     if not isinstance(settings, PaperSettings):
         return {settings.name: OwnMethod(settings.name)}
@@ -66,15 +53,7 @@ def methods_of_preset(name: str, *, solvers: bool) -> dict[str, Method]:
 
 
 class OwnMethod:
-    """The method of this project.
-
-    Parameters
-    ----------
-    preset_name
-        Name of the preset.
-    variant
-        Name of the outcome; that of the preset where None.
-    """
+    """The method of this project with a preset; ``variant`` names the outcome if the preset's name does not."""
 
     def __init__(self, preset_name: str = "default", variant: str | None = None) -> None:
         self._variant = variant or preset_name
@@ -90,13 +69,7 @@ class OwnMethod:
 
 
 class PaperVariants:
-    """The paper's method with several settings; those that match the same features do so once.
-
-    Parameters
-    ----------
-    variants
-        Settings by name.
-    """
+    """The paper's method with several settings, by name; those that match the same features do so once."""
 
     def __init__(self, variants: dict[str, PaperSettings]) -> None:
         self._variants = variants
@@ -123,23 +96,17 @@ class PaperVariants:
 
     def found(self) -> dict[str, Outcome]:
         """Return the calibrations."""
-        return {name: self._failures.get(name) or self._outcome(method) for name, method in self._methods.items()}
-
-    def _outcome(self, method: PaperMethod) -> Outcome:
-        try:
-            return Estimate.of(method.calibration(self._exposures))
-        except Exception as error:
-            return failure(error)
+        outcomes: dict[str, Outcome] = {}
+        for name, method in self._methods.items():
+            try:
+                outcomes[name] = self._failures.get(name) or Estimate.of(method.calibration(self._exposures))
+            except Exception as error:
+                outcomes[name] = failure(error)
+        return outcomes
 
 
 class SharedMatcher:
-    """Matches the features of a frame once for several methods that process the same frames in step.
-
-    Parameters
-    ----------
-    matcher
-        Does the work; its results are kept until the next frame comes.
-    """
+    """Keeps what a matcher finds until the next frame comes, for methods that process the same frames in step."""
 
     def __init__(self, matcher: Matcher) -> None:
         self._matcher = matcher
@@ -162,17 +129,7 @@ class SharedMatcher:
 
 
 class SolversKnowingResponse:
-    """The paper's vignette alone, with the true response given, by each of its solvers.
-
-    Parameters
-    ----------
-    response
-        The true response.
-    settings
-        How pairs are chosen and matched.
-    solvers
-        Names of solvers.
-    """
+    """The paper's vignette alone, by several of its solvers, with the true response given."""
 
     def __init__(
         self, response: Response, settings: PaperSettings, solvers: Sequence[str] = VIGNETTE_SOLVERS
@@ -213,15 +170,7 @@ class SolversKnowingResponse:
 
 
 def quadratic_on_known_pixels(pairs: Iterable[HeldOutPair], size: ImageSize) -> Outcome:
-    """Return the paper's quadratic response from pixels that are known to correspond.
-
-    Parameters
-    ----------
-    pairs
-        The same points in two images, with the stated exposure ratio.
-    size
-        Width and height of the images.
-    """
+    """Return the paper's quadratic response from pixels, of images of a size, that are known to correspond."""
     gram = np.zeros((3, 3))
     for pair in pairs:
         matches = Correspondences((0, 1), size, pair.points0, pair.points1, pair.grey0, pair.grey1)

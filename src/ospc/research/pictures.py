@@ -1,4 +1,7 @@
-"""Pictures of measurements: errors by method, curves beside the truth, exposure ratios."""
+"""Pictures of measurements: errors by method, curves beside the truth, exposure ratios.
+
+A picture that cannot be written is a :class:`~ospc.errors.FormatError`.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, rules, save
-from ospc.research.measurement import Measurement, Metric
-from ospc.research.summary import medians
+from ospc.research.measurement import Measurement, Metric, medians
 
 _COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#4B0082")
 _LINES = ("-", "--", "-.", ":")
@@ -49,26 +51,24 @@ def look(number: int) -> dict[str, Any]:
     return {"color": _COLOURS[number % len(_COLOURS)], "ls": _LINES[number % len(_LINES)], "lw": 1.5}
 
 
-def draw_errors(comparison: Comparison, rows: Sequence[Measurement], path: Path) -> Path:
-    """Draw the errors of every recording and their medians, by method or over the varied setting.
+def figure_of_panels(count: int, most_columns: int, panel_in: tuple[float, float]) -> tuple[Any, list[Any]]:
+    """Return a figure and its panels, whose width and height are given in inches, in rows."""
+    columns = min(most_columns, max(1, count))
+    lines = max(1, -(-count // columns))
+    figure = new_figure(panel_in[0] * columns, panel_in[1] * lines)
+    panels = list(np.atleast_1d(figure.subplots(lines, columns)).ravel())
+    for axes in panels[count:]:
+        axes.set_visible(False)
+    return figure, panels[:count]
 
-    Raises
-    ------
-    MissingExtraError
-        Without matplotlib.
-    FormatError
-        If it cannot be written.
-    """
-    columns = min(2, len(comparison.metrics))
-    lines = -(-len(comparison.metrics) // columns)
-    figure = new_figure(_PANEL_IN[0] * columns, _PANEL_IN[1] * lines)
+
+def draw_errors(comparison: Comparison, rows: Sequence[Measurement], path: Path) -> Path:
+    """Draw the errors of every recording and their medians, by method or over the varied setting."""
     with rules():
-        panels = np.atleast_1d(figure.subplots(lines, columns)).ravel()
+        figure, panels = figure_of_panels(len(comparison.metrics), 2, _PANEL_IN)
         figure.suptitle(comparison.title)
-        for axes, metric in zip(panels, comparison.metrics, strict=False):
+        for axes, metric in zip(panels, comparison.metrics, strict=True):
             _draw_panel(axes, comparison, metric, rows)
-        for axes in panels[len(comparison.metrics) :]:
-            axes.set_visible(False)
         return save(figure, path)
 
 
@@ -96,26 +96,7 @@ def _draw_panel(axes: Any, comparison: Comparison, metric: Metric, rows: Sequenc
 def draw_curves(
     title: str, curves: Mapping[str, Mapping[str, Sequence[float]]], rows: Sequence[Measurement], path: Path
 ) -> Path:
-    """Draw the responses and vignettes found on one recording beside the truth, and exposure ratios where given.
-
-    Parameters
-    ----------
-    title
-        Title of the picture.
-    curves
-        By name, the truth first: "response" and "vignette" as in :attr:`Measurement.curves`.
-    rows
-        Measurements whose exposure ratios are drawn.
-    path
-        Where to.
-
-    Raises
-    ------
-    MissingExtraError
-        Without matplotlib.
-    FormatError
-        If it cannot be written.
-    """
+    """Draw responses and vignettes of one recording, by name, the truth first; and the exposure ratios of rows."""
     ratios = {row.method: found for row in rows if len(found := _reliable_ratios(row))}
     figure = new_figure(15.0 if ratios else 10.0, 4.6)
     with rules():

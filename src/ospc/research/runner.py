@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from typing import Any, Protocol, TypeAlias
 
@@ -55,36 +56,34 @@ def run(
 
     Parameters
     ----------
-    tasks
-        The tasks.
-    store
-        Where results are stored.
+    tasks, store
+        The tasks, and where results are stored.
     jobs
         Number of processes; with 1 everything runs in this one.
     on_share
         Called while a task runs, with one job only.
     """
-    missing: dict[int, tuple[Task, dict[str, Any]]] = {}
-    for number, task in enumerate(tasks):
+    missing: list[tuple[Task, dict[str, Any]]] = []
+    for task in tasks:
         description = task.describe()
         result = store.get(task.name, description)
         if result is None:
-            missing[number] = (task, description)
+            missing.append((task, description))
         else:
             yield Finished(task, result, stored=True)
-    for number, result in _computed({number: task for number, (task, _) in missing.items()}, jobs, on_share):
+    for number, result in _computed([task for task, _ in missing], jobs, on_share):
         task, description = missing[number]
         store.put(task.name, description, result)
         yield Finished(task, result, stored=False)
 
 
-def _computed(tasks: dict[int, Task], jobs: int, on_share: OnShare) -> Iterable[tuple[int, Any]]:
+def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterable[tuple[int, Any]]:
     if jobs == 1 or len(tasks) < 2:
-        for number, task in tasks.items():
-            yield number, task.run(lambda share, task=task: on_share(task, share))  # type: ignore[misc]
+        for number, task in enumerate(tasks):
+            yield number, task.run(partial(on_share, task))
         return
     with get_context("spawn").Pool(min(jobs, len(tasks)), _prepare) as pool:
-        yield from pool.imap_unordered(_run, tasks.items())
+        yield from pool.imap_unordered(_run, enumerate(tasks))
 
 
 def _prepare() -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +19,12 @@ from ospc.evaluation.metrics import (
     vignette_pixel_rmse,
     vignette_rmse,
 )
-from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.research.held_out import HeldOut, predicted_ratio, prediction_error
 from ospc.research.measurement import Measurement
-from ospc.research.method import Estimate, Exposures, Result
+from ospc.research.method import Estimate, Result
 
 if TYPE_CHECKING:
     from ospc.research.source import Source
@@ -63,25 +63,25 @@ class Truth:
 def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut) -> Measurement:
     """Compare the outcome of a method on a recording with the truth."""
     outcome = result.outcome
-    common: dict[str, Any] = {
-        "group": source.group,
-        "factors": dict(source.factors),
-        "limits": truth.limits,
-        "seconds": result.seconds,
-    }
-    if isinstance(outcome, str):
-        return Measurement(source.name, result.variant, failure=outcome, **common)
-    calibration = outcome.calibration
-    verdicts = {} if calibration is None else calibration.verdicts
-    return Measurement(
+    row = Measurement(
         source.name,
         result.variant,
-        figures=score(outcome, truth, held_out),
-        states={name: verdict.state for name, verdict in verdicts.items()},
-        reasons={name: verdict.reason for name, verdict in verdicts.items()},
-        curves=curves_of(outcome.response, outcome.vignette),
-        ratios={} if calibration is None else _ratios(calibration),
-        **common,
+        group=source.group,
+        factors=source.factors,
+        limits=truth.limits,
+        seconds=result.seconds,
+    )
+    if isinstance(outcome, str):
+        return replace(row, failure=outcome)
+    row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
+    calibration = outcome.calibration
+    if calibration is None:
+        return row
+    return replace(
+        row,
+        states={name: verdict.state for name, verdict in calibration.verdicts.items()},
+        reasons={name: verdict.reason for name, verdict in calibration.verdicts.items()},
+        ratios={name: values.tolist() for name, values in vars(calibration.exposure_ratios).items()},
     )
 
 
@@ -92,33 +92,25 @@ def score(estimate: Estimate, truth: Truth, held_out: HeldOut | None = None) -> 
     """
     figures: dict[str, float] = {}
     response, vignette = estimate.response, estimate.vignette
-    if response is not None and truth.response is not None and not _same(response, truth.response):
-        figures |= _response_figures(response, truth.response, truth.greys)
+    true = truth.response
+    if response is not None and true is not None and not np.array_equal(response.inverse_table, true.inverse_table):
+        figures |= _response_figures(response, true, truth.greys)
     if response is not None and held_out is not None:
         figures |= _prediction_figures(response, vignette, held_out)
     if vignette is not None and truth.vignette is not None:
-        figures |= _vignette_figures(vignette, truth.vignette)
         sigma = None if estimate.calibration is None else estimate.calibration.vignette_sigma
-        if sigma is not None:
-            profile, known = profile_along_diagonal(vignette), profile_along_diagonal(truth.vignette)
-            figures |= _coverage("vignette", *(curve[_COVERED_RADII] for curve in (profile, sigma, known)))
+        figures |= _vignette_figures(vignette, truth.vignette, sigma)
     if estimate.exposures is not None:
         figures["exposure_error"] = exposure_error(estimate.exposures, truth.exposures_ms)
     return figures
-
-
-def _same(first: Response, second: Response) -> bool:
-    return np.array_equal(first.inverse_table, second.inverse_table)
 
 
 def _response_figures(estimate: Response, truth: Response, greys: tuple[int, int] | None) -> dict[str, float]:
     figures = {"response_shape_rmse": response_shape_rmse(estimate, truth, *(greys or ()))}
     if greys is not None:
         return figures
-    figures |= {
-        "response_rmse": response_rmse(estimate, truth),
-        "log_ratio_error": log_ratio_error(estimate, truth),
-    }
+    figures["response_rmse"] = response_rmse(estimate, truth)
+    figures["log_ratio_error"] = log_ratio_error(estimate, truth)
     if estimate.inverse_sigma is not None:
         sigma = np.interp(np.linspace(0, 1, GREYS), estimate.levels, estimate.inverse_sigma)
         curves = (estimate.resampled(GREYS), sigma, truth.resampled(GREYS))
@@ -137,10 +129,13 @@ def _prediction_figures(response: Response, vignette: Vignette | None, held_out:
     return figures
 
 
-def _vignette_figures(estimate: Vignette, truth: Vignette) -> dict[str, float]:
+def _vignette_figures(estimate: Vignette, truth: Vignette, sigma: FloatArray | None) -> dict[str, float]:
     figures = {"vignette_rmse": vignette_rmse(estimate, truth)}
     if estimate.size == truth.size:
         figures["vignette_pixel_rmse"] = vignette_pixel_rmse(estimate, truth)
+    if sigma is not None:
+        curves = (profile_along_diagonal(estimate), sigma, profile_along_diagonal(truth))
+        figures |= _coverage("vignette", *(curve[_COVERED_RADII] for curve in curves))
     return figures
 
 
@@ -149,31 +144,24 @@ def _coverage(part: str, estimate: FloatArray, sigma: FloatArray, truth: FloatAr
     return {f"{part}_within_1_sigma": share[0], f"{part}_within_2_sigma": share[1]}
 
 
-def exposure_error(estimate: Exposures, metadata: Mapping[int, float]) -> float:
-    """Return the root mean square error of ln e after the best common factor, which cannot be observed.
-
-    Parameters
-    ----------
-    estimate
-        The exposures.
-    metadata
-        True exposures by frame.
+def exposure_error(estimate: Mapping[int, float], truth: Mapping[int, float]) -> float:
+    """Return the root mean square error of ln e by frame, after the best common factor, which cannot be observed.
 
     Raises
     ------
     ExposureError
         If an estimate is not positive, or belongs to a frame that the recording does not have.
     """
-    if not np.all(np.isfinite(estimate.values) & (estimate.values > 0)):
+    values = np.array(list(estimate.values()), dtype=np.float64)
+    if not np.all(np.isfinite(values) & (values > 0)):
         raise ExposureError("estimated exposures must be finite and above 0")
-    unknown = [int(frame) for frame in estimate.frames if int(frame) not in metadata]
-    if unknown or not estimate.frames.size:
+    unknown = len(estimate.keys() - truth.keys())
+    if unknown or not estimate:
         raise ExposureError(
-            f"exposures were estimated for {estimate.frames.size} frames, of which the recording lacks "
-            f"{len(unknown)}; give one for each frame"
+            f"exposures were estimated for {len(estimate)} frames, of which the recording lacks {unknown}; "
+            f"give one for each frame"
         )
-    difference = np.log(estimate.values) - np.log([metadata[int(frame)] for frame in estimate.frames])
-    return float(np.std(difference))
+    return float(np.std(np.log(values) - np.log([truth[frame] for frame in estimate])))
 
 
 def profile_along_diagonal(vignette: Vignette) -> FloatArray:
@@ -183,22 +171,12 @@ def profile_along_diagonal(vignette: Vignette) -> FloatArray:
     return np.asarray(along / along[0])
 
 
-def curves_of(response: Response | None, vignette: Vignette | None) -> dict[str, list[float]]:
+def curves_of(found: Estimate | Truth) -> dict[str, list[float]]:
     """Return g at the 256 grey levels and the profile of V in 50 rings, 1 at the centre, as far as they are known."""
     curves: dict[str, list[float]] = {}
-    if response is not None:
-        curves["response"] = response.inverse(np.arange(256) / 255).tolist()
-    if vignette is not None:
-        profile = radial_profile(vignette)
+    if found.response is not None:
+        curves["response"] = found.response.inverse(np.arange(256) / 255).tolist()
+    if found.vignette is not None:
+        profile = radial_profile(found.vignette)
         curves["vignette"] = (profile / profile[:3].mean()).tolist()
     return curves
-
-
-def _ratios(calibration: Calibration) -> dict[str, list[Any]]:
-    found = calibration.exposure_ratios
-    return {
-        "frames": found.frames.tolist(),
-        "metadata": found.metadata.tolist(),
-        "estimated": found.estimated.tolist(),
-        "samples": found.samples.tolist(),
-    }

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from ospc.errors import FormatError
-from ospc.formats.opening import open_photometry
+from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame, Recording, open_recording
@@ -31,70 +32,71 @@ from ospc.simulation.vignettes import make_vignette
 
 PCALIB, VIGNETTE = "pcalib.txt", "vignette.png"
 
+SWEEP = SimulationSettings(motion="static", exposure="sweep", exposure_min_ms=1.0, exposure_max_ms=60.0)
+"""A sweep of the exposure by a camera at rest: 1 to 60 ms expose every surface of the room at some time."""
 
-class Source(Protocol):
-    """A recording with known truth."""
+
+@dataclass(frozen=True)
+class Source(ABC):
+    """A recording with known truth.
+
+    Attributes
+    ----------
+    name
+        Its name, unique among those measured together.
+    group
+        The group of recordings it is summarised with.
+    factors
+        Its level of each factor that varies within the group.
+    """
+
+    name: str
+    group: str = field(default="", kw_only=True)
+    factors: dict[str, str] = field(default_factory=dict, kw_only=True)
 
     @property
-    def name(self) -> str:
-        """Its name, unique among those measured together."""
-        ...
-
-    @property
-    def group(self) -> str:
-        """The group of recordings it is summarised with."""
-        ...
-
-    @property
-    def factors(self) -> dict[str, str]:
-        """Its level of each factor that varies within the group."""
-        ...
-
-    @property
+    @abstractmethod
     def count(self) -> int:
         """Number of its frames."""
-        ...
 
+    @abstractmethod
     def describe(self) -> dict[str, Any]:
         """Return what identifies the recording, as JSON-compatible values."""
-        ...
 
+    @abstractmethod
     def frames(self) -> Iterator[Frame]:
         """Give the frames from the beginning, each time it is called."""
-        ...
 
+    @abstractmethod
     def truth(self) -> Truth:
         """Return what is known of the camera."""
-        ...
 
     def exposures_ms(self) -> Mapping[int, float]:
         """Return the true exposure of every frame by its index."""
-        ...
+        return {frame.index: frame.exposure_ms for frame in self.frames()}
 
     def held_out(self) -> HeldOut:
         """Return pairs of frames that no method gets, with known exposure ratios."""
-        ...
+        return HeldOut()
 
 
-class Methods(Protocol):
-    """A set of methods to compare."""
+@dataclass(frozen=True)
+class Methods(ABC):
+    """A set of methods to compare, by its name."""
 
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
+    name: str
 
+    @abstractmethod
     def describe(self) -> dict[str, Any]:
         """Return all settings, as JSON-compatible values."""
-        ...
 
+    @abstractmethod
     def make(self, source: Source) -> dict[str, Method]:
         """Return new methods for a recording."""
-        ...
 
     def references(self, source: Source) -> dict[str, Outcome]:
         """Return further outcomes on a recording, to be compared with the methods'."""
-        ...
+        return {}
 
 
 @dataclass(frozen=True)
@@ -135,30 +137,21 @@ def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
 
 
 @dataclass(frozen=True)
-class SimulatedSource:
+class SimulatedSource(Source):
     """A simulated recording.
 
     Attributes
     ----------
-    name
-        Its name.
     settings
         What is simulated.
-    factors
-        The level of each factor.
     with_pairs
         Whether exposure ratios are predicted for pairs of another scene.
     """
 
-    name: str
     settings: SimulationSettings
-    factors: dict[str, str] = field(default_factory=dict)
     with_pairs: bool = False
 
-    @property
-    def group(self) -> str:
-        """``static`` for a camera at rest, ``simulated`` otherwise."""
-        return "static" if self.settings.motion == "static" else "simulated"
+    group: str = field(default="simulated", kw_only=True)
 
     @property
     def count(self) -> int:
@@ -167,13 +160,8 @@ class SimulatedSource:
 
     def describe(self) -> dict[str, Any]:
         """Return the settings, with hashes of curves that are given as tables."""
-        truth = self.truth()
-        return {
-            "kind": "simulation",
-            **self.settings.as_dict(),
-            **fingerprints(truth.response, truth.vignette),
-            "with_pairs": self.with_pairs,
-        }
+        known = {"kind": "simulation", **self.settings.as_dict(), "with_pairs": self.with_pairs}
+        return known | fingerprints(self.truth())
 
     def frames(self) -> Iterator[Frame]:
         """Give the frames."""
@@ -184,16 +172,16 @@ class SimulatedSource:
         return Truth(make_response(self.settings.response), make_vignette(self.settings))
 
     def exposures_ms(self) -> Mapping[int, float]:
-        """Return the simulated exposures."""
+        """Return the simulated exposures; the metadata may differ."""
         return dict(enumerate(simulated_truth(self.settings).exposures_ms.tolist()))
 
     def held_out(self) -> HeldOut:
         """Return pairs of another scene."""
-        return HeldOut(simulated_pairs(self.settings, still=self.group == "static") if self.with_pairs else ())
+        return HeldOut(simulated_pairs(self.settings) if self.with_pairs else ())
 
 
 @dataclass(frozen=True)
-class GivenSource:
+class GivenSource(Source):
     """A folder in the layout of the TUM monocular data set, whose pcalib.txt and vignette.png are the truth.
 
     Attributes
@@ -202,26 +190,24 @@ class GivenSource:
         The folder.
     most_frames
         Number of frames used at most; all where None.
-
-    Raises
-    ------
-    OspcError
-        If it cannot be opened or has no truth.
     """
 
     path: Path
     most_frames: int | None = None
-    group: str = "given"
-    factors: dict[str, str] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        """Open it once, so that mistakes show before hours are spent."""
-        true_curves(open_recording(self.path))
+    group: str = field(default="given", kw_only=True)
 
-    @property
-    def name(self) -> str:
-        """Name of the folder."""
-        return self.path.resolve().name
+    @classmethod
+    def of(cls, path: Path, most_frames: int | None = None) -> GivenSource:
+        """Return a folder by its name, opened once so that mistakes show before hours are spent.
+
+        Raises
+        ------
+        OspcError
+            If it cannot be opened or has no truth.
+        """
+        true_curves(open_recording(path))
+        return cls(path.resolve().name, path, most_frames)
 
     @property
     def count(self) -> int:
@@ -231,8 +217,7 @@ class GivenSource:
 
     def describe(self) -> dict[str, Any]:
         """Return what identifies frames and truth."""
-        recording = open_recording(self.path)
-        return {**identity(recording), "used": self.count, **fingerprints(*true_curves(recording))}
+        return {**identity(open_recording(self.path)), "used": self.count, **fingerprints(self.truth())}
 
     def frames(self) -> Iterator[Frame]:
         """Give the frames."""
@@ -241,14 +226,6 @@ class GivenSource:
     def truth(self) -> Truth:
         """Return the curves in the folder."""
         return Truth(*true_curves(open_recording(self.path)))
-
-    def exposures_ms(self) -> Mapping[int, float]:
-        """Return the exposures of the metadata."""
-        return dict(enumerate(np.asarray(open_recording(self.path).exposures_ms).tolist()))
-
-    def held_out(self) -> HeldOut:
-        """Return none."""
-        return HeldOut()
 
 
 def true_curves(recording: Recording) -> tuple[Response, Vignette]:
@@ -268,11 +245,12 @@ def true_curves(recording: Recording) -> tuple[Response, Vignette]:
     return response, vignette
 
 
-def fingerprints(response: Response | None, vignette: Vignette | None) -> dict[str, str]:
+def fingerprints(curves: Truth | Photometry) -> dict[str, str]:
     """Return hashes to recognise curves by."""
     found = {}
-    if response is not None:
-        found["response_sha256"] = sha256(np.ascontiguousarray(response.resampled(256)).tobytes()).hexdigest()
-    if vignette is not None:
-        found["vignette_sha256"] = sha256(np.ascontiguousarray(vignette.image()).tobytes()).hexdigest()
+    if curves.response is not None:
+        table = np.ascontiguousarray(curves.response.resampled(256))
+        found["response_sha256"] = sha256(table.tobytes()).hexdigest()
+    if curves.vignette is not None:
+        found["vignette_sha256"] = sha256(np.ascontiguousarray(curves.vignette.image()).tobytes()).hexdigest()
     return found

@@ -25,25 +25,15 @@ _WITHOUT_EFFECT = ("cli", "report", "batch", "live", "diagnosis")
 class ResultStore:
     """JSON results in a folder, one file each, found again only under the key they were stored with.
 
-    Parameters
-    ----------
-    folder
-        The folder; made when the first result is stored.
+    A result has the name of its task, for people who look into the folder, and a description: everything it depends
+    on, as JSON-compatible values.
     """
 
     def __init__(self, folder: str | Path) -> None:
         self._folder = Path(folder)
 
     def get(self, name: str, description: dict[str, Any]) -> Any:
-        """Return a result; None where there is none, or its file is damaged.
-
-        Parameters
-        ----------
-        name
-            Name of the task, for people who look into the folder.
-        description
-            Everything the result depends on, as JSON-compatible values.
-        """
+        """Return a result; None where there is none, or its file is damaged."""
         try:
             content = json.loads(self._place(name, description).read_text(encoding="utf-8"))
             return content["result"] if content["schema"] == _SCHEMA else None

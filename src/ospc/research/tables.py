@@ -6,12 +6,12 @@ import csv
 import io
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ospc.atomic import write_atomically
-from ospc.errors import MissingExtraError, SettingError
+from ospc.errors import SettingError
 from ospc.research.measurement import METRICS, Measurement
 
 
@@ -21,10 +21,8 @@ class Table:
 
     Attributes
     ----------
-    title
-        Its heading.
-    header
-        The headings of its columns.
+    title, header
+        Its heading, and those of its columns.
     rows
         The cells, of the columns of names first.
     names
@@ -89,42 +87,19 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
     return as_csv(header, lines)
 
 
-@dataclass
-class Written:
-    """The files of a study, and reasons why some are missing."""
-
-    files: list[Path] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
-
-
 def write(
     folder: Path, texts: Mapping[str, str], pictures: Mapping[str, Callable[[Path], Path]] | None = None
-) -> Written:
-    """Write texts and, with matplotlib, pictures into a folder, which is made.
-
-    Parameters
-    ----------
-    folder
-        The folder.
-    texts
-        Contents by file name.
-    pictures
-        Functions that draw to a path, by file name.
+) -> list[Path]:
+    """Write texts, and pictures by functions that draw to a path, into a folder, which is made; return the files.
 
     Raises
     ------
     SettingError
         If a file cannot be written.
     """
-    written = Written()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, text in texts.items():
-            written.files.append(write_atomically(folder / name, text.encode()))
-        for name, draw in (pictures or {}).items():
-            written.files.append(draw(folder / name))
-    except MissingExtraError as error:
-        written.problems.append(str(error))
+        files = [write_atomically(folder / name, text.encode()) for name, text in texts.items()]
     except OSError as error:
         raise SettingError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
-    return written
+    return files + [draw(folder / name) for name, draw in (pictures or {}).items()]

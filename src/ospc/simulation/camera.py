@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray, Image
+from ospc.arrays import Float32Array, Image
 from ospc.errors import SettingError
-from ospc.photometry.response import Response
-from ospc.photometry.vignette import Vignette
 from ospc.recording.frame import Frame
-from ospc.simulation.files import ImageWriter, remove_recording, write_truth
+from ospc.simulation.files import image_writer, remove_recording, write_truth
 from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import radiance
 from ospc.simulation.scene import Scene
@@ -25,57 +23,23 @@ _DEFAULT = SimulationSettings()
 
 
 @dataclass(frozen=True)
-class SimulatedRecording:
-    """A simulated recording on disk.
+class SimulatedRecording(Truth):
+    """A simulated recording on disk, in the layout of the TUM monocular dataset, with its truth.
 
     Attributes
     ----------
     path
-        Its folder, in the layout of the TUM monocular dataset.
-    truth
-        The truth.
+        Its folder.
     """
 
     path: Path
-    truth: Truth
-
-    @property
-    def response(self) -> Response:
-        """The true response."""
-        return self.truth.response
-
-    @property
-    def vignette(self) -> Vignette:
-        """The true vignette."""
-        return self.truth.vignette
-
-    @property
-    def exposures_ms(self) -> FloatArray:
-        """True exposures, time times gain, shape (frames,); those of the metadata may differ."""
-        return self.truth.exposures_ms
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        """Time stamps, shape (frames,)."""
-        return self.truth.stamps_s
-
-    @property
-    def trajectory(self) -> FloatArray:
-        """Rows (tx, ty, tz, qx, qy, qz, qw), camera to world, shape (frames, 7)."""
-        return self.truth.trajectory
 
 
 def frames(settings: SimulationSettings = _DEFAULT) -> Iterator[Frame]:
     """Yield the frames of a simulated recording without writing it.
 
-    Their exposures are those of the metadata, as in a recording on disk; :func:`truth` has the true ones.
-
-    Raises
-    ------
-    SettingError
-        If there is no such response or vignette.
-    FormatError
-        If the file of a response or vignette cannot be read.
+    Their exposures are those of the metadata, as in a recording on disk; the true ones, and the errors, are those of
+    :func:`~ospc.simulation.truth.truth`.
     """
     scene = Scene.of(settings)
     known = plan(settings, scene)
@@ -109,17 +73,12 @@ def simulate(
     progress
         Called with the number of frames written and the total.
 
-    Returns
-    -------
-    SimulatedRecording
-        Its folder and truth.
-
     Raises
     ------
     SettingError
-        If the folder is not empty or cannot be written, or there is no such response or vignette.
-    FormatError
-        If the file of a response or vignette cannot be read.
+        If the folder is not empty or cannot be written.
+    OspcError
+        As :func:`~ospc.simulation.truth.truth`.
     """
     place = Path(out)
     if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):
@@ -131,14 +90,14 @@ def simulate(
             remove_recording(place)
         place.mkdir(parents=True, exist_ok=True)
         write_truth(place, known)
-        with ImageWriter(place, settings) as writer:
+        with image_writer(place, settings) as write:
             for index, image in enumerate(_images(scene, known)):
-                writer.write(index, image)
+                write(index, image)
                 if progress is not None:
                     progress(index + 1, settings.frames)
     except OSError as error:
         raise SettingError(f"{place}: cannot be written ({error}); choose another folder") from error
-    return SimulatedRecording(place, known)
+    return SimulatedRecording(**vars(known), path=place)
 
 
 def irradiances(settings: SimulationSettings = _DEFAULT) -> Iterator[Float32Array]:
@@ -160,10 +119,9 @@ def _irradiances(scene: Scene, known: Truth) -> Iterator[Float32Array]:
     settings = known.settings
     attenuation = known.vignette.image()
     motion = Motion.of(settings)
-    still = settings.motion == "static" and not settings.moving_objects
     exposed: Float32Array | None = None
     for index in range(settings.frames):
-        if exposed is None or not still:
+        if exposed is None or not settings.still:
             exposed = _exposed(scene, settings, motion, float(known.stamps_s[index]), float(known.times_ms[index]))
         factor = known.exposures_ms[index] * known.light[index]
         yield exposed * attenuation * np.float32(factor)

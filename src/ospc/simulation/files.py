@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import re
 import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from types import TracebackType
 
 import cv2
+import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import SettingError
@@ -21,57 +23,38 @@ _PNG_COMPRESSION = 1
 
 _IMAGE = re.compile(r"\d{5,}\.(png|jpg)")
 _FILES = (
-    "times.txt",
-    "camera.txt",
-    "groundtruthSync.txt",
-    "pcalib.txt",
-    "vignette.png",
-    "truth.json",
-    "images.zip",
-)
+    "times.txt", "camera.txt", "groundtruthSync.txt", "truth.json", "pcalib.txt", "vignette.png", "images.zip",
+)  # fmt: skip
 
 
-class ImageWriter:
-    """Writes numbered images into ``images/`` or ``images.zip``; used in a with statement."""
+@contextmanager
+def image_writer(folder: Path, settings: SimulationSettings) -> Iterator[Callable[[int, Image], None]]:
+    """Give a function that writes numbered images into ``images/`` or ``images.zip``.
 
-    def __init__(self, folder: Path, settings: SimulationSettings) -> None:
-        self._folder = folder / "images"
-        self._suffix = "." + settings.image_format
-        self._parameters = (
-            [cv2.IMWRITE_JPEG_QUALITY, settings.jpg_quality]
-            if settings.image_format == "jpg"
-            else [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION]
-        )
-        self._archive = zipfile.ZipFile(folder / "images.zip", "w") if settings.archive else None
-        if self._archive is None:
-            self._folder.mkdir()
+    Raises
+    ------
+    OSError
+        Also by that function, if an image cannot be encoded or written.
+    """
+    suffix = f".{settings.image_format}"
+    jpg = [cv2.IMWRITE_JPEG_QUALITY, settings.jpg_quality]
+    parameters = jpg if settings.image_format == "jpg" else [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION]
+    with zipfile.ZipFile(folder / "images.zip", "w") if settings.archive else nullcontext() as archive:
+        if archive is None:
+            (folder / "images").mkdir()
 
-    def write(self, index: int, image: Image) -> None:
-        """Write one image.
+        def write(index: int, image: Image) -> None:
+            done, coded = cv2.imencode(suffix, image, parameters)
+            if not done:
+                raise OSError(f"image {index} could not be encoded")
+            name = frame_name(index) + suffix
+            if archive is None:
+                (folder / "images" / name).write_bytes(coded.tobytes())
+            else:
+                # A fixed date keeps archives of the same recording identical.
+                archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), coded.tobytes())
 
-        Raises
-        ------
-        OSError
-            If it cannot be encoded or written.
-        """
-        done, coded = cv2.imencode(self._suffix, image, self._parameters)
-        if not done:
-            raise OSError(f"image {index} could not be encoded")
-        name = frame_name(index) + self._suffix
-        if self._archive is None:
-            (self._folder / name).write_bytes(coded.tobytes())
-        else:
-            # A fixed date keeps archives of the same recording identical.
-            self._archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), coded.tobytes())
-
-    def __enter__(self) -> ImageWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._archive is not None:
-            self._archive.close()
+        yield write
 
 
 def frame_name(index: int) -> str:
@@ -82,41 +65,26 @@ def frame_name(index: int) -> str:
 def write_truth(folder: Path, truth: Truth) -> None:
     """Write times.txt, camera.txt, groundtruthSync.txt and the true pcalib.txt, vignette.png and truth.json."""
     width, height = truth.settings.size
-    focal = truth.settings.focal_px
-    times = zip(truth.stamps_s, truth.metadata_exposures_ms, strict=True)
-    _write(folder / "times.txt", [f"{frame_name(i)} {stamp:.9f} {e:.9g}" for i, (stamp, e) in enumerate(times)])
-    _write(
-        folder / "camera.txt",
-        [
-            f"Pinhole {focal:.9g} {focal:.9g} {(width - 1) / 2} {(height - 1) / 2} 0",
-            f"{width} {height}",
-            "none",
-            f"{width} {height}",
-        ],
-    )
-    poses = zip(truth.stamps_s, truth.trajectory, strict=True)
-    _write(
-        folder / "groundtruthSync.txt",
-        [f"{stamp:.9f} " + " ".join(f"{value:.9f}" for value in pose) for stamp, pose in poses],
-    )
+    focal = f"{truth.settings.focal_px:.9g}"
+    size = f"{width} {height}"
+    times = enumerate(zip(truth.stamps_s, truth.metadata_exposures_ms, strict=True))
+    rows = np.column_stack([truth.stamps_s, truth.trajectory])
+    texts = {
+        "times.txt": [f"{frame_name(i)} {stamp:.9f} {e:.9g}" for i, (stamp, e) in times],
+        "camera.txt": [f"Pinhole {focal} {focal} {(width - 1) / 2} {(height - 1) / 2} 0", size, "none", size],
+        "groundtruthSync.txt": [" ".join(f"{value:.9f}" for value in row) for row in rows],
+        "truth.json": [json.dumps(truth.as_dict(), indent=1, allow_nan=False)],
+    }
+    for name, lines in texts.items():
+        (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     write_pcalib(truth.response, folder / "pcalib.txt")
     write_vignette(truth.vignette, folder / "vignette.png")
-    (folder / "truth.json").write_text(
-        json.dumps(truth.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8"
-    )
-
-
-def _write(path: Path, lines: list[str]) -> None:
-    path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
 
 
 def remove_recording(folder: Path) -> None:
     """Remove an earlier simulated recording, and nothing but what :func:`~ospc.simulation.camera.simulate` writes.
 
-    Parameters
-    ----------
-    folder
-        Its folder; nothing happens if it is missing or empty.
+    Nothing happens if its folder is missing or empty.
 
     Raises
     ------
@@ -128,13 +96,13 @@ def remove_recording(folder: Path) -> None:
     if not (folder / "truth.json").is_file():
         raise SettingError(f"{folder}: is not a simulated recording (it has no truth.json); remove it yourself")
     images = folder / "images"
-    numbered = [p for p in images.iterdir() if _IMAGE.fullmatch(p.name)] if images.is_dir() else []
+    inside = list(images.iterdir()) if images.is_dir() else []
     written = [folder / name for name in _FILES if (folder / name).is_file()]
-    found = {*folder.iterdir(), *(images.iterdir() if images.is_dir() else ())}
-    foreign = found - {images, *written, *numbered}
+    written += [path for path in inside if _IMAGE.fullmatch(path.name)]
+    foreign = {*folder.iterdir(), *inside} - {images, *written}
     if foreign:
         raise SettingError(f"{folder}: also holds {min(foreign).name}, which no simulation wrote; move it away")
-    for path in (*numbered, *written):
+    for path in written:
         path.unlink()
     if images.is_dir():
         images.rmdir()

@@ -38,7 +38,7 @@ class View:
     size
         Width and height of its image in pixels.
     focal_px
-        Focal length; the principal point is the image centre.
+        Focal length; the principal point is the image centre, where the centre of the first pixel is (0, 0).
     position_m
         World position, shape (3,).
     rotation
@@ -50,28 +50,12 @@ class View:
     position_m: FloatArray
     rotation: FloatArray
 
-    @property
-    def intrinsics(self) -> FloatArray:
-        """The camera matrix K, shape (3, 3); the centre of the first pixel is (0, 0)."""
-        return np.array(
-            [
-                [self.focal_px, 0.0, (self.size[0] - 1) / 2],
-                [0.0, self.focal_px, (self.size[1] - 1) / 2],
-                [0.0, 0.0, 1.0],
-            ]
-        )
-
     def homography(self, place: Rectangle) -> FloatArray:
         """Return the map of metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
+        x, y = (self.size[0] - 1) / 2, (self.size[1] - 1) / 2
+        intrinsics = np.array([[self.focal_px, 0.0, x], [0.0, self.focal_px, y], [0.0, 0.0, 1.0]])
         columns = np.stack([place.across, place.down, place.corner_m - self.position_m], axis=-1)
-        return np.asarray(self.intrinsics @ self.rotation.T @ columns)
-
-    def project(self, points_m: npt.ArrayLike) -> FloatArray:
-        """Return the pixels (x, y) of world points, shape (..., 3) -> (..., 2); NaN behind the camera."""
-        camera = (np.asarray(points_m, dtype=np.float64) - self.position_m) @ self.rotation
-        depth = np.where(camera[..., 2:] > _NEAR_M, camera[..., 2:], np.nan)
-        centre = self.intrinsics[:2, 2]
-        return np.asarray(self.focal_px * camera[..., :2] / depth + centre)
+        return np.asarray(intrinsics @ self.rotation.T @ columns)
 
 
 def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:

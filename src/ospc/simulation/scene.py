@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -97,29 +97,23 @@ class Scene:
     @classmethod
     def of(cls, settings: SimulationSettings) -> Scene:
         """Build and light the room of the settings."""
-        room = _room(settings.seed if settings.scene_seed is None else settings.scene_seed)
-        scale = REFERENCE_IRRADIANCE / room.median_radiance / settings.reference_exposure_ms
-        patches = _patches(settings.seed, settings.moving_objects, room.median_radiance)
-        return cls(room.walls, room.pictures, room.solids, patches, scale)
-
-
-@dataclass(frozen=True)
-class _Room:
-    walls: tuple[Face, ...]
-    pictures: tuple[Face, ...]
-    solids: tuple[Solid, ...]
-    median_radiance: float
+        room, median = _room(settings.seed if settings.scene_seed is None else settings.scene_seed)
+        scale = REFERENCE_IRRADIANCE / median / settings.reference_exposure_ms
+        return replace(room, patches=_patches(settings.seed, settings.moving_objects, median), scale=scale)
 
 
 @lru_cache(maxsize=2)
-def _room(seed: int) -> _Room:
-    """Build a room; the last two are cached, because comparisons of cameras use the same room many times."""
+def _room(seed: int) -> tuple[Scene, float]:
+    """Build a room without patches, and return it with the median radiance of its walls.
+
+    The last two are cached, because comparisons of cameras use the same room many times.
+    """
     rng = np.random.default_rng([seed, 2])
     window_side = int(rng.choice([0, 2]))
     lamps = _lamps(rng, window_side)
     walls = _walls(rng, lamps)
     median = float(np.median(np.concatenate([face.mips[4].ravel() for face in walls])))
-    return _Room(walls, _pictures(rng, lamps, window_side), _furniture(rng, lamps), median)
+    return Scene(walls, _pictures(rng, lamps, window_side), _furniture(rng, lamps), (), 1.0), median
 
 
 def _wall(side: int) -> Rectangle:

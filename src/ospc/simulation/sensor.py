@@ -20,13 +20,6 @@ class Sensor:
     The noise is that of counted electrons. With gain G, full well F and read noise r, the irradiance I (1 saturates)
     corresponds to I·F/G electrons, and their count has the variance I·F/G + r². It is drawn from a normal
     distribution, which a Poisson distribution resembles from about ten electrons on.
-
-    Parameters
-    ----------
-    response
-        The camera response f.
-    settings
-        Bit depth, noise and seed.
     """
 
     def __init__(self, response: Response, settings: SimulationSettings) -> None:
@@ -41,16 +34,9 @@ class Sensor:
         )
 
     def expose(self, irradiance: Float32Array, *, frame: int, gain: float = 1.0) -> Image:
-        """Return the grey image of an irradiance, shape (height, width), uint8 or uint16.
+        """Return the uint8 or uint16 image of an irradiance e V L, a share of saturation, shape (height, width).
 
-        Parameters
-        ----------
-        irradiance
-            e V L as a share of saturation, shape (height, width).
-        frame
-            Index of the frame; it seeds the noise.
-        gain
-            Linear gain, which e includes.
+        The index of the frame seeds the noise; e includes the linear gain.
         """
         noisy = self._with_noise(irradiance, frame, gain)
         np.clip(noisy, 0, 1, out=noisy)

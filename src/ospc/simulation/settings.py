@@ -31,21 +31,11 @@ _CHOICES = {
     "noise": get_args(NoisePreset),
     "image_format": get_args(ImageFormat),
 }
-_POSITIVE = (
-    "fps",
-    "speed",
-    "horizontal_fov_deg",
-    "reference_exposure_ms",
-    "exposure_ms",
-    "exposure_min_ms",
-    "exposure_max_ms",
-    "auto_rate",
-    "auto_gain",
-    "gain",
-    "gain_max",
-    "flicker_hz",
-)
-_NOT_NEGATIVE = ("metadata_error", "flicker", "moving_objects", "seed")
+_ABOVE_0 = (
+    "fps", "speed", "horizontal_fov_deg", "reference_exposure_ms", "exposure_ms", "exposure_min_ms",
+    "exposure_max_ms", "auto_rate", "auto_gain", "gain", "gain_max", "flicker_hz",
+)  # fmt: skip
+_AT_LEAST_0 = ("metadata_error", "flicker")
 _WHOLE = {
     "frames": (1, 1_000_000),
     "bit_depth": (8, 16),
@@ -190,70 +180,54 @@ class SimulationSettings:
     def __post_init__(self) -> None:
         """Check the settings."""
         for name, allowed in _CHOICES.items():
-            if getattr(self, name) not in allowed:
-                raise SettingError(f"{name} is {getattr(self, name)!r}; choose one of {', '.join(allowed)}")
-        for name in _POSITIVE:
-            if not _is_number(getattr(self, name)) or not getattr(self, name) > 0:
-                raise SettingError(f"{name} is {getattr(self, name)!r}; give a finite number above 0")
-        for name in _NOT_NEGATIVE:
-            if not _is_number(getattr(self, name)) or not getattr(self, name) >= 0:
-                raise SettingError(f"{name} is {getattr(self, name)!r}; give a finite number of at least 0")
-        self._check_images()
-        self._check_exposures()
-        self._check_sensor()
-
-    def _check_images(self) -> None:
-        if len(self.size) != 2 or not all(isinstance(n, int) and _SIDE_PX[0] <= n <= _SIDE_PX[1] for n in self.size):
-            raise SettingError(
-                f"size is {self.size!r}; give width and height, {_SIDE_PX[0]} to {_SIDE_PX[1]} pixels each"
-            )
+            self._require(name, getattr(self, name) in allowed, f"choose one of {', '.join(allowed)}")
+        for name in _ABOVE_0:
+            self._require(name, _positive(getattr(self, name)), "give a finite number above 0")
+        for name in _AT_LEAST_0:
+            self._require(name, _not_negative(getattr(self, name)), "give a finite number of at least 0")
         for name, (low, high) in _WHOLE.items():
             value = getattr(self, name)
-            if not isinstance(value, int) or not low <= value <= high:
-                raise SettingError(f"{name} is {value!r}; give a whole number from {low} to {high}")
-        for name in ("seed", "scene_seed", "lag"):
-            value = getattr(self, name)
-            if not isinstance(value, int) and not (name == "scene_seed" and value is None):
-                raise SettingError(f"{name} is {value!r}; give a whole number")
-        if self.scene_seed is not None and self.scene_seed < 0:
-            raise SettingError(f"scene_seed is {self.scene_seed}; give a whole number of at least 0")
-        if self.image_format == "jpg" and self.bit_depth > 8:
-            raise SettingError(f"JPEG holds 8 bits, not {self.bit_depth}; set image_format to 'png'")
-        if not self.horizontal_fov_deg < _MAX_FOV_DEG:
-            raise SettingError(
-                f"horizontal_fov_deg is {self.horizontal_fov_deg}; give less than {_MAX_FOV_DEG} for a pinhole camera"
-            )
+            fine = isinstance(value, int) and low <= value <= high
+            self._require(name, fine, f"give a whole number from {low} to {high}")
+        for name, seed in (("seed", self.seed), ("scene_seed", self.scene_seed or 0)):
+            self._require(name, isinstance(seed, int) and seed >= 0, "give a whole number of at least 0")
+        self._check_camera()
+        self._check_exposures()
 
-    def _check_exposures(self) -> None:
-        if self.exposure_min_ms > self.exposure_max_ms:
-            raise SettingError(
-                f"exposure_min_ms {self.exposure_min_ms} is above exposure_max_ms {self.exposure_max_ms}; swap them"
-            )
-        if self.exposure in ("cycle", "file"):
-            values = self.exposures_ms
-            if not values or not all(_is_number(e) and e > 0 for e in values):
-                raise SettingError("exposures_ms must hold finite exposure times above 0 in milliseconds")
-            if self.exposure == "file" and len(values) != self.frames:
-                raise SettingError(
-                    f"exposures_ms holds {len(values)} exposures for {self.frames} frames; give one each"
-                )
-        if not 0 < self.auto_target < 1:
-            raise SettingError(f"auto_target is {self.auto_target}; give a grey level between 0 and 1")
-        if self.exposure == "auto" and self.gain_max < self.gain:
-            raise SettingError(f"gain_max {self.gain_max} is below gain {self.gain}; raise it")
-        if not self.flicker < 1:
-            raise SettingError(f"flicker is {self.flicker}; the light's amplitude must be below 1")
-        if abs(self.lag) >= self.frames:
-            raise SettingError(f"lag is {self.lag} frames in a recording of {self.frames}; make it smaller")
+    def _require(self, name: str, fine: bool, remedy: str) -> None:
+        if not fine:
+            raise SettingError(f"{name} is {getattr(self, name)!r}; {remedy}")
 
-    def _check_sensor(self) -> None:
+    def _check_camera(self) -> None:
+        low, high = _SIDE_PX
+        fine = len(self.size) == 2 and all(isinstance(n, int) and low <= n <= high for n in self.size)
+        self._require("size", fine, f"give width and height, {low} to {high} pixels each")
+        if self.image_format == "jpg":
+            self._require("bit_depth", self.bit_depth == 8, "JPEG holds 8 bits; set image_format to 'png'")
+        wide = self.horizontal_fov_deg >= _MAX_FOV_DEG
+        self._require("horizontal_fov_deg", not wide, f"give less than {_MAX_FOV_DEG} for a pinhole camera")
         full_well, read_noise = self.sensor
-        if not full_well > 0 or math.isnan(full_well):
-            raise SettingError(f"full_well_electrons is {full_well}; give a number above 0, or inf for no shot noise")
-        if not _is_number(read_noise) or read_noise < 0:
-            raise SettingError(f"read_noise_electrons is {read_noise}; give a finite number of at least 0")
+        self._require("full_well_electrons", full_well > 0, "give a number above 0, or inf for no shot noise")
+        self._require("read_noise_electrons", _not_negative(read_noise), "give a finite number of at least 0")
         if math.isinf(full_well) and read_noise > 0:
             raise SettingError("read noise in electrons has no meaning with an infinite full well; set a full well")
+
+    def _check_exposures(self) -> None:
+        in_order = self.exposure_min_ms <= self.exposure_max_ms
+        self._require("exposure_min_ms", in_order, f"give at most exposure_max_ms, {self.exposure_max_ms}")
+        if self.exposure in ("cycle", "file"):
+            listed = bool(self.exposures_ms) and all(map(_positive, self.exposures_ms))
+            self._require("exposures_ms", listed, "list finite exposure times above 0 in milliseconds")
+        if self.exposure == "file" and len(self.exposures_ms) != self.frames:
+            raise SettingError(
+                f"exposures_ms holds {len(self.exposures_ms)} exposures for {self.frames} frames; give one each"
+            )
+        if self.exposure == "auto":
+            self._require("gain_max", self.gain_max >= self.gain, f"give at least gain, {self.gain}")
+        self._require("auto_target", 0 < self.auto_target < 1, "give a grey level between 0 and 1")
+        self._require("flicker", self.flicker < 1, "give a relative amplitude below 1")
+        short = isinstance(self.lag, int) and abs(self.lag) < self.frames
+        self._require("lag", short, f"give a whole number of frames, fewer than {self.frames}")
 
     @property
     def sensor(self) -> tuple[float, float]:
@@ -264,6 +238,11 @@ class SimulationSettings:
         if self.read_noise_electrons is not None:
             read_noise = self.read_noise_electrons
         return full_well, read_noise
+
+    @property
+    def still(self) -> bool:
+        """Whether every frame shows the same from the same place."""
+        return self.motion == "static" and not self.moving_objects
 
     @property
     def max_grey(self) -> int:
@@ -282,13 +261,17 @@ class SimulationSettings:
             values["response"] = self.response.model
         if not isinstance(self.vignette, str | Path):
             values["vignette"] = self.vignette.as_dict()
-        full_well, read_noise = self.sensor
+        full_well, values["read_noise_electrons"] = self.sensor
         values["full_well_electrons"] = None if math.isinf(full_well) else full_well
-        values["read_noise_electrons"] = read_noise
         return {
             k: str(v) if isinstance(v, Path) else list(v) if isinstance(v, tuple) else v for k, v in values.items()
         }
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def _not_negative(value: object) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and math.isfinite(value) and value >= 0  # type: ignore[arg-type, operator]
+
+
+def _positive(value: object) -> bool:
+    return _not_negative(value) and value != 0

@@ -66,22 +66,8 @@ def tiled(
 ) -> Float32Array:
     """Cover an area with mirrored copies of a photograph, for patterns that repeat in reality too.
 
-    Grain and stains that do not repeat are added.
-
-    Parameters
-    ----------
-    name
-        Name of the photograph.
-    size_m
-        Width and height of the area.
-    rng
-        Source of grain and stains.
-    tile_m
-        Edge of one copy.
-    contrast
-        Factor on the logarithm of the reflectance relative to its mean.
-    level
-        Geometric mean of the reflectance.
+    Grain and stains that do not repeat are added. ``tile_m`` is the edge of one copy, ``contrast`` a factor on the
+    logarithm of the reflectance relative to its mean, and ``level`` the geometric mean of the reflectance.
     """
     width, height = _texels(size_m)
     edge = max(16, round(tile_m / TEXEL_M))

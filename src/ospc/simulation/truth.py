@@ -164,13 +164,12 @@ def _auto_exposure(
     high = float(np.log(settings.exposure_max_ms * settings.gain_max))
     log_e = float(np.clip(np.log(settings.reference_exposure_ms * settings.gain), low, high))
     metered = meter(float(stamps_s[0]))
-    still = settings.motion == "static" and not settings.moving_objects
     for _ in range(_SETTLING_STEPS):
         log_e = min(max(log_e + _step(settings, response, metered * np.exp(log_e)), low), high)
     result = np.empty(settings.frames)
     for i, stamp in enumerate(stamps_s):
         result[i] = log_e
-        if i > 0 and not still:
+        if i > 0 and not settings.still:
             metered = meter(float(stamp))
         time_ms = min(np.exp(log_e) / settings.gain, settings.exposure_max_ms)
         light = float(flicker(settings, stamp, np.asarray(time_ms)))

@@ -31,14 +31,7 @@ def cos4(size: ImageSize, focal_px: float) -> RasterVignette:
 def decentred(size: ImageSize, coefficients: tuple[float, ...], centre: tuple[float, float]) -> RasterVignette:
     """Return V = 1 + v₁R² + v₂R⁴ + v₃R⁶ with R measured from its own centre, divided by its maximum.
 
-    Parameters
-    ----------
-    size
-        Width and height in pixels.
-    coefficients
-        (v₁, v₂, v₃), radius in half diagonals.
-    centre
-        Centre relative to the image centre, in half diagonals.
+    R, and the centre relative to the image centre, are in half diagonals.
     """
     squared = np.sum((normalised(pixel_grid(size), size) - np.array(centre)) ** 2, axis=-1)
     values = np.polynomial.polynomial.polyval(squared, [1.0, *coefficients])

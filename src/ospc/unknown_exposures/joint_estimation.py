@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import lsqr
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
-from ospc.errors import NotObservableError, SettingError
+from ospc.errors import NotObservableError
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
 from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learned_model
@@ -99,22 +99,10 @@ class JointEstimate:
         """Exposures up to a factor, with the exponent, shape (m,)."""
         return np.asarray(np.exp(self.exponent * self.log_exposures))
 
-    def aligned_to(self, truth: Response, grey: float = 0.5) -> JointEstimate:
-        """Return the estimate with the exponent that makes g true at one grey level.
-
-        Raises
-        ------
-        SettingError
-            If the grey level is not between 0 and 1.
-        """
-        if not 0 < grey < 1:
-            raise SettingError(f"the known point of the response is at grey level {grey}; choose one within (0, 1)")
-        found = float(self.model.response(self.coefficients).inverse(grey))
-        return self.with_exponent(float(np.log(truth.inverse(grey)) / np.log(found)))
-
-    def with_exponent(self, exponent: float) -> JointEstimate:
-        """Return the estimate with another exponent."""
-        return replace(self, exponent=exponent)
+    def aligned_to(self, truth: Response) -> JointEstimate:
+        """Return the estimate with the exponent that makes g(½) true."""
+        found = float(self.model.response(self.coefficients).inverse(0.5))
+        return replace(self, exponent=float(np.log(truth.inverse(0.5)) / np.log(found)))
 
 
 def estimate_jointly(
@@ -132,9 +120,9 @@ def estimate_jointly(
     model
         The model of responses; :func:`learned_model` where None.
     start
-        The start; the mean response, no vignette and equal exposures where None.
+        The first estimate; the mean response, no vignette and equal exposures where None.
     iterations
-        Number of alternations at most.
+        Most alternations.
 
     Raises
     ------
@@ -146,7 +134,12 @@ def estimate_jointly(
             f"joint estimation has {tracks.grey.size} observations in {tracks.frames.size} frames; "
             f"it needs {_FEWEST} in two frames or more"
         )
-    problem = _Problem.of(tracks, model or learned_model(), start)
+    model = model or learned_model()
+    c, v, log_e = np.zeros(len(model.components)), np.zeros(3), np.zeros(tracks.frames.size)
+    if start is not None:
+        c, v = start.coefficients.copy(), start.radial.copy()
+        log_e = np.interp(tracks.frames, start.frames, start.log_exposures)
+    problem = _Problem(tracks, model, c, v, log_e)
     cost = np.inf
     for _ in range(iterations):
         problem.fit_parameters()
@@ -164,7 +157,7 @@ class _Problem:
         self, tracks: TrackObservations, model: ResponseModel, c: FloatArray, v: FloatArray, log_e: FloatArray
     ) -> None:
         self._tracks, self._model = tracks, model
-        self._c, self._v, self._log_e = c, v, log_e
+        self._c, self._v = c, v
         self._radial = tracks.radius[:, None] ** _RADIAL
         self._points = int(tracks.point.max()) + 1
         irradiance = np.interp(tracks.grey, model.curve(c), np.linspace(0, 1, SAMPLES))
@@ -173,25 +166,11 @@ class _Problem:
         self._damping = 1e-3
         self._centre()
 
-    @classmethod
-    def of(cls, tracks: TrackObservations, model: ResponseModel, start: JointEstimate | None) -> _Problem:
-        if start is None:
-            return cls(tracks, model, np.zeros(len(model.components)), np.zeros(3), np.zeros(tracks.frames.size))
-        log_e = np.interp(tracks.frames, start.frames, start.log_exposures)
-        return cls(tracks, model, start.coefficients.copy(), start.radial.copy(), log_e)
-
     def estimate(self, cost: float) -> JointEstimate:
         """Return the current state as a result."""
-        return JointEstimate(
-            self._tracks.size,
-            self._model,
-            self._c,
-            self._v,
-            self._tracks.frames,
-            self._log_e - self._log_e.mean(),
-            1.0,
-            cost,
-        )
+        log_e = self._log_e - self._log_e.mean()
+        tracks = self._tracks
+        return JointEstimate(tracks.size, self._model, self._c, self._v, tracks.frames, log_e, cost=cost)
 
     def cost(self) -> float:
         """Return the mean of Huber's function of the residuals, weighted."""

@@ -57,14 +57,10 @@ class RecoveredRecording(DerivedRecording):
 def recover_exposures(
     recording: Recording, progress: Callable[[int, int], None] = lambda _done, _all: None
 ) -> RecoveredRecording:
-    """Estimate the exposures of a recording from its images alone.
+    """Return a recording with exposures estimated from its images alone, relative to their median.
 
-    Parameters
-    ----------
-    recording
-        The recording.
-    progress
-        Called with the number of frames done, and of all.
+    Frames whose exposure cannot be estimated are left out. ``progress`` is called with the number of frames done, and
+    of all.
 
     Raises
     ------
@@ -96,19 +92,9 @@ def recover_exposures(
 def calibrate_without_exposures(
     recording: Recording | str | Path, settings: Settings | str = "default"
 ) -> Calibration:
-    """Calibrate the camera of a recording whose exposures are unknown.
+    """Calibrate the camera of a recording, or of the path of one, whose exposures are unknown or not to be used.
 
-    Parameters
-    ----------
-    recording
-        A recording, or the path of one; its exposures are not used.
-    settings
-        Settings of the method, or the name of a preset.
-
-    Returns
-    -------
-    Calibration
-        Response and vignette up to one common exponent, as its verdicts and ``exponent_sigma`` state.
+    Response and vignette are known up to one common exponent, as verdicts and ``exponent_sigma`` state.
 
     Raises
     ------
@@ -132,15 +118,7 @@ def typical_exponent(found: JointEstimate) -> float:
 
 
 def labelled(calibration: Calibration, recording: object) -> Calibration:
-    """Return the calibration, labelled and with larger uncertainties if the exposures were estimated.
-
-    Parameters
-    ----------
-    calibration
-        The calibration of the recording.
-    recording
-        A :class:`RecoveredRecording`; for any other, the calibration is returned unchanged.
-    """
+    """Return the calibration of a recording, labelled and less certain if its exposures were estimated."""
     if not isinstance(recording, RecoveredRecording):
         return calibration
     sigma = recording.exponent_sigma

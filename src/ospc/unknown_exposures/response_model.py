@@ -51,10 +51,10 @@ class ResponseModel:
         target = response(np.linspace(0, 1, SAMPLES)) - self.mean
         return np.asarray(np.linalg.lstsq(self.components.T, target, rcond=None)[0], dtype=np.float64)
 
-    def response(self, coefficients: npt.ArrayLike, levels: int = 256) -> Response:
+    def response(self, coefficients: npt.ArrayLike) -> Response:
         """Return the response with these coefficients."""
         values = np.array([float(c) for c in np.asarray(coefficients)])
-        table = np.interp(np.linspace(0, 1, levels), self.curve(values), np.linspace(0, 1, SAMPLES))
+        table = np.interp(np.linspace(0, 1, 256), self.curve(values), np.linspace(0, 1, SAMPLES))
         return Response.from_values(_increasing(table), model={"name": "emor", "coefficients": values.tolist()})
 
 
@@ -71,7 +71,7 @@ def learned_model(count: int = 4) -> ResponseModel:
 
 
 def read_model(path: str | Path, count: int = 4) -> ResponseModel:
-    """Read the tables of the empirical model of response as its authors publish them (``emor.txt``).
+    """Read the empirical model of response from ``emor.txt``, with ``count`` of its components, at most five.
 
     Raises
     ------

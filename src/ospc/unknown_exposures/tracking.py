@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from ospc.arrays import Float32Array, FloatArray, Image, ImageSize, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
 
@@ -24,6 +25,12 @@ _RIGHT, _DOWN = np.array([1, 0], dtype=np.float32), np.array([0, 1], dtype=np.fl
 
 _ROUNDS, _GAIN_CHANGE = 2, 0.02
 """Most turns of tracking and gain, and the change of ln gain at which they end."""
+
+_FEATURES = 250
+"""Features tracked at a time; the published program follows more, and takes longer."""
+
+_WINDOW_PX, _LEVELS = 21, 4
+"""Side of the windows that are compared, and levels of the image pyramid above the image itself."""
 
 _BACK_PX = 0.7
 """Largest forward-backward error of a track in pixels."""
@@ -79,9 +86,8 @@ class TrackObservations:
         recent = self.frames[self.frame] >= index
         count = np.bincount(self.point[recent], minlength=int(self.point.max(initial=-1)) + 1)
         kept = recent & (count[self.point] >= 2)
-        points, point = np.unique(self.point[kept], return_inverse=True)
+        _, point = np.unique(self.point[kept], return_inverse=True)
         numbers, frame = np.unique(self.frame[kept], return_inverse=True)
-        del points
         return TrackObservations(
             self.size,
             point.astype(np.int64),
@@ -94,21 +100,9 @@ class TrackObservations:
 
 
 class GainRobustTracker:
-    """Tracks features from frame to frame.
+    """Tracks features from frame to frame, and keeps observations of one in so many frames."""
 
-    Parameters
-    ----------
-    features
-        Number of features tracked at a time.
-    window_px
-        Edge length of the windows that are compared.
-    every
-        Observations are kept of one in so many frames; features are tracked through all.
-    """
-
-    def __init__(self, features: int = 250, window_px: int = 21, every: int = 2) -> None:
-        self._features = features
-        self._window = (window_px, window_px)
+    def __init__(self, every: int = 2) -> None:
         self._every = every
         self._previous: Image | None = None
         self._points: Float32Array = np.empty((0, 2), np.float32)
@@ -122,45 +116,40 @@ class GainRobustTracker:
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
-        image = frame.image
-        scaled = image if frame.max_grey == 255 else np.rint(image * (255 / frame.max_grey)).astype(np.uint8)
+        image = frame.image_8_bit
         self._size = (image.shape[1], image.shape[0])
         if self._previous is not None and len(self._points):
-            self._track_into(self._previous, scaled)
-        if len(self._points) < _REFILL * self._features:
-            self._detect(scaled)
+            self._track_into(self._previous, image)
+        if len(self._points) < _REFILL * _FEATURES:
+            self._detect(image)
         if self._count % self._every == 0:
-            self._keep(frame.index, scaled)
-        self._previous = scaled
+            self._keep(frame.index, image)
+        self._previous = image
         self._count += 1
 
     def observations(self) -> TrackObservations:
         """Return all observations so far, of points that have at least two."""
         if not self._rows:
-            empty = np.empty(0)
-            none = np.empty(0, np.int64)
+            empty, none = np.empty(0), np.empty(0, np.int64)
             return TrackObservations(self._size, none, none, empty, empty, empty, none)
-        sizes = [row[1].size for row in self._rows]
+        frames, point, grey, radius, weight = zip(*self._rows, strict=True)
         return TrackObservations(
             self._size,
-            np.concatenate([row[1] for row in self._rows]),
-            np.repeat(np.arange(len(sizes)), sizes),
-            np.concatenate([row[2] for row in self._rows]),
-            np.concatenate([row[3] for row in self._rows]),
-            np.concatenate([row[4] for row in self._rows]),
-            np.array([row[0] for row in self._rows], dtype=np.int64),
+            np.concatenate(point),
+            np.repeat(np.arange(len(frames)), [part.size for part in point]),
+            np.concatenate(grey),
+            np.concatenate(radius),
+            np.concatenate(weight),
+            np.array(frames, dtype=np.int64),
         ).since(0)
 
     def _track_into(self, before: Image, after: Image) -> None:
         self.log_gain = log_brightness(after) - log_brightness(before)
         for _ in range(_ROUNDS):
             first, second = equalised(before, after, self.log_gain)
-            moved, found, _ = cv2.calcOpticalFlowPyrLK(
-                first, second, self._points, None, winSize=self._window, maxLevel=4
-            )
-            back, found_back, _ = cv2.calcOpticalFlowPyrLK(
-                second, first, moved, None, winSize=self._window, maxLevel=4
-            )
+            options = {"winSize": (_WINDOW_PX, _WINDOW_PX), "maxLevel": _LEVELS}
+            moved, found, _ = cv2.calcOpticalFlowPyrLK(first, second, self._points, None, **options)
+            back, found_back, _ = cv2.calcOpticalFlowPyrLK(second, first, moved, None, **options)
             good = (found.ravel() > 0) & (found_back.ravel() > 0)
             good &= np.linalg.norm(back - self._points, axis=1) < _BACK_PX
             if not good.any():
@@ -169,33 +158,37 @@ class GainRobustTracker:
             if abs(gain - self.log_gain) < _GAIN_CHANGE:
                 break
             self.log_gain = gain
-        inside = np.all((moved > _MARGIN_PX) & (moved < np.array(self._size) - 1 - _MARGIN_PX), axis=1)
-        self._points, self._track = moved[good & inside], self._track[good & inside]
+        kept = good & self._inside(moved)
+        self._points, self._track = moved[kept], self._track[kept]
 
     def _detect(self, image: Image) -> None:
         mask = np.full(image.shape, 255, np.uint8)
         for x, y in self._points:
             cv2.circle(mask, (round(float(x)), round(float(y))), _OCCUPIED_PX, 0, -1)
-        wanted = self._features - len(self._points)
+        wanted = _FEATURES - len(self._points)
         # Equalised, so that dark parts of the image get features too.
         corners = cv2.goodFeaturesToTrack(cv2.equalizeHist(image), wanted, _QUALITY, _SPACING_PX, mask=mask)
         if corners is None:
             return
         new = corners.reshape(-1, 2).astype(np.float32)
-        new = new[np.all((new > _MARGIN_PX) & (new < np.array(self._size) - 1 - _MARGIN_PX), axis=1)]
+        new = new[self._inside(new)]
         self._points = np.concatenate([self._points, new])
         self._track = np.concatenate([self._track, self._tracks + np.arange(len(new))])
         self._tracks += len(new)
+
+    def _inside(self, places: Float32Array) -> BoolArray:
+        far = np.array(self._size) - 1 - _MARGIN_PX
+        return np.asarray(np.all((places > _MARGIN_PX) & (places < far), axis=1))
 
     def _keep(self, index: int, image: Image) -> None:
         places = (self._points[:, None] + _PATTERN).reshape(-1, 2)
         point = (self._track[:, None] * len(_PATTERN) + np.arange(len(_PATTERN))).ravel()
         smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32)
-        grey = _sampled(smooth, places)
-        across = _sampled(smooth, places + _RIGHT) - _sampled(smooth, places - _RIGHT)
-        down = _sampled(smooth, places + _DOWN) - _sampled(smooth, places - _DOWN)
+        grey = sampled(smooth, places)
+        across = sampled(smooth, places + _RIGHT) - sampled(smooth, places - _RIGHT)
+        down = sampled(smooth, places + _DOWN) - sampled(smooth, places - _DOWN)
         steep = (across**2 + down**2) / 4
-        exposed = (_sampled(cv2.dilate(image, None).astype(np.float32), places) < 254) & (grey > 1.5)
+        exposed = (sampled(cv2.dilate(image, None).astype(np.float32), places) < 254) & (grey > 1.5)
         radius = np.linalg.norm(normalised(places.astype(np.float64), self._size), axis=-1)
         weight = _GRADIENT_SCALE**2 / (_GRADIENT_SCALE**2 + steep)
         self._rows.append(
@@ -203,11 +196,13 @@ class GainRobustTracker:
         )
 
 
-def _sampled(image: Float32Array, places: Float32Array) -> FloatArray:
-    if not len(places):
-        return np.empty(0)
-    x, y = np.ascontiguousarray(places.T, dtype=np.float32)
-    return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR).ravel(), dtype=np.float64)
+def sampled(image: Float32Array, places: npt.ArrayLike) -> FloatArray:
+    """Return an image at pixels (x, y), interpolated linearly, shape (n, 2) -> (n,) or (n, channels)."""
+    maps = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
+    if not len(maps):
+        return np.empty((0, *image.shape[2:]))
+    values = cv2.remap(image, maps, None, cv2.INTER_LINEAR)
+    return np.asarray(values, dtype=np.float64).reshape(len(maps), *image.shape[2:])
 
 
 def log_brightness(image: Image) -> float:
@@ -225,7 +220,7 @@ def equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Imag
 def _gain(before: Image, after: Image, places: Float32Array, moved: Float32Array) -> float:
     """Return the median over features of ln of their brightness after over before."""
     first, second = (
-        _sampled(cv2.blur(image, (7, 7)).astype(np.float32), p) for image, p in ((before, places), (after, moved))
+        sampled(cv2.blur(image, (7, 7)).astype(np.float32), p) for image, p in ((before, places), (after, moved))
     )
     exposed = (first > 3) & (second > 3) & (first < 245) & (second < 245)
     return float(np.median(np.log(second[exposed] / first[exposed]))) if exposed.any() else 0.0

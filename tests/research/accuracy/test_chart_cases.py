@@ -14,7 +14,7 @@ from ospc.evaluation.metrics import response_shape_rmse
 from ospc.photometry.response import Response
 from ospc.research.accuracy.chart_photographs import CHANNELS, read_series, true_response
 from ospc.research.accuracy.charts import ChartSource, chart_sources
-from ospc.research.accuracy.methods import PresetMethods
+from ospc.research.accuracy.design import PresetMethods
 from ospc.research.source import MeasuringTask, measured
 
 PATCH = 40
@@ -71,8 +71,7 @@ def test_jpeg_against_raw_gives_the_response(chart, channel):
 
 
 def test_both_presets_are_judged_and_what_limits_them_is_said(chart):
-    cases, note = chart_sources(chart)
-    assert note == ""
+    cases = chart_sources(chart / "chart_cameras")
     assert [case.factors["channel"] for case in cases] == list(CHANNELS)
     rows = {row.method: row for preset in ("default", "paper") for row in measure(cases[1], preset)}
     assert list(rows) == ["default", "paper", "paper, pixels known"]
@@ -84,10 +83,10 @@ def test_both_presets_are_judged_and_what_limits_them_is_said(chart):
 
 
 def test_a_case_is_recognised_by_its_pixels(chart, tmp_path):
-    case = chart_sources(chart)[0][0]
+    case = chart_sources(chart / "chart_cameras")[0]
     assert case.describe() == case.describe()
     assert case.describe() != replace(case, channel=2).describe()
-    other = chart_sources(write_chart(tmp_path))[0][0]
+    other = chart_sources(write_chart(tmp_path) / "chart_cameras")[0]
     assert case.describe() != other.describe()
 
 
@@ -125,6 +124,6 @@ def test_a_real_camera(real_data):
         pytest.skip(f"no photographs of charts at {folder}")
     exposures, _ = read_series(folder, 1).irradiance()
     assert exposures == pytest.approx([1, 2, 4, 8], rel=0.05)
-    for row in measure(ChartSource(folder, 1), "paper"):
+    for row in measure(ChartSource.of(folder, 1), "paper"):
         assert row.limits["truth_uncertainty"] < 0.005
         assert row.failure == ""

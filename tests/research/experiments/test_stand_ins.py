@@ -49,14 +49,14 @@ def test_without_data_the_camera_is_analytic():
 
 def test_a_given_recording_brings_its_truth(tmp_path):
     simulate(tmp_path / "room", SimulationSettings(size=(64, 48), frames=5))
-    source = GivenSource(tmp_path / "room", 3)
+    source = GivenSource.of(tmp_path / "room", 3)
     assert (source.name, source.count) == ("room", 3)
     assert len(list(source.frames())) == 3
     assert source.truth().response is not None
     assert source.truth().vignette is not None
     (tmp_path / "room" / "pcalib.txt").unlink()
     with pytest.raises(FormatError, match="pcalib"):
-        GivenSource(tmp_path / "room")
+        GivenSource.of(tmp_path / "room")
 
 
 def test_what_cannot_be_simulated_is_refused(data):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ospc.formats.opening import open_photometry
+from ospc.formats.opening import Photometry, open_photometry
 from ospc.recording import open_recording
 from ospc.research.odometry.conditions import chosen
 from ospc.research.odometry.inputs import OdometryInput, images_of
@@ -74,7 +74,7 @@ def source(recording, tmp_path):
 
     def under(name: str) -> OdometryInput:
         (condition,) = chosen([name])
-        photometry = open_photometry(recording.path) if condition.calibrated else None
+        photometry = open_photometry(recording.path) if condition.calibrated else Photometry("none", None, None)
         return OdometryInput.of(recording, images_of(recording, tmp_path / "images"), condition, photometry)
 
     return under

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from ospc.errors import RecordingError, SettingError
-from ospc.evaluation.trajectory import read_trajectory
+from ospc.evaluation.trajectory import AlignmentError, read_trajectory
 from ospc.formats.opening import open_photometry
 from ospc.recording import open_recording
 from ospc.research.odometry.calibrations import Calibrations
 from ospc.research.odometry.conditions import AFFINE, STANDARD, chosen, external
 from ospc.research.odometry.experiment import Experiment, Outcome, end_segments, run_experiment
 from ospc.research.odometry.inputs import OdometryInput, images_of
-from ospc.research.odometry.judging import RunResult
+from ospc.research.odometry.judging import RunResult, Tracked
 from ospc.research.odometry.report import median_table, write_outcome
 
 
@@ -48,7 +48,7 @@ def test_all_runs_are_made_once_and_found_again(experiment, make_program, tmp_pa
     assert stored == [True] * 8
     assert calls(tmp_path) == 8
     # truth, ours and mine are the same files, and so the same runs
-    assert again.results["room", "truth", 0].e_align == pytest.approx(again.results["room", "mine", 0].e_align)
+    assert again.results["room", "truth", 0].error == pytest.approx(again.results["room", "mine", 0].error)
 
 
 def test_another_calibration_program_or_number_of_runs_is_run_anew(experiment, make_program, tmp_path):
@@ -74,11 +74,10 @@ def test_an_interruption_keeps_what_is_finished(experiment, make_program, tmp_pa
 def test_a_calibration_that_cannot_be_made_is_a_failed_run(experiment, make_program):
     wanting = replace(experiment, conditions=(external("absent"), *chosen(["none"])))
     outcome, _ = run(wanting, make_program())
-    assert [outcome.results["room", name, 0].outcome for name in ("absent", "none")] == ["failed", "finished"]
+    assert [outcome.results["room", name, 0].ending for name in ("absent", "none")] == ["failed", "finished"]
     assert "absent" in outcome.notes[0]
     written = write_outcome(wanting, outcome)
-    assert not written.problems
-    assert {p.name for p in written.files} == {
+    assert {p.name for p in written} == {
         "runs.csv",
         "results.json",
         "table.md",
@@ -96,7 +95,7 @@ def test_a_calibration_that_cannot_be_made_is_a_failed_run(experiment, make_prog
         ("none", "0"),
         ("none", "1"),
     ]
-    assert float(rows[2]["e_align"]) == pytest.approx(outcome.results["room", "none", 0].e_align)
+    assert float(rows[2]["e_align"]) == pytest.approx(outcome.results["room", "none", 0].error)
 
 
 def test_estimates_are_made_once_and_the_joint_ones_differ_by_an_exponent(recording, tmp_path):
@@ -113,8 +112,10 @@ def test_estimates_are_made_once_and_the_joint_ones_differ_by_an_exponent(record
 
 
 def result(condition: str, run: int, error: float | None) -> RunResult:
-    outcome = "finished" if error is not None else "lost"
-    return RunResult("room", condition, run, outcome, "", error, None, None, None, 1, 1.0, 1.0)
+    if error is None:
+        return RunResult("room", condition, run, Tracked(None), "lost")
+    errors = AlignmentError(e_align=error, e_s=1.0, e_r_deg=0.0, rmse=0.0, poses=1, first=1, second=1, unmatched=0)
+    return RunResult("room", condition, run, Tracked(None), "finished", errors=errors)
 
 
 def test_the_table_has_medians_the_lowest_marked_and_says_how_many_failed(experiment):

@@ -32,10 +32,10 @@ def truth(simulated):
 @pytest.mark.parametrize("name", ["truth", "none"])
 def test_a_run_gets_the_files_of_its_mode_and_is_judged_up_to_a_similarity(make_program, source, truth, name):
     result, _ = judge(make_program(), source(name), truth)
-    assert result.outcome == "finished", result.reason
+    assert result.ending == "finished", result.reason
     assert result.poses == 40
     assert result.covered == pytest.approx(1)
-    assert result.e_align < 0.01 if name == "truth" else result.e_align > 0.01
+    assert result.error < 0.01 if name == "truth" else result.error > 0.01
 
 
 @pytest.mark.parametrize(
@@ -60,14 +60,14 @@ def test_a_run_gets_the_files_of_its_mode_and_is_judged_up_to_a_similarity(make_
 )
 def test_failures_are_recorded_with_their_reason(make_program, source, truth, behaviour, outcome, reason):
     result, _ = judge(make_program(behaviour), source("truth"), truth)
-    assert (result.outcome, result.e_align) == (outcome, None)
+    assert (result.ending, result.errors) == (outcome, None)
     assert reason in result.reason
     assert result.error == float("inf")
 
 
 def test_a_run_that_gives_up_early_is_lost(make_program, source, truth):
     result, _ = judge(make_program(part=":25"), source("truth"), truth)
-    assert result.outcome == "lost"
+    assert result.ending == "lost"
     assert "62%" in result.reason
     assert result.error == float("inf")
 
@@ -76,7 +76,7 @@ def test_a_run_that_hangs_is_ended(make_program, source, truth):
     result, tracked = judge(
         make_program("print('so far'); sys.stdout.flush(); time.sleep(60)", timeout_s=1.0), source("truth"), truth
     )
-    assert result.outcome == "timeout"
+    assert result.ending == "timeout"
     assert "1 s" in result.reason
     assert "so far" in tracked.log
 

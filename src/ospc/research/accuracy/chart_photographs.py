@@ -26,14 +26,18 @@ ILLUMINANTS = (1, 2)
 CHANNELS = ("blue", "green", "red")
 """In the order the images are decoded in."""
 
-_LARGEST_SIDE = 4096
-_MAX_BYTES = 64 * 2**20
-_MAX_TAGS_BYTES = 2**20
-_NEUTRAL = 6
-_HALF_WINDOW = 12
-_CLIPPED = 245
-_DARKEST_RAW = 4.0
+_LARGEST_SIDE, _MAX_BYTES, _MAX_TAGS_BYTES = 4096, 64 * 2**20, 2**20
+"""Limits on what is read: pixels of a side, bytes of a photograph and of the list of patches."""
+
+_NEUTRAL, _HALF_WINDOW_PX = 6, 12
+"""Number of the neutral patches, and half the side of the window that is read in the middle of a patch."""
+
+_CLIPPED, _DARKEST_RAW = 245, 4.0
+"""RAW values from which a pixel may be clipped, and down to which quantisation is small."""
+
 _ROUNDS = 30
+"""Turns of fitting the exposures and the radiances."""
+
 _DARKEST, _BRIGHTEST = 5, 250
 """Grey values between which responses are compared (the shape metric)."""
 
@@ -56,7 +60,7 @@ class ChartSeries:
 
     def patch_values(self, images: Image) -> tuple[FloatArray, FloatArray]:
         """Return mean and largest value of every patch, shape (4, patches, 3) each."""
-        w = _HALF_WINDOW
+        w = _HALF_WINDOW_PX
         windows = [images[:, max(y - w, 0) : y + w + 1, max(x - w, 0) : x + w + 1] for x, y in self.patches]
         mean = np.stack([p.mean(axis=(1, 2), dtype=np.float64) for p in windows], axis=1)
         largest = np.stack([p.max(axis=(1, 2)) for p in windows], axis=1)

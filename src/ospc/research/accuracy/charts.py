@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import combinations, pairwise
@@ -28,6 +28,7 @@ from ospc.research.accuracy.chart_photographs import (
 )
 from ospc.research.held_out import HeldOut, HeldOutPair
 from ospc.research.scoring import Truth
+from ospc.research.source import Source
 
 FOLDER = "chart_cameras"
 """Name of the folder of all cameras in the folder of real data."""
@@ -40,7 +41,7 @@ _DARKEST, _BRIGHTEST = 5, 250
 
 
 @dataclass(frozen=True)
-class ChartSource:
+class ChartSource(Source):
     """One colour channel of one camera.
 
     Methods get the JPEGs under the first illuminant with the stated exposures; the RAW files give the truth. Exposure
@@ -57,20 +58,11 @@ class ChartSource:
     folder: Path
     channel: int
 
-    @property
-    def name(self) -> str:
-        """Camera and channel."""
-        return f"chart-{self.folder.name}-{CHANNELS[self.channel]}"
-
-    @property
-    def group(self) -> str:
-        """``charts``."""
-        return "charts"
-
-    @property
-    def factors(self) -> dict[str, str]:
-        """Camera and channel."""
-        return {"camera": self.folder.name, "channel": CHANNELS[self.channel]}
+    @classmethod
+    def of(cls, folder: Path, channel: int) -> ChartSource:
+        """Return a channel of a camera, by the names of both."""
+        factors = {"camera": folder.name, "channel": CHANNELS[channel]}
+        return cls(f"chart-{folder.name}-{CHANNELS[channel]}", folder, channel, group="charts", factors=factors)
 
     @property
     def count(self) -> int:
@@ -94,10 +86,6 @@ class ChartSource:
         """Return the response that the RAW files show."""
         known = true_response(self._fitted(), self.channel)
         return Truth(known.response, greys=known.greys, limits=self._limits(known))
-
-    def exposures_ms(self) -> Mapping[int, float]:
-        """Return the stated exposures."""
-        return dict(enumerate(_STATED_MS))
 
     def held_out(self) -> HeldOut:
         """Return every two exposures under the second illuminant, with the ratio that the RAW files show."""
@@ -135,26 +123,21 @@ class ChartSource:
 
 def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> HeldOutPair:
     """Return the pixels that neither of two exposures clips."""
-    kept = (planes[first] > _DARKEST) & (planes[second] < _BRIGHTEST)
-    kept &= (planes[second] > _DARKEST) & (planes[first] < _BRIGHTEST)
+    exposed = (planes > _DARKEST) & (planes < _BRIGHTEST)
+    kept = exposed[first] & exposed[second]
     places = pixel_grid((planes.shape[2], planes.shape[1]))[kept]
     return HeldOutPair(planes[first][kept] / 255, planes[second][kept] / 255, places, places, ratio)
 
 
-def chart_sources(data: Path | None) -> tuple[list[ChartSource], str]:
-    """Return the cameras in the folder of real data, or a note on why there are none.
+def chart_sources(folder: Path) -> list[ChartSource]:
+    """Return every channel of the cameras in a folder.
 
     Raises
     ------
     FormatError
-        If the folder holds no camera.
+        If it holds no camera.
     """
-    if data is None:
-        return [], "--data is not given: no photographs of charts"
-    place = data / FOLDER
-    if not place.is_dir():
-        return [], f"{place} is not there: no photographs of charts"
-    cameras = sorted(p for p in place.iterdir() if (p / "wb1i1e1-jpg.png").is_file())
+    cameras = sorted(p for p in folder.iterdir() if (p / "wb1i1e1-jpg.png").is_file())
     if not cameras:
-        raise FormatError(f"{place}: holds no folder with wb1i1e1-jpg.png; give the folder of real data as it came")
-    return [ChartSource(camera, channel) for camera in cameras for channel in range(len(CHANNELS))], ""
+        raise FormatError(f"{folder}: holds no folder with wb1i1e1-jpg.png; give the folder of real data as it came")
+    return [ChartSource.of(camera, channel) for camera in cameras for channel in range(len(CHANNELS))]

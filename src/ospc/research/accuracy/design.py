@@ -1,27 +1,33 @@
-"""The fixed set of recordings: a balanced selection instead of every combination of the factors.
+"""The accuracy benchmark: a fixed set of recordings, and the methods that are measured on them.
 
-Every response is combined with every vignette once. The four recordings of a response have the four combinations of
-noise and moving objects, once each. The assignment of vignettes to these combinations changes from response to
-response, so that each vignette, too, has both noise levels and both kinds of scene equally often, within one. Every
-recording has its own scene, motion and noise.
+The simulated recordings are a balanced selection instead of every combination of the factors. Every response is
+combined with every vignette once. The four recordings of a response have the four combinations of noise and moving
+objects, once each. The assignment of vignettes to these combinations changes from response to response, so that each
+vignette, too, has both noise levels and both kinds of scene equally often, within one. Every recording has its own
+scene, motion and noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from ospc.errors import SettingError
 from ospc.photometry.response import Response
-from ospc.research.accuracy.charts import chart_sources
+from ospc.research.accuracy.charts import FOLDER as CHARTS
+from ospc.research.accuracy.charts import ChartSource, chart_sources
 from ospc.research.accuracy.measured_responses import FILE, read_database
-from ospc.research.accuracy.real_video import video_sources
-from ospc.research.source import SimulatedSource, Source
+from ospc.research.accuracy.real_video import FOLDER as VIDEO
+from ospc.research.accuracy.real_video import VideoSource
+from ospc.research.method import Estimate, Method, Outcome
+from ospc.research.own_methods import methods_of_preset, quadratic_on_known_pixels
+from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
+from ospc.settings import as_dict, preset
 from ospc.simulation import SimulationSettings
 from ospc.simulation.settings import NoisePreset
 
@@ -48,6 +54,32 @@ _Named: TypeAlias = tuple[str, str, str | Response]
 """The name of a response, its level of the factor "response", and the response."""
 
 
+@dataclass(frozen=True)
+class PresetMethods(Methods):
+    """The methods of a preset, by its name."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return the settings."""
+        return as_dict(preset(self.name))
+
+    def make(self, source: Source) -> dict[str, Method]:
+        """Return the methods; "paper" is run with every solver where the vignette can be known."""
+        return methods_of_preset(self.name, solvers=source.group == "simulated")
+
+    def references(self, source: Source) -> dict[str, Outcome]:
+        """Return what else a real recording has to compare with.
+
+        With "paper", that is its estimator on chart pixels that are known to correspond, since a chart has hardly any
+        features; with "default", the laboratory calibration by the makers of the video.
+        """
+        if self.name == "paper" and isinstance(source, ChartSource):
+            height, width = next(source.frames()).image.shape
+            return {"paper, pixels known": quadratic_on_known_pixels(source.known_pixels(), (width, height))}
+        if self.name == "default" and isinstance(source, VideoSource):
+            return {"makers' laboratory": Estimate(source.truth().response)}
+        return {}
+
+
 def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Source], list[str]]:
     """Return all recordings, and notes on what is left out or replaced.
 
@@ -63,10 +95,23 @@ def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Sour
     OspcError
         If a file of the folder does not hold what it should.
     """
-    measured, notes = _measured(data)
-    (videos, no_videos), (charts, no_charts) = video_sources(data), chart_sources(data)
-    sources: list[Source] = [*moving_sources(measured, frames), *static_sources(frames), *videos, *charts]
-    return sources, [note for note in (*notes, no_videos, no_charts) if note]
+    database, no_database = _given(data, FILE, "gamma curves take the place of measured responses")
+    video, no_video = _given(data, VIDEO, "no real video")
+    charts, no_charts = _given(data, CHARTS, "no photographs of charts")
+    sources: list[Source] = [*moving_sources(_measured(database), frames), *static_sources(frames)]
+    if video is not None:
+        sources.append(VideoSource(VIDEO, video))
+    if charts is not None:
+        sources += chart_sources(charts)
+    return sources, [note for note in (no_database, no_video, no_charts) if note]
+
+
+def _given(data: Path | None, part: str, otherwise: str) -> tuple[Path | None, str]:
+    """Return the path of a part of the real data, or None and a note on what happens without it."""
+    if data is None:
+        return None, f"--data is not given: {otherwise}"
+    place = data / part
+    return (place, "") if place.exists() else (None, f"{place} is not there: {otherwise}")
 
 
 def select(sources: Sequence[Source], pattern: str | None) -> list[Source]:
@@ -88,15 +133,7 @@ def select(sources: Sequence[Source], pattern: str | None) -> list[Source]:
 
 
 def moving_sources(measured: list[tuple[str, Response]], frames: int) -> list[SimulatedSource]:
-    """Return the simulated recordings with the camera in motion.
-
-    Parameters
-    ----------
-    measured
-        Eight named responses, which take the places of two.
-    frames
-        Number of frames of each.
-    """
+    """Return the simulated recordings with the camera in motion; eight measured responses take the places of two."""
     families: list[list[_Named]] = [[(name, name, name)] * len(_VIGNETTES) for name in _NAMED]
     kind = measured[0][0].rstrip("0123456789.")
     families += [
@@ -128,35 +165,30 @@ def _moving_source(place: int, column: int, frames: int, named: _Named) -> Simul
     if coefficients:
         settings = replace(settings, vignette_coefficients=coefficients)
     factors = {"response": family, "vignette": vignette, "noise": noise, "scene": scene}
-    return SimulatedSource(f"{name}-{vignette}-{noise}-{scene}", settings, factors, with_pairs=True)
+    return SimulatedSource(f"{name}-{vignette}-{noise}-{scene}", settings, with_pairs=True, factors=factors)
 
 
 def static_sources(frames: int) -> list[SimulatedSource]:
     """Return sweeps of the exposure with the camera at rest."""
-    sources: list[SimulatedSource] = []
-    for number, response in enumerate(("srgb", "tum_narrow")):
-        settings = SimulationSettings(
-            frames=max(2, round(frames * STATIC_FRAMES / FRAMES)),
-            seed=_SEED + 100 + number,
-            response=response,
-            motion="static",
-            exposure="sweep",
-            exposure_min_ms=1.0,
-            exposure_max_ms=60.0,
+    count = max(2, round(frames * STATIC_FRAMES / FRAMES))
+    return [
+        SimulatedSource(
+            f"static-{response}",
+            replace(SWEEP, frames=count, seed=_SEED + 100 + number, response=response),
+            with_pairs=True,
+            group="static",
+            factors={"response": response},
         )
-        sources.append(SimulatedSource(f"static-{response}", settings, {"response": response}, True))
-    return sources
+        for number, response in enumerate(("srgb", "tum_narrow"))
+    ]
 
 
-def _measured(data: Path | None) -> tuple[list[tuple[str, Response]], list[str]]:
+def _measured(database: Path | None) -> list[tuple[str, Response]]:
     """Return eight responses: measured ones, or gamma curves where no database is given."""
     random = np.random.default_rng(_SEED)
-    place = None if data is None else data / FILE
-    if place is None or not place.is_file():
-        where = "--data is not given" if place is None else f"{place} is not there"
-        note = f"{where}: gamma curves take the place of measured responses"
+    if database is None:
         exponents = np.sort(random.uniform(1.2, 3.0, _MEASURED))
-        return [(f"gamma{e:.2f}", Response.gamma(float(round(e, 2)), 2041)) for e in exponents], [note]
-    curves = read_database(place)
+        return [(f"gamma{e:.2f}", Response.gamma(float(round(e, 2)), 2041)) for e in exponents]
+    curves = read_database(database)
     chosen = np.sort(random.choice(len(curves), _MEASURED, replace=len(curves) < _MEASURED))
-    return [(f"measured{number}", curves[number]) for number in chosen], []
+    return [(f"measured{number}", curves[number]) for number in chosen]

@@ -12,7 +12,7 @@ from ospc.errors import FormatError
 from ospc.photometry.response import Response
 from ospc.simulation.responses import LEVELS
 
-FILE = Path("responses") / "dorf_201.mat"
+FILE = "responses/dorf_201.mat"
 """Place of the database in the folder of real data."""
 
 _MAX_FILE_BYTES = 64 * 2**20

@@ -1,30 +1,37 @@
-"""A real hand-held video with a true exposure for each frame: some frames for fitting, the others for judging."""
+"""A real hand-held video with a true exposure for each frame: some frames for fitting, the others for judging.
+
+The frames for judging are read in another way than any method here reads them: SIFT on frames of equal histograms, a
+homography to sort out wrong matches, and then not the features themselves but flat ground beside them. With the
+displacement of its nearest feature, a flat place is read well even if that is a pixel off.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
-from pathlib import Path
-from typing import Any
 
+import cv2
 import numpy as np
+from scipy.spatial import KDTree
 
+from ospc.arrays import BoolArray, Float32Array, FloatArray
 from ospc.formats.dso import read_pcalib
+from ospc.photometry.geometry import normalised
 from ospc.recording import Frame, open_recording
-from ospc.recording.identity import identity
-from ospc.research.accuracy.flat_matches import SampledFrame, flat_pair
 from ospc.research.held_out import HeldOut, HeldOutPair
 from ospc.research.scoring import Truth
+from ospc.research.source import PCALIB, GivenSource
+from ospc.unknown_exposures.tracking import sampled
 
 FOLDER = "borealhdr_left"
 """Name of the recording in the folder of real data."""
 
 _FITTED_FRAMES = 40
-_FARTHEST = 3
-"""Most frames between the two of a pair."""
+"""Frames that methods get; the rest judges them."""
 
-_FEWEST_PLACES = 50
+_FARTHEST, _FEWEST_PLACES = 3, 50
+"""Most frames between the two of a pair, and the flat places that it needs."""
+
 _FACTOR, _FACTOR_TOLERANCE = 8.0, 0.05
 """The exposure factor whose prediction is reported, and the largest difference of ln that counts as this factor."""
 
@@ -34,54 +41,29 @@ _LABORATORY_GREYS = (5, 215)
 _MAX_RADIAL_DISPLACEMENT = 0.01
 """This video does not show the camera's vignette; pairs that depend on it would judge the motion."""
 
+_FEATURES, _RATIO, _FEWEST_MATCHES = 3000, 0.8, 20
+"""SIFT features of a frame, distance of the best over the second match (Lowe 2004), and matches of two frames."""
+
+_OUTLIER_PX = 4.0
+"""Distance from the homography at which a match is wrong: a scene with depth is no plane."""
+
+_NEAREST_PX, _SPACING_PX = 24.0, 4
+"""Largest distance of a place from a feature, whose displacement it shares, and spacing of the places."""
+
+_SMOOTHING_PX, _FLAT = 2.0, 0.004
+"""Standard deviation of the smoothing, and gradient in full scale per pixel up to which a place is flat."""
+
 
 @dataclass(frozen=True)
-class VideoSource:
-    """The video. Methods get its first frames; pairs of the others judge them.
+class VideoSource(GivenSource):
+    """The video with its makers' ``pcalib.txt``. Methods get its first frames; pairs of the others judge them."""
 
-    Attributes
-    ----------
-    path
-        Its folder, in the layout of the TUM monocular data set with the makers' ``pcalib.txt``.
-    """
-
-    path: Path
-
-    @property
-    def name(self) -> str:
-        """Name of the folder."""
-        return self.path.name
-
-    @property
-    def group(self) -> str:
-        """``video``."""
-        return "video"
-
-    @property
-    def factors(self) -> dict[str, str]:
-        """Nothing varies."""
-        return {}
-
-    @property
-    def count(self) -> int:
-        """Number of frames that methods get."""
-        return _FITTED_FRAMES
-
-    def describe(self) -> dict[str, Any]:
-        """Return what identifies the recording, and how it is split."""
-        return {"kind": "video", **identity(open_recording(self.path)), "fitted": _FITTED_FRAMES}
-
-    def frames(self) -> Iterator[Frame]:
-        """Give the frames for fitting."""
-        return islice(iter(open_recording(self.path)), _FITTED_FRAMES)
+    most_frames: int | None = _FITTED_FRAMES
+    group: str = field(default="video", kw_only=True)
 
     def truth(self) -> Truth:
         """Return the makers' own laboratory calibration."""
-        return Truth(read_pcalib(self.path / "pcalib.txt"), greys=_LABORATORY_GREYS)
-
-    def exposures_ms(self) -> Mapping[int, float]:
-        """Return the exposures of the metadata."""
-        return dict(enumerate(np.asarray(open_recording(self.path).exposures_ms).tolist()))
+        return Truth(read_pcalib(self.path / PCALIB), greys=_LABORATORY_GREYS)
 
     def held_out(self) -> HeldOut:
         """Return pairs of the frames for judging; the factor is that of pairs that differ eightfold."""
@@ -92,22 +74,115 @@ class VideoSource:
 
 def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
     """Return the flat places of every two frames of different exposure that are at most three apart."""
-    sampled = [SampledFrame.of(frame) for frame in frames]
+    read = [SampledFrame.of(frame) for frame in frames]
     greys = (_LABORATORY_GREYS[0] / 255, _LABORATORY_GREYS[1] / 255)
     pairs = (
         flat_pair(first, second, greys, _MAX_RADIAL_DISPLACEMENT)
-        for place, first in enumerate(sampled)
-        for second in sampled[place + 1 : place + 1 + _FARTHEST]
+        for place, first in enumerate(read)
+        for second in read[place + 1 : place + 1 + _FARTHEST]
         if first.exposure_ms != second.exposure_ms
     )
     return [pair for pair in pairs if pair is not None and len(pair.grey0) >= _FEWEST_PLACES]
 
 
-def video_sources(data: Path | None) -> tuple[list[VideoSource], str]:
-    """Return the video in the folder of real data, or a note on why there is none."""
-    if data is None:
-        return [], "--data is not given: no real video"
-    place = data / FOLDER
-    if not place.is_dir():
-        return [], f"{place} is not there: no real video"
-    return [VideoSource(place)], ""
+@dataclass(frozen=True)
+class SampledFrame:
+    """A frame with its features and what tells flat places.
+
+    Attributes
+    ----------
+    exposure_ms
+        Its exposure.
+    points, descriptors
+        SIFT features, shapes (n, 2) and (n, 128).
+    grey
+        Smoothed grey levels in [0, 1], shape (height, width).
+    gradient
+        Their gradient per pixel, shape (height, width).
+    """
+
+    exposure_ms: float
+    points: FloatArray
+    descriptors: Float32Array
+    grey: Float32Array
+    gradient: Float32Array
+
+    @classmethod
+    def of(cls, frame: Frame) -> SampledFrame:
+        """Find the features and flat places of a frame.
+
+        Raises
+        ------
+        FrameError
+            If its image cannot be read.
+        """
+        grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
+        equalised = cv2.equalizeHist(np.rint(grey * 255).astype(np.uint8))
+        key_points, descriptors = cv2.SIFT_create(nfeatures=_FEATURES).detectAndCompute(equalised, None)
+        found = np.array([point.pt for point in key_points], dtype=np.float64).reshape(-1, 2)
+        smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX)
+        gradient = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)) / 8
+        return cls(
+            frame.exposure_ms,
+            found,
+            np.zeros((0, 128), np.float32) if descriptors is None else descriptors.astype(np.float32),
+            np.asarray(smooth, dtype=np.float32),
+            np.asarray(gradient, dtype=np.float32),
+        )
+
+
+def flat_pair(
+    first: SampledFrame, second: SampledFrame, greys: tuple[float, float], max_radial_displacement: float
+) -> HeldOutPair | None:
+    """Return the grey levels of flat places in both frames; None where the frames do not match.
+
+    Parameters
+    ----------
+    first, second
+        The frames.
+    greys
+        Lowest and highest grey level, in [0, 1], of what is returned. Smoothing leaves so little noise that choosing
+        by grey level does not choose by noise.
+    max_radial_displacement
+        Largest |R₀ − R₁| of what is returned: none that the vignette could be seen in.
+    """
+    points0, points1 = _matches(first, second)
+    if len(points0) < _FEWEST_MATCHES:
+        return None
+    height, width = first.grey.shape
+    x, y = np.meshgrid(np.arange(0, width, _SPACING_PX), np.arange(0, height, _SPACING_PX))
+    places0 = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+    distance, nearest = KDTree(points0).query(places0)
+    places1 = places0 + (points1 - points0)[nearest]
+    margin = 4 * _SMOOTHING_PX
+    far = np.array([width, height]) - 1 - margin
+    near = (distance < _NEAREST_PX) & _within(places0, margin, far) & _within(places1, margin, far)
+    places0, places1 = places0[near], places1[near]
+    grey0, grey1 = sampled(first.grey, places0), sampled(second.grey, places1)
+    flat = (sampled(first.gradient, places0) < _FLAT) & (sampled(second.gradient, places1) < _FLAT)
+    exposed = (np.minimum(grey0, grey1) > greys[0]) & (np.maximum(grey0, grey1) < greys[1])
+    radius0, radius1 = (np.linalg.norm(normalised(p, (width, height)), axis=1) for p in (places0, places1))
+    kept = flat & exposed & (np.abs(radius0 - radius1) < max_radial_displacement)
+    ratio = first.exposure_ms / second.exposure_ms
+    return HeldOutPair(grey0[kept], grey1[kept], places0[kept], places1[kept], ratio)
+
+
+def _matches(first: SampledFrame, second: SampledFrame) -> tuple[FloatArray, FloatArray]:
+    none = np.empty((0, 2)), np.empty((0, 2))
+    if min(len(first.points), len(second.points)) < 2:
+        return none
+    found = cv2.BFMatcher(cv2.NORM_L2).knnMatch(first.descriptors, second.descriptors, k=2)
+    good = [(m.queryIdx, m.trainIdx) for m, n in found if m.distance < _RATIO * n.distance]
+    if len(good) < _FEWEST_MATCHES:
+        return none
+    index0, index1 = np.array(good).T
+    points0, points1 = first.points[index0], second.points[index1]
+    # A scene with depth is no plane; the tolerance takes in what lies near the dominant one.
+    cv2.setRNGSeed(0)
+    _, mask = cv2.findHomography(points0, points1, cv2.RANSAC, _OUTLIER_PX)
+    agree = np.zeros(len(points0), bool) if mask is None else mask.ravel() > 0
+    return points0[agree], points1[agree]
+
+
+def _within(places: FloatArray, margin: float, far: FloatArray) -> BoolArray:
+    return np.asarray(np.all((places >= margin) & (places <= far), axis=1))

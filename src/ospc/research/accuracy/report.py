@@ -7,11 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ospc.research.measurement import Measurement, metrics
+from ospc.research.measurement import (
+    Measurement,
+    Spread,
+    contest,
+    known_metrics,
+    methods_of,
+    metrics,
+    recordings_of,
+    spread,
+)
 from ospc.research.pictures import Comparison, draw_errors
 from ospc.research.store import source_hash
-from ospc.research.summary import Spread, contest, groups_of, known_metrics, methods_of, spread
-from ospc.research.tables import Table, Written, as_json, measurements_csv, write
+from ospc.research.tables import Table, as_json, measurements_csv, write
 from ospc.settings import as_dict, preset
 from ospc.versions import versions
 
@@ -35,13 +43,10 @@ _Outcome = TypeVar("_Outcome", bound=Hashable)
 
 def write_accuracy(
     folder: Path, rows: Sequence[Measurement], presets: Sequence[str], notes: Sequence[str]
-) -> Written:
+) -> list[Path]:
     """Write ``results.json``, ``results.csv``, ``table.md`` and ``errors.png``.
 
-    Raises
-    ------
-    SettingError
-        If they cannot be written.
+    Errors are those of :func:`~ospc.research.tables.write`.
     """
     made = ", ".join(f"{name} {version}" for name, version in versions().items())
     heading = ["# Accuracy\n", _NOTE + "\n", *(f"- {note}\n" for note in notes)]
@@ -63,9 +68,29 @@ def content_of(rows: Sequence[Measurement], presets: Sequence[str], notes: Seque
         "source_sha256": source_hash(),
         "presets": {name: as_dict(preset(name)) for name in presets},
         "notes": list(notes),
-        "summary": {group: _spreads(members) for group, members in groups_of(rows).items()},
+        "summary": {group: _spreads(members) for group, members in _groups_of(rows).items()},
         "measurements": [row.summary() for row in rows],
     }
+
+
+def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:
+    """Return for each group: a summary, how often a method is nearer, medians by factor, and every measurement."""
+    tables: list[Table] = []
+    for group, members in _groups_of(rows).items():
+        title = _TITLES.get(group, group)
+        tables.append(_summary(title, members))
+        if len(recordings_of(members)) > 1:
+            tables.append(_contests(f"{title}: how often the first came nearer", members))
+            tables.append(_by_factor(f"{title}: medians by factor", members))
+        tables.append(_every(f"{title}: every recording", members))
+    return [table for table in tables if table.rows]
+
+
+def _groups_of(rows: Sequence[Measurement]) -> dict[str, list[Measurement]]:
+    groups: dict[str, list[Measurement]] = {}
+    for row in rows:
+        groups.setdefault(row.group, []).append(row)
+    return groups
 
 
 def _spreads(rows: Sequence[Measurement]) -> dict[str, dict[str, Any]]:
@@ -75,22 +100,9 @@ def _spreads(rows: Sequence[Measurement]) -> dict[str, dict[str, Any]]:
     }
 
 
-def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:
-    """Return for each group: a summary, how often a method is nearer, medians by factor, and every measurement."""
-    tables: list[Table] = []
-    for group, members in groups_of(rows).items():
-        title = _TITLES.get(group, group)
-        tables.append(_summary(title, members))
-        if len({row.recording for row in members}) > 1:
-            tables.append(_contests(f"{title}: how often the first came nearer", members))
-            tables.append(_by_factor(f"{title}: medians by factor", members))
-        tables.append(_every(f"{title}: every recording", members))
-    return [table for table in tables if table.rows]
-
-
 def _summary(title: str, members: Sequence[Measurement]) -> Table:
     """Return a line for each metric, with typical and worst value of each method."""
-    several = len({row.recording for row in members}) > 1
+    several = len(recordings_of(members)) > 1
     header = ["metric"]
     for method in methods_of(members):
         header += [f"{method}: typical", "worst"] if several else [method]
@@ -99,7 +111,7 @@ def _summary(title: str, members: Sequence[Measurement]) -> Table:
         line = [metric.label]
         for method in methods_of(members):
             found = spread(members, method, metric)
-            typical = metric.text(None if found is None else found.typical)
+            typical = metric.text(_typical(found))
             if found is not None and found.known < found.cases:
                 typical += f" ({found.known} of {found.cases})"
             line += [typical, metric.text(None if found is None else found.worst)] if several else [typical]
@@ -139,7 +151,7 @@ def _by_factor(title: str, members: Sequence[Measurement]) -> Table:
 def _every(title: str, members: Sequence[Measurement]) -> Table:
     shown = known_metrics(members)
     limits = list(dict.fromkeys(name for row in members for name in row.limits))
-    order = list(dict.fromkeys(row.recording for row in members))
+    order = recordings_of(members)
     lines = [
         (
             row.recording,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray
+from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
+from ospc.estimation.robust import robust_scale
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.report.style import BLUE, GREY, ORANGE, new_figure, rules, save
 from ospc.research.runner import OnProgress
 from ospc.research.source import Source
 from ospc.research.store import made_with
-from ospc.research.tables import Written, as_csv, write
+from ospc.research.tables import as_csv, write
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
@@ -31,9 +32,6 @@ _EXPOSED = (0.04, 0.96)
 
 _FEWEST_VIEWS = 3
 """Observations of a point that residuals are counted of: with fewer its radiance fits too well."""
-
-_MAD_TO_SIGMA = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None
     tracks = tracker.observations()
     if not tracks.grey.size:
         raise NotObservableError(f"{source.name}: no point could be tracked")
-    log_e = np.log(exposures[tracks.frames])
+    log_e = np.log(exposures[tracks.frames])[tracks.frame]
     residuals = [_residuals(tracks, truth.response, truth.vignette, float(gamma), log_e) for gamma in EXPONENTS]
     free, known = zip(*residuals, strict=True)
     ends = [_estimate_from(tracks, start) for start in STARTS]
@@ -122,26 +120,16 @@ def _residuals(
     log_v = np.log(np.interp(tracks.radius, (np.arange(profile.size) + 0.5) / profile.size, profile))
     log_g = np.log(np.maximum(response.inverse(tracks.grey), 1e-6))
     inside = (tracks.grey > _EXPOSED[0]) & (tracks.grey < _EXPOSED[1])
-    log_e = log_e[tracks.frame]
-    free = _unexplained(tracks, inside, gamma * log_g, gamma * (log_v + log_e), response, gamma)
-    known = _unexplained(tracks, inside, gamma * log_g, gamma * log_v + log_e, response, gamma)
-    return free, known
-
-
-def _unexplained(  # noqa: PLR0917 - one formula
-    tracks: TrackObservations,
-    inside: BoolArray,
-    log_g: FloatArray,
-    log_ev: FloatArray,
-    response: Response,
-    gamma: float,
-) -> float:
     counts = np.maximum(np.bincount(tracks.point, weights=inside), 1)
-    log_l = np.bincount(tracks.point, weights=inside * (log_g - log_ev)) / counts
-    predicted = response(np.exp((log_ev + log_l[tracks.point]) / gamma))
     several = inside & (counts[tracks.point] >= _FEWEST_VIEWS)
-    # The median, because a few tracks have left their points.
-    return float(_MAD_TO_SIGMA * np.median(np.abs((tracks.grey - predicted)[several])))
+
+    def unexplained(log_ev: FloatArray) -> float:
+        log_l = np.bincount(tracks.point, weights=inside * (gamma * log_g - log_ev)) / counts
+        predicted = response(np.exp((log_ev + log_l[tracks.point]) / gamma))
+        # Robust, because a few tracks have left their points.
+        return robust_scale((tracks.grey - predicted)[several])
+
+    return unexplained(gamma * (log_v + log_e)), unexplained(gamma * log_v + log_e)
 
 
 def _estimate_from(tracks: TrackObservations, exponent: float) -> JointEstimate:
@@ -161,27 +149,21 @@ def _exponent_of(found: JointEstimate, truth: Response) -> float:
     return float(estimate @ true / (true @ true))
 
 
-def write_ambiguity(found: Ambiguity, name: str, folder: Path) -> Written:
-    """Write ``ambiguity.csv``, ``starts.csv`` and ``ambiguity.png``.
-
-    Raises
-    ------
-    SettingError
-        If they cannot be written.
-    """
-    by_exponent = zip(found.exponents, found.free, found.known, strict=True)
-    by_start = zip(found.starts, found.reached, found.costs, strict=True)
-    texts = {
-        "ambiguity.csv": as_csv(
-            ["exponent", "residual_exposures_free", "residual_exposures_known"], map(_rounded, by_exponent)
-        ),
-        "starts.csv": as_csv(["start_exponent", "end_exponent", "cost"], map(_rounded, by_start)),
+def write_ambiguity(found: Ambiguity, name: str, folder: Path) -> list[Path]:
+    """Write ``ambiguity.csv``, ``starts.csv`` and ``ambiguity.png``; see :func:`~ospc.research.tables.write`."""
+    by_exponent = {
+        "exponent": found.exponents,
+        "residual_exposures_free": found.free,
+        "residual_exposures_known": found.known,
     }
+    by_start = {"start_exponent": found.starts, "end_exponent": found.reached, "cost": found.costs}
+    texts = {"ambiguity.csv": _columns(by_exponent), "starts.csv": _columns(by_start)}
     return write(folder, texts, {"ambiguity.png": partial(_draw, found, name)})
 
 
-def _rounded(values: Sequence[float]) -> list[str]:
-    return [f"{value:.6g}" for value in values]
+def _columns(columns: Mapping[str, Sequence[float]]) -> str:
+    rows = zip(*columns.values(), strict=True)
+    return as_csv(columns, ([f"{value:.6g}" for value in row] for row in rows))
 
 
 def _draw(found: Ambiguity, name: str, path: Path) -> Path:

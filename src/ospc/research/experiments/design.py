@@ -6,14 +6,19 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from ospc.research.measurement import METRICS
-from ospc.research.method import Method, Outcome
+from ospc.photometry.response import Response
+from ospc.research.measurement import metrics
+from ospc.research.method import Method
 from ospc.research.own_methods import VIGNETTE_SOLVERS, OwnMethod, PaperVariants, SolversKnowingResponse
 from ospc.research.pictures import Comparison
 from ospc.research.rivals.bergmann import Bergmann
-from ospc.research.rivals.camera_at_rest import METHODS, CameraAtRest
+from ospc.research.rivals.camera_at_rest import CameraAtRest, ExposureSeries
+from ospc.research.rivals.debevec_malik import debevec_malik
+from ospc.research.rivals.engel import engel_response
 from ospc.research.rivals.kim_pollefeys import KimPollefeys
-from ospc.research.source import Source
+from ospc.research.rivals.mitsunaga_nayar import mitsunaga_nayar
+from ospc.research.rivals.robertson import robertson
+from ospc.research.source import Methods, Source
 from ospc.settings import PaperSettings
 
 FEATURES = ("sift", "surf", "orb")
@@ -24,18 +29,26 @@ _PAPER_THRESHOLDS = (0.92, 1.08)
 _UNCHECKED = PaperSettings(acceptance_tolerance=1e3)
 """The paper's method without its check: the paper compares the results of solvers, not what the check accepts."""
 
+_AT_REST: dict[str, Callable[[ExposureSeries], Response]] = {
+    "debevec-malik": debevec_malik,
+    "robertson": robertson,
+    "mitsunaga-nayar": lambda series: mitsunaga_nayar(series).response,
+    "engel": engel_response,
+}
 _SLOW = 0.5
 """Speed of stand-ins whose features are matched over 30 frames, as in the paper's recordings."""
 
 
+def _none(_source: Source) -> dict[str, Method]:
+    return {}
+
+
 @dataclass(frozen=True)
-class Experiment:
-    """One of the paper's figures or tables, or a comparison with methods of other papers.
+class Experiment(Methods):
+    """One of the paper's figures or tables, or a comparison with methods of other papers, by the name of its command.
 
     Attributes
     ----------
-    name
-        Name of the command.
     comparison
         The picture of errors.
     stand_ins
@@ -48,44 +61,30 @@ class Experiment:
         Factor of the speed of the simulated motion.
     at_rest
         Whether the simulated camera is at rest.
+    with_ratios
+        Whether exposure ratios are compared with the metadata too.
     """
 
-    name: str
     comparison: Comparison
     stand_ins: tuple[int, int]
     variants: dict[str, dict[str, PaperSettings]] = field(default_factory=dict)
-    rivals: Callable[[Source], dict[str, Method]] = lambda _source: {}
+    rivals: Callable[[Source], dict[str, Method]] = _none
     speed: float = 1.0
     at_rest: bool = False
-
-    def methods(self, source: Source) -> dict[str, Method]:
-        """Return new methods for a recording."""
-        return {**self.rivals(source), **{name: PaperVariants(group) for name, group in self.variants.items()}}
-
-
-@dataclass(frozen=True)
-class ExperimentMethods:
-    """The methods of an experiment, by its name."""
-
-    name: str
+    with_ratios: bool = False
 
     def describe(self) -> dict[str, Any]:
-        """Return the experiment and the settings of its variants; other settings are part of the source."""
-        groups = EXPERIMENTS[self.name].variants
-        settings = {name: asdict(one) for group in groups.values() for name, one in group.items()}
+        """Return the settings of the variants; other settings are part of the source."""
+        settings = {name: asdict(one) for group in self.variants.values() for name, one in group.items()}
         return {"experiment": self.name, "variants": settings}
 
     def make(self, source: Source) -> dict[str, Method]:
         """Return new methods for a recording."""
-        return EXPERIMENTS[self.name].methods(source)
-
-    def references(self, _source: Source) -> dict[str, Outcome]:
-        """Return none."""
-        return {}
+        return {**self.rivals(source), **{name: PaperVariants(group) for name, group in self.variants.items()}}
 
 
 def _compared(title: str, figure: str, varied: dict[str, float] | None = None, axis: str = "") -> Comparison:
-    return Comparison(title, tuple(m for m in METRICS if m.figure == figure), varied or {}, axis)
+    return Comparison(title, metrics(figure), varied or {}, axis)
 
 
 def _ours(_source: Source) -> dict[str, Method]:
@@ -109,7 +108,7 @@ def _solver_rivals(source: Source) -> dict[str, Method]:
 
 
 def _static_rivals(source: Source) -> dict[str, Method]:
-    return {**_ours(source), **{name: CameraAtRest(name) for name in METHODS}}
+    return {**_ours(source), **{name: CameraAtRest(name, response_of) for name, response_of in _AT_REST.items()}}
 
 
 def _threshold(high: float) -> PaperSettings:
@@ -124,6 +123,7 @@ _ALL = (
         (1, 600),
         {"paper": {"paper": PaperSettings()}},
         _ours,
+        with_ratios=True,
     ),
     Experiment(
         "joint",

@@ -3,47 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
-from ospc.errors import FormatError
-from ospc.formats.files import read_text
 from ospc.research.experiments.design import Experiment
-from ospc.research.measurement import Measurement, metrics
-from ospc.research.method import Exposures
+from ospc.research.measurement import Measurement, medians, methods_of, metrics, recordings_of
 from ospc.research.pictures import draw_curves, draw_errors
 from ospc.research.scoring import curves_of
 from ospc.research.source import Source
-from ospc.research.summary import medians, methods_of
-from ospc.research.tables import Table, Written, as_csv, measurements_csv, write
+from ospc.research.tables import Table, as_csv, measurements_csv, write
 
 _SHOWN = metrics("response_rmse", "response_shape_rmse", "log_ratio_error", "vignette_rmse", "exposure_error")
 """The metrics of the table."""
 
-_MOST_BYTES = 64_000_000
-
 
 def write_experiment(
     experiment: Experiment, sources: Sequence[Source], rows: Sequence[Measurement], folder: Path
-) -> Written:
+) -> list[Path]:
     """Write ``measurements.csv``, ``table.md`` and ``errors.png``, and the curves found on each recording.
 
-    Raises
-    ------
-    SettingError
-        If they cannot be written.
+    Errors are those of :func:`~ospc.research.tables.write`.
     """
     texts = {"measurements.csv": measurements_csv(rows), "table.md": median_table(rows).as_markdown()}
-    pictures = {"errors.png": partial(draw_errors, experiment.comparison, rows)}
+    pictures: dict[str, Callable[[Path], Path]] = {"errors.png": partial(draw_errors, experiment.comparison, rows)}
     for source in sources:
         found = [row for row in rows if row.recording == source.name]
-        truth = source.truth()
-        curves = {"truth": curves_of(truth.response, truth.vignette), **{row.method: row.curves for row in found}}
+        curves = {"truth": curves_of(source.truth()), **{row.method: row.curves for row in found}}
         texts[f"curves-{source.name}.csv"] = _curves_csv({name: c for name, c in curves.items() if c})
-        ratios = found if experiment.name == "parameters" else []
+        ratios = found if experiment.with_ratios else []
         if ratios:
             texts[f"ratios-{source.name}.csv"] = _ratios_csv(ratios)
         if not experiment.comparison.varied:
@@ -57,7 +45,7 @@ def median_table(rows: Sequence[Measurement]) -> Table:
     A figure that is missing counts as infinite.
     """
     columns = [medians(rows, metric.figure) for metric in _SHOWN]
-    recordings = len({row.recording for row in rows})
+    recordings = len(recordings_of(rows))
     lines, best = [], set()
     for number, name in enumerate(methods_of(rows)):
         for place, column in enumerate(columns):
@@ -85,28 +73,11 @@ def _curves_csv(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 
 def _ratios_csv(rows: Sequence[Measurement]) -> str:
+    columns = ("frames", "metadata", "estimated", "samples")
     lines = [
         [row.method, *pair, f"{k:.6g}", f"{estimate:.6g}", samples]
         for row in rows
         if row.ratios
-        for pair, k, estimate, samples in zip(
-            *(row.ratios[name] for name in ("frames", "metadata", "estimated", "samples")), strict=True
-        )
+        for pair, k, estimate, samples in zip(*(row.ratios[name] for name in columns), strict=True)
     ]
     return as_csv(["method", "first", "second", "metadata", "estimated", "samples"], lines)
-
-
-def read_exposures(path: str | Path) -> Exposures:
-    """Read exposures estimated by another program: the last number of each line, one line a frame.
-
-    Raises
-    ------
-    FormatError
-        If a line does not end with a number.
-    """
-    lines = [line for line in read_text(path, _MOST_BYTES).splitlines() if line.strip() and line.lstrip()[0] != "#"]
-    try:
-        values = np.array([float(line.replace(",", " ").split()[-1]) for line in lines], dtype=np.float64)
-    except (ValueError, IndexError):
-        raise FormatError(f"{path}: does not end every line with an exposure, one line a frame") from None
-    return Exposures(np.arange(values.size), values)

@@ -18,14 +18,11 @@ from ospc.formats.dso import read_pcalib
 from ospc.formats.files import read_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
-from ospc.research.source import SimulatedSource
+from ospc.research.source import SWEEP, SimulatedSource
 from ospc.simulation import SimulationSettings
 
 RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narrow_radial_DIGITISED.csv"
 EXPOSURES = "params/tum_vi_times.txt"
-
-ANALYTIC_VIGNETTE = (-0.35, 0.05, -0.15)
-"""Coefficients of R², R⁴ and R⁶ without reference data."""
 
 STATIC_RESPONSES = ("linear", "srgb", "gamma2.2", "log", "filmic", "tum_narrow")
 """Responses of the cameras at rest, in turn."""
@@ -34,7 +31,7 @@ _SEED, _STATIC_SEED = 3000, 4000
 _FEWEST_RADII = 8
 """Radii that a table of a vignette needs for its four coefficients, twice over."""
 
-_MOST_BYTES = 16_000_000
+_MOST_BYTES = 64_000_000
 
 
 def stand_ins(
@@ -42,18 +39,7 @@ def stand_ins(
 ) -> list[SimulatedSource]:
     """Return simulated recordings, each with its own scene, motion and course of exposures.
 
-    Parameters
-    ----------
-    count
-        Number of recordings.
-    frames
-        Frames of each.
-    size
-        Width and height of the images.
-    data
-        Folder of reference data; None for the analytic camera.
-    speed
-        Factor of the speed of the camera's motion.
+    ``data`` is the folder of reference data, and ``speed`` a factor of the speed of the camera's motion.
 
     Raises
     ------
@@ -66,42 +52,41 @@ def stand_ins(
         raise SettingError("an experiment needs at least one recording, of two frames or more")
     response, vignette = _camera(size, data)
     courses = _courses(count, frames, data)
-    common = SimulationSettings(
-        size=size,
-        frames=frames,
-        speed=speed,
-        response=response,
-        vignette=vignette,
-        vignette_coefficients=ANALYTIC_VIGNETTE,
-    )
-    return [_stand_in(number, common, courses) for number in range(count)]
-
-
-def _stand_in(number: int, common: SimulationSettings, courses: list[FloatArray] | None) -> SimulatedSource:
-    settings = replace(common, seed=_SEED + number)
-    if courses is not None:
-        middle = float(np.exp(np.mean(np.log(courses[number]))))
-        exposures = tuple(courses[number].tolist())
-        settings = replace(settings, exposure="file", exposures_ms=exposures, reference_exposure_ms=middle)
-    return SimulatedSource(f"simulated-{number}", settings)
+    common = SimulationSettings(size=size, frames=frames, speed=speed, response=response, vignette=vignette)
+    found = []
+    for number in range(count):
+        settings = replace(common, seed=_SEED + number)
+        if courses is not None:
+            middle = float(np.exp(np.mean(np.log(courses[number]))))
+            exposures = tuple(courses[number].tolist())
+            settings = replace(settings, exposure="file", exposures_ms=exposures, reference_exposure_ms=middle)
+        found.append(SimulatedSource(f"simulated-{number}", settings))
+    return found
 
 
 def sweeps(count: int, frames: int, size: ImageSize) -> list[SimulatedSource]:
     """Return sweeps of the exposure by cameras at rest that differ in their response."""
     found = []
     for number in range(count):
-        settings = SimulationSettings(
-            size=size,
-            frames=frames,
-            seed=_STATIC_SEED + number,
-            response=STATIC_RESPONSES[number % len(STATIC_RESPONSES)],
-            motion="static",
-            exposure="sweep",
-            exposure_min_ms=1.0,
-            exposure_max_ms=60.0,
-        )
-        found.append(SimulatedSource(f"static-{settings.response}-{number}", settings))
+        response = STATIC_RESPONSES[number % len(STATIC_RESPONSES)]
+        settings = replace(SWEEP, size=size, frames=frames, seed=_STATIC_SEED + number, response=response)
+        found.append(SimulatedSource(f"static-{response}-{number}", settings, group="static"))
     return found
+
+
+def read_exposures(path: str | Path) -> dict[int, float]:
+    """Read exposures by frame: the last number of each line, one line a frame; ``#`` begins a comment.
+
+    Raises
+    ------
+    FormatError
+        If a line does not end with a number.
+    """
+    lines = [line for line in read_text(path, _MOST_BYTES).splitlines() if line.strip() and line.lstrip()[0] != "#"]
+    try:
+        return dict(enumerate(float(line.replace(",", " ").split()[-1]) for line in lines))
+    except (ValueError, IndexError):
+        raise FormatError(f"{path}: does not end every line with an exposure, one line a frame") from None
 
 
 def _camera(size: ImageSize, data: Path | None) -> tuple[str | Response, str | Vignette]:
@@ -132,11 +117,7 @@ def _courses(count: int, frames: int, data: Path | None) -> list[FloatArray] | N
     if data is None or not (data / EXPOSURES).is_file():
         return None
     place = data / EXPOSURES
-    try:
-        lines = [line for line in read_text(place, _MOST_BYTES).splitlines() if not line.startswith("#")]
-        exposures = np.array([float(line.split()[-1]) for line in lines if line.strip()])
-    except ValueError:
-        raise FormatError(f"{place}: does not end every line with an exposure") from None
+    exposures = np.array(list(read_exposures(place).values()))
     if exposures.size < frames or not np.all(np.isfinite(exposures) & (exposures > 0)):
         raise FormatError(f"{place}: needs {frames} positive exposures; simulate fewer frames")
     whole = exposures.size // frames

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ospc.arrays import Float32Array, FloatArray
+from ospc.estimation.robust import robust_scale
 
 LEVELS = 4
 """Levels of the image pyramid, each half as large as the one below."""
@@ -16,8 +17,8 @@ LEVELS = 4
 _ITERATIONS, _SETTLED = 12, 1e-6
 """Most steps on a level, and the change at which they end on the finest one."""
 
-_HUBER, _MAD_TO_SIGMA = 1.345, 1.4826
-"""Huber's tuning constant, and standard deviation over median absolute deviation of a normal distribution."""
+_HUBER = 1.345
+"""Huber's tuning constant: 95 % efficient for normal residuals."""
 
 _AGREEING_SIGMAS = 3
 _NEAR_M = 0.05
@@ -82,15 +83,9 @@ class Brightness:
 
     def at(self, level: int, points: FloatArray) -> FloatArray:
         """Return brightness and derivatives at pixels of level 0, shape (n, 2) -> (n, 3); NaN outside."""
-        places = ((points + 0.5) / 2**level - 0.5).astype(np.float32)
-        sampled = cv2.remap(
-            self.levels[level],
-            np.ascontiguousarray(places[:, 0]),
-            np.ascontiguousarray(places[:, 1]),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=(np.nan, np.nan, np.nan),
-        )
+        places = ((points + 0.5) / 2**level - 0.5).astype(np.float32).reshape(-1, 1, 2)
+        outside = {"borderMode": cv2.BORDER_CONSTANT, "borderValue": (np.nan, np.nan, np.nan)}
+        sampled = cv2.remap(self.levels[level], places, None, cv2.INTER_LINEAR, **outside)
         return np.asarray(sampled.reshape(-1, 3), dtype=np.float64)
 
 
@@ -131,14 +126,11 @@ def align(
 
     Parameters
     ----------
-    points_m
-        Points in the frame of the first camera, shape (n, 3).
-    reference
-        Their brightness on each level of its image, shape (levels, n).
-    image
-        The image of the second camera.
-    camera
-        Geometry of both cameras.
+    points_m, reference
+        Points in the frame of the first camera, shape (n, 3), and their brightness on each level of its image, shape
+        (levels, n).
+    image, camera
+        The image of the second camera, and the geometry of both.
     start
         Initial motion.
     affine
@@ -189,7 +181,7 @@ class _Problem:
         if self.affine:
             jacobian = np.column_stack([jacobian, -scaled, -np.ones_like(scaled)])
         size = np.abs(residual)
-        sigma = _MAD_TO_SIGMA * float(np.median(size)) + 1e-6
+        sigma = robust_scale(residual) + 1e-6
         weight = np.minimum(1, _HUBER * sigma / np.maximum(size, 1e-12))
         weight *= _GRADIENT**2 / (_GRADIENT**2 + dx**2 + dy**2)
         normal = (jacobian * weight[:, None]).T @ jacobian

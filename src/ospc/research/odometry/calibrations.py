@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ospc.errors import FormatError, NotObservableError, SettingError
-from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.recording import Recording
 from ospc.recording.identity import identity
 from ospc.research.method import Estimate, Method, run_methods
 from ospc.research.odometry.conditions import Condition
+from ospc.research.odometry.inputs import write_curves
 from ospc.research.own_methods import OwnMethod
 from ospc.research.rivals.bergmann import Bergmann
-from ospc.research.source import PCALIB, VIGNETTE, true_curves
+from ospc.research.source import PCALIB, true_curves
 from ospc.research.store import key_of, made_with
 
 OnEstimate = Callable[[str, float], None]
@@ -30,7 +31,7 @@ class Calibrations:
     Attributes
     ----------
     folder
-        The folder; made when needed.
+        Made when needed.
     given
         Calibrations of other programs, by the name of their condition; they are preferred to everything else.
     online
@@ -44,8 +45,8 @@ class Calibrations:
     online: bool = True
     progress: OnEstimate = lambda _what, _share: None
 
-    def of(self, recording: Recording, condition: Condition) -> Photometry | None:
-        """Return the calibration of a recording under a condition; None where the condition has none.
+    def of(self, recording: Recording, condition: Condition) -> Photometry:
+        """Return the calibration of a recording under a condition; an empty one where the condition has none.
 
         Raises
         ------
@@ -53,7 +54,7 @@ class Calibrations:
             If it cannot be read or estimated.
         """
         if not condition.calibrated:
-            return None
+            return Photometry("none", None, None)
         if condition.name in self.given:
             return self.given[condition.name]
         if condition.name == "truth":
@@ -91,9 +92,7 @@ class Calibrations:
         return {f"joint-{variant.rpartition('-')[2]}": estimate for variant, estimate in found.items()}
 
     def _found(self, recording: Recording, method: Method) -> dict[str, Estimate]:
-        def progress(share: float) -> None:
-            self.progress(f"calibrating {recording.path.name}", share)
-
+        progress = partial(self.progress, f"calibrating {recording.path.name}")
         estimates: dict[str, Estimate] = {}
         for result in run_methods({"method": method}, recording, len(recording), progress):
             if isinstance(result.outcome, str):
@@ -113,8 +112,5 @@ def _save(estimate: Estimate, place: Path) -> None:
         if estimate.calibration is not None:
             estimate.calibration.save(unfinished / "calibration.json")
         else:
-            if estimate.response is not None:
-                write_pcalib(estimate.response, unfinished / PCALIB)
-            if estimate.vignette is not None:
-                write_vignette(estimate.vignette, unfinished / VIGNETTE)
+            write_curves(estimate, unfinished)
         unfinished.rename(place)

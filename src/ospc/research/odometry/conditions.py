@@ -28,36 +28,40 @@ class Condition:
 
     Attributes
     ----------
-    name
-        Its name on the command line and in the results.
-    title
-        Heading of its column.
+    name, title
+        Its name on the command line and in the results, and the heading of its column.
     mode
         DSO's mode.
-    calibrated
-        Whether it needs a response and a vignette.
-    metadata_exposures
-        Whether exposures are those of the recording; otherwise all are one.
     """
 
     name: str
     title: str
-    mode: Mode
-    calibrated: bool
-    metadata_exposures: bool
+    mode: Mode = 0
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether it needs a response and a vignette."""
+        return self.mode == 0
+
+    @property
+    def metadata_exposures(self) -> bool:
+        """Whether exposures are those of the recording; otherwise all are one."""
+        return self.mode != 2
 
 
 STANDARD: tuple[Condition, ...] = (
-    Condition("truth", "Full truth", 0, calibrated=True, metadata_exposures=True),
-    Condition("ours", "Ours (I)", 0, calibrated=True, metadata_exposures=True),
-    Condition("joint-wgt", "Joint, one true point (II)", 0, calibrated=True, metadata_exposures=True),
-    Condition("joint-wogt", "Joint, no truth (II modified)", 0, calibrated=True, metadata_exposures=True),
-    Condition("none", "None (III)", 2, calibrated=False, metadata_exposures=False),
+    Condition("truth", "Full truth"),
+    Condition("ours", "Ours (I)"),
+    Condition("joint-wgt", "Joint, one true point (II)"),
+    Condition("joint-wogt", "Joint, no truth (II modified)"),
+    Condition("none", "None (III)", 2),
 )
 """The columns of the paper's table, and its modified experiment II."""
 
-AFFINE = Condition("affine", "None, affine transfer free", 1, calibrated=False, metadata_exposures=True)
+AFFINE = Condition("affine", "None, affine transfer free", 1)
 """Not in the paper: what DSO is meant to be run with where there is no calibration."""
+
+_KNOWN = {condition.name: condition for condition in (*STANDARD, AFFINE)}
 
 
 def external(name: str) -> Condition:
@@ -68,11 +72,11 @@ def external(name: str) -> Condition:
     SettingError
         If the name is one of the standard conditions, or not a word of letters, digits and ``_ . + -``.
     """
-    if not _NAME.fullmatch(name) or name in {c.name for c in (*STANDARD, AFFINE)}:
+    if not _NAME.fullmatch(name) or name in _KNOWN:
         raise SettingError(
             f"'{name}' cannot name a further calibration; choose another word of letters, digits and _ . + -"
         )
-    return Condition(name, name, 0, calibrated=True, metadata_exposures=True)
+    return Condition(name, name)
 
 
 def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
@@ -83,8 +87,7 @@ def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
     SettingError
         If one is unknown.
     """
-    known = {c.name: c for c in (*STANDARD, AFFINE)}
-    unknown = [name for name in names if name not in known]
+    unknown = [name for name in names if name not in _KNOWN]
     if unknown:
-        raise SettingError(f"no condition is called '{unknown[0]}'; known: {', '.join(known)}")
-    return tuple(c for name, c in known.items() if name in names)
+        raise SettingError(f"no condition is called '{unknown[0]}'; known: {', '.join(_KNOWN)}")
+    return tuple(condition for name, condition in _KNOWN.items() if name in names)

@@ -18,9 +18,9 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray
 from ospc.errors import OspcError, RecordingError
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.recording import Frame, open_recording
-from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
+from ospc.research.odometry.alignment import LEVELS, Brightness, Pose, align
 from ospc.research.odometry.depth import SceneDepth
-from ospc.research.odometry.inputs import OdometryInput
+from ospc.research.odometry.inputs import TRUTH, OdometryInput
 from ospc.research.odometry.judging import Tracked
 from ospc.research.store import made_with
 
@@ -45,19 +45,11 @@ _LEAST_V = 0.02
 
 @dataclass(frozen=True)
 class DirectOdometry:
-    """Direct alignment with depth from the simulated scene.
-
-    Attributes
-    ----------
-    every
-        One in so many frames is tracked.
-    """
-
-    every: int = 1
+    """Direct alignment with depth from the simulated scene."""
 
     def describe(self) -> dict[str, Any]:
-        """Return its source and settings."""
-        return {"builtin": made_with(), "every": self.every}
+        """Return its source."""
+        return {"builtin": made_with()}
 
     def track(self, source: OdometryInput, run: int) -> Tracked:
         """Track once; the number of the run is the seed for the selection of points."""
@@ -65,8 +57,7 @@ class DirectOdometry:
         try:
             tracker = _Tracker(source, run)
             for frame in open_recording(source.place):
-                if frame.index % self.every == 0:
-                    tracker.push(frame)
+                tracker.push(frame)
                 if tracker.lost:
                     break
         except OspcError as error:
@@ -79,10 +70,10 @@ class _Photometer:
     """Converts grey images to brightness under a condition."""
 
     def __init__(self, source: OdometryInput) -> None:
-        self._exposures = np.asarray(source.exposures_ms, dtype=np.float64)
+        self._exposures = source.exposures_ms
         self._reference = float(np.median(self._exposures))
-        self._photometry = source.photometry
-        vignette = None if source.photometry is None else source.photometry.vignette
+        self._calibrated, self._response = source.condition.calibrated, source.photometry.response
+        vignette = source.photometry.vignette
         self._attenuation = None if vignette is None else np.maximum(vignette.image(), np.float32(_LEAST_V))
 
     def brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
@@ -93,10 +84,10 @@ class _Photometer:
         """
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         saturated = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        if self._photometry is None:
+        if not self._calibrated:
             return grey, saturated
-        response = self._photometry.response
-        table = np.linspace(0, 1, frame.max_grey + 1) if response is None else response.resampled(frame.max_grey + 1)
+        levels = frame.max_grey + 1
+        table = np.linspace(0, 1, levels) if self._response is None else self._response.resampled(levels)
         light: Float32Array = table.astype(np.float32)[frame.image]
         if self._attenuation is not None:
             light /= self._attenuation
@@ -104,13 +95,14 @@ class _Photometer:
         return np.asarray(np.sqrt(light)), saturated
 
 
-def _whole_truth(source: OdometryInput) -> Trajectory:
-    """Return the true trajectory, from which the depth is computed."""
-    place = source.place / "groundtruthSync.txt"
+def _true_poses(source: OdometryInput) -> list[Pose]:
+    """Return the true pose of every frame, from which the depth is computed."""
+    place = source.place / TRUTH
     truth = read_trajectory(place)
     if len(truth) != len(source.stamps_s) or not truth.known.all():
         raise RecordingError(f"{place}: does not hold a pose for each of the {len(source.stamps_s)} frames")
-    return truth
+    rotations = [Rotation.from_quat(quaternion).as_matrix() for quaternion in truth.quaternions]
+    return [Pose(rotation, position) for rotation, position in zip(rotations, truth.positions, strict=True)]
 
 
 class _Tracker:
@@ -120,8 +112,8 @@ class _Tracker:
         self._photometer = _Photometer(source)
         self._affine = source.condition.mode == 1
         self._depth = SceneDepth.of(source.place)
-        self._camera = Camera(self._depth.focal_px, self._depth.centre_px)
-        self._truth = _whole_truth(source)
+        self._camera = self._depth.camera
+        self._truth = _true_poses(source)
         self._random = np.random.default_rng(run)
         self._key = Pose.identity()
         self._points = np.empty((0, 3))
@@ -162,17 +154,14 @@ class _Tracker:
         if len(self._poses) < 2:
             return None
         rotations = np.array([pose.rotation for _, pose in self._poses])
-        return Trajectory(
-            np.array([stamp for stamp, _ in self._poses]),
-            np.array([pose.translation for _, pose in self._poses]),
-            np.asarray(Rotation.from_matrix(rotations).as_quat()),
-        )
+        positions = np.array([pose.translation for _, pose in self._poses])
+        stamps_s = np.array([stamp for stamp, _ in self._poses])
+        return Trajectory(stamps_s, positions, np.asarray(Rotation.from_matrix(rotations).as_quat()))
 
     def _begin(self, frame: Frame, pyramid: Brightness, image: Float32Array, saturated: BoolArray) -> None:
         """Make a frame the keyframe."""
         places = self._choose(image, saturated)
-        true_pose = self._truth.positions[frame.index], self._truth.quaternions[frame.index]
-        depth = self._depth.at(places, true_pose[0], Rotation.from_quat(true_pose[1]).as_matrix())
+        depth = self._depth.at(places, self._truth[frame.index])
         known = np.isfinite(depth)
         places, depth = places[known], depth[known]
         self._points = self._camera.lift(places, depth)
@@ -192,5 +181,5 @@ class _Tracker:
         best = flat.argmax(axis=2)
         y = np.arange(rows)[:, None] * edge + best // edge
         x = np.arange(columns)[None] * edge + best % edge
-        found = np.column_stack([x.ravel(), y.ravel()])[flat.max(axis=2).ravel() > 0]
+        found = np.stack([x, y], axis=-1)[flat.max(axis=2) > 0]
         return np.asarray(found, dtype=np.float64)

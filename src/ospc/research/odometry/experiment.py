@@ -9,17 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from ospc.errors import OspcError, RecordingError, SettingError
+from ospc.errors import OspcError, SettingError
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.recording import Recording
 from ospc.research.odometry.calibrations import Calibrations
 from ospc.research.odometry.conditions import Condition
-from ospc.research.odometry.inputs import OdometryInput, camera_file, images_of
+from ospc.research.odometry.inputs import CAMERA, TRUTH, OdometryInput, images_of, needed
 from ospc.research.odometry.judging import Odometry, RunResult, Tracked, judged
 from ospc.research.runner import OnProgress, OnShare, run
 from ospc.research.store import ResultStore
 
-TRUTH = "groundtruthSync.txt"
 _FEWEST_POSES = 3
 """Poses at either end that an alignment needs."""
 
@@ -59,7 +58,7 @@ class Experiment:
         if self.end_share is not None and not 0 < self.end_share <= 0.5:
             raise SettingError(f"the share of the truth at either end is {self.end_share}; choose one up to 0.5")
         for recording in self.recordings.values():
-            camera_file(recording.path)
+            needed(recording.path, CAMERA)
             self.truth_of(recording)
 
     def truth_of(self, recording: Recording) -> Trajectory:
@@ -70,10 +69,7 @@ class Experiment:
         RecordingError
             If its folder has none.
         """
-        place = recording.path / TRUTH
-        if not place.is_file():
-            raise RecordingError(f"{recording.path}: has no {TRUTH}; errors of trajectories need the truth")
-        known = read_trajectory(place)
+        known = read_trajectory(needed(recording.path, TRUTH))
         return known if self.end_share is None else end_segments(known, self.end_share)
 
 
@@ -108,19 +104,20 @@ class Outcome:
     ----------
     results
         All runs by recording, condition and number.
-    trajectories
-        Their poses, where there are any.
     notes
         Why conditions could not be run.
     """
 
     results: dict[tuple[str, str, int], RunResult] = field(default_factory=dict)
-    trajectories: dict[tuple[str, str, int], Trajectory] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     def of(self, recording: str, condition: Condition) -> list[RunResult]:
-        """Return the runs of a recording under a condition."""
-        return [r for (name, under, _), r in self.results.items() if (name, under) == (recording, condition.name)]
+        """Return the runs of a recording under a condition, by number."""
+        return [r for key, r in sorted(self.results.items()) if key[:2] == (recording, condition.name)]
+
+    def add(self, result: RunResult) -> None:
+        """Add a run."""
+        self.results[result.recording, result.condition, result.run] = result
 
 
 def tasks_of(experiment: Experiment, odometry: Odometry, outcome: Outcome) -> list[RunTask]:
@@ -137,7 +134,7 @@ def tasks_of(experiment: Experiment, odometry: Odometry, outcome: Outcome) -> li
             except OspcError as error:
                 outcome.notes.append(f"{name}, {condition.title}: {error}")
                 for number in range(experiment.runs):
-                    outcome.results[name, condition.name, number] = _not_run(name, condition, number, str(error))
+                    outcome.add(RunResult(name, condition.name, number, Tracked(None), "failed", str(error)))
                 continue
             source = OdometryInput.of(recording, images, condition, photometry)
             tasks += [RunTask(name, source, odometry, number) for number in range(experiment.runs)]
@@ -151,50 +148,27 @@ def run_experiment(
     jobs: int = 1,
     on_share: OnShare = lambda _task, _share: None,
 ) -> Iterator[bool]:
-    """Run what has not been run before, fill in the outcome, and say of every run whether it was stored already.
+    """Run what has not been run before, add to the outcome, and say of every run whether it was stored already.
 
-    Parameters
-    ----------
-    experiment
-        What to run.
-    odometry
-        What runs it.
-    outcome
-        Where results are put.
-    jobs
-        Number of runs at a time.
-    on_share
-        See :func:`ospc.research.runner.run`.
+    ``jobs`` and ``on_share`` are those of :func:`ospc.research.runner.run`.
     """
     tasks = tasks_of(experiment, odometry, outcome)
     for finished in run(tasks, ResultStore(experiment.folder / "runs"), jobs, on_share):
-        task, tracked = finished.task, Tracked.from_dict(finished.result)
-        condition = task.source.condition.name
-        truth = experiment.truth_of(experiment.recordings[task.recording])
+        task = finished.task
         result = judged(
-            tracked, truth, task.source.stamps_s, recording=task.recording, condition=condition, run=task.number
+            Tracked.from_dict(finished.result),
+            experiment.truth_of(experiment.recordings[task.recording]),
+            task.source.stamps_s,
+            recording=task.recording,
+            condition=task.source.condition.name,
+            run=task.number,
         )
-        key = (task.recording, condition, task.number)
-        outcome.results[key] = result
-        if tracked.trajectory is not None:
-            outcome.trajectories[key] = tracked.trajectory
+        outcome.add(result)
         yield finished.stored
 
 
-def _not_run(name: str, condition: Condition, number: int, reason: str) -> RunResult:
-    return RunResult(name, condition.name, number, "failed", reason, None, None, None, None, 0, 0.0, 0.0)
-
-
 def end_segments(truth: Trajectory, share: float) -> Trajectory:
-    """Return a truth that is known only at its beginning and end, as that of the monocular data set.
-
-    Parameters
-    ----------
-    truth
-        All or most of it known.
-    share
-        Share of the rows that stays known at either end, in (0, 0.5].
-    """
+    """Return a truth of which only this share, at most 0.5, is known at either end, as in the monocular data set."""
     keep = max(_FEWEST_POSES, round(share * len(truth)))
     positions, quaternions = truth.positions.copy(), truth.quaternions.copy()
     positions[keep : len(truth) - keep] = np.nan

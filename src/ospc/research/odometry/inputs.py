@@ -20,11 +20,16 @@ from ospc.formats.opening import Photometry
 from ospc.recording import Recording
 from ospc.recording.identity import identity
 from ospc.recording.writing.conversion import convert_recording
+from ospc.research.method import Estimate
 from ospc.research.odometry.conditions import Condition
 from ospc.research.source import PCALIB, VIGNETTE, fingerprints
 from ospc.research.store import key_of
 
-CAMERA, TIMES = "camera.txt", "times.txt"
+CAMERA, TIMES, TRUTH = "camera.txt", "times.txt", "groundtruthSync.txt"
+_NEEDED_FOR = {
+    CAMERA: "odometry needs the camera's geometry",
+    TRUTH: "errors of trajectories need the truth",
+}
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
@@ -43,7 +48,7 @@ class OdometryInput:
     condition
         The condition.
     photometry
-        Response and vignette; None where the condition needs none.
+        Response and vignette, as far as there are any.
     recording_identity
         What identifies the recording.
     """
@@ -53,13 +58,11 @@ class OdometryInput:
     stamps_s: FloatArray = field(repr=False)
     exposures_ms: FloatArray = field(repr=False)
     condition: Condition
-    photometry: Photometry | None
+    photometry: Photometry
     recording_identity: dict[str, Any] = field(repr=False)
 
     @classmethod
-    def of(
-        cls, recording: Recording, images: Path, condition: Condition, photometry: Photometry | None
-    ) -> OdometryInput:
+    def of(cls, recording: Recording, images: Path, condition: Condition, photometry: Photometry) -> OdometryInput:
         """Return a recording under a condition.
 
         Raises
@@ -67,7 +70,7 @@ class OdometryInput:
         RecordingError
             If it has no camera.txt.
         """
-        camera_file(recording.path)
+        needed(recording.path, CAMERA)
         exposures = np.asarray(recording.exposures_ms, dtype=np.float64)
         return cls(
             recording.path,
@@ -81,13 +84,11 @@ class OdometryInput:
 
     def describe(self) -> dict[str, Any]:
         """Return what results depend on: recording, camera, mode, and a hash of each parameter."""
-        curves = {} if self.photometry is None else fingerprints(self.photometry.response, self.photometry.vignette)
         return {
             "recording": self.recording_identity,
-            "camera": sha256(camera_file(self.place).read_bytes()).hexdigest(),
+            "camera": sha256(needed(self.place, CAMERA).read_bytes()).hexdigest(),
             "mode": self.condition.mode,
-            "metadata_exposures": self.condition.metadata_exposures,
-            **curves,
+            **fingerprints(self.photometry),
         }
 
     @contextmanager
@@ -99,26 +100,31 @@ class OdometryInput:
         with TemporaryDirectory(prefix="ospc-odometry-") as name:
             place = Path(name)
             (place / "images").symlink_to(self.images.resolve(), target_is_directory=True)
-            shutil.copyfile(camera_file(self.place), place / CAMERA)
+            shutil.copyfile(needed(self.place, CAMERA), place / CAMERA)
             write_times(place / TIMES, range(len(self.stamps_s)), self.stamps_s, self.exposures_ms)
-            if self.photometry is not None and self.photometry.response is not None:
-                write_pcalib(self.photometry.response, place / PCALIB)
-            if self.photometry is not None and self.photometry.vignette is not None:
-                write_vignette(self.photometry.vignette, place / VIGNETTE)
+            write_curves(self.photometry, place)
             yield place
 
 
-def camera_file(place: Path) -> Path:
-    """Return the path of the camera.txt in a recording's folder.
+def write_curves(curves: Photometry | Estimate, place: Path) -> None:
+    """Write pcalib.txt and vignette.png into a folder, as far as response and vignette are known."""
+    if curves.response is not None:
+        write_pcalib(curves.response, place / PCALIB)
+    if curves.vignette is not None:
+        write_vignette(curves.vignette, place / VIGNETTE)
+
+
+def needed(place: Path, name: str) -> Path:
+    """Return the path of camera.txt or groundtruthSync.txt in a recording's folder.
 
     Raises
     ------
     RecordingError
         If there is none.
     """
-    if not (place / CAMERA).is_file():
-        raise RecordingError(f"{place}: has no {CAMERA}; odometry needs the camera's geometry")
-    return place / CAMERA
+    if not (place / name).is_file():
+        raise RecordingError(f"{place}: has no {name}; {_NEEDED_FOR[name]}")
+    return place / name
 
 
 def images_of(recording: Recording, cache: Path) -> Path:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
-from ospc.evaluation.trajectory import Trajectory, alignment_error
+from ospc.evaluation.trajectory import AlignmentError, Trajectory, alignment_error
 from ospc.research.odometry.inputs import OdometryInput
 
-Outcome = Literal["finished", "lost", "diverged", "failed", "timeout"]
+Ending = Literal["finished", "lost", "diverged", "failed", "timeout"]
 """``lost``: it gave up before the end. ``diverged``: its poses are not finite, or far outside of all others.
 ``failed``: the program ended with an error or without a trajectory."""
 
@@ -21,6 +21,9 @@ LEAST_COVERED = 0.9
 
 _LARGEST_STRETCH = 1e6
 """Largest over median distance of the poses from their median, beyond which a run has diverged."""
+
+_FIGURES = ("e_align", "e_s", "e_r_deg", "rmse")
+"""The errors that are written, of :class:`~ospc.evaluation.trajectory.AlignmentError`."""
 
 
 class Odometry(Protocol):
@@ -76,7 +79,7 @@ class Tracked:
 
 @dataclass(frozen=True)
 class RunResult:
-    """A run with its errors.
+    """A run, compared with the truth.
 
     Attributes
     ----------
@@ -84,66 +87,68 @@ class RunResult:
         Names.
     run
         Number of the run, from 0.
-    outcome
-        How it ended.
-    reason
-        Why it did not finish; empty if it did.
-    e_align, e_s, e_r_deg, rmse
-        Errors of the trajectory (see :class:`ospc.evaluation.trajectory.AlignmentError`); None where they cannot be
-        computed.
-    poses
-        Number of poses.
+    tracked
+        What it gave.
+    ending, reason
+        How it ended, and why it did not finish.
+    errors
+        Errors of the trajectory; None where they cannot be computed.
     covered
         Share of the recording's duration that the poses span.
-    seconds
-        Its duration.
     """
 
     recording: str
     condition: str
     run: int
-    outcome: Outcome
-    reason: str
-    e_align: float | None
-    e_s: float | None
-    e_r_deg: float | None
-    rmse: float | None
-    poses: int
-    covered: float
-    seconds: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return all of it as JSON-compatible values."""
-        return asdict(self)
+    tracked: Tracked
+    ending: Ending
+    reason: str = ""
+    errors: AlignmentError | None = None
+    covered: float = 0.0
 
     @property
     def error(self) -> float:
         """The alignment error; infinite unless the run finished."""
-        return self.e_align if self.outcome == "finished" and self.e_align is not None else float("inf")
+        return self.errors.e_align if self.ending == "finished" and self.errors is not None else float("inf")
+
+    @property
+    def poses(self) -> int:
+        """Number of poses."""
+        return 0 if self.tracked.trajectory is None else len(self.tracked.trajectory)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return a line of the table of runs, of JSON-compatible values."""
+        return {
+            "recording": self.recording,
+            "condition": self.condition,
+            "run": self.run,
+            "outcome": self.ending,
+            "reason": self.reason,
+            **{name: None if self.errors is None else getattr(self.errors, name) for name in _FIGURES},
+            "poses": self.poses,
+            "covered": self.covered,
+            "seconds": self.tracked.seconds,
+        }
 
 
 def judged(
     tracked: Tracked, truth: Trajectory, stamps_s: FloatArray, *, recording: str, condition: str, run: int
 ) -> RunResult:
-    """Compare a run with the truth."""
-    poses = 0 if tracked.trajectory is None else len(tracked.trajectory)
+    """Compare a run with the truth; the stamps are those of the recording's frames."""
     covered = _covered(tracked.trajectory, stamps_s)
-    figures: dict[str, float | None] = dict.fromkeys(("e_align", "e_s", "e_r_deg", "rmse"))
-    outcome, reason = _ending(tracked, covered, stamps_s)
-    if tracked.trajectory is not None and outcome in ("finished", "lost"):
+    ending, reason = _ending(tracked, covered, stamps_s)
+    errors: AlignmentError | None = None
+    if tracked.trajectory is not None and ending in ("finished", "lost"):
         try:
-            error = alignment_error(tracked.trajectory, truth)
-            figures = {name: float(getattr(error, name)) for name in figures}
+            errors = alignment_error(tracked.trajectory, truth)
         except (NotObservableError, FormatError) as problem:
-            outcome, reason = ("lost" if outcome == "lost" else "diverged"), str(problem)
-    if any(value is not None and not np.isfinite(value) for value in figures.values()):
-        outcome, reason, figures = "diverged", "its errors are not finite", dict.fromkeys(figures)
-    return RunResult(
-        recording, condition, run, outcome, reason, **figures, poses=poses, covered=covered, seconds=tracked.seconds
-    )
+            ending, reason = ("lost" if ending == "lost" else "diverged"), str(problem)
+    if errors is not None and not all(np.isfinite(getattr(errors, name)) for name in _FIGURES):
+        ending, reason, errors = "diverged", "its errors are not finite", None
+    return RunResult(recording, condition, run, tracked, ending, reason, errors, covered)
 
 
-def _ending(tracked: Tracked, covered: float, stamps_s: FloatArray) -> tuple[Outcome, str]:
+def _ending(tracked: Tracked, covered: float, stamps_s: FloatArray) -> tuple[Ending, str]:
     if tracked.timeout:
         return "timeout", tracked.failure
     if tracked.trajectory is None:

@@ -1,4 +1,7 @@
-"""Pictures of odometry: cumulative errors, and trajectories aligned to either end of the truth (paper, figure 6)."""
+"""Pictures of odometry: cumulative errors, and trajectories aligned to either end of the truth (paper, figure 6).
+
+A picture that cannot be written is a :class:`~ospc.errors.FormatError`.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +19,14 @@ from ospc.evaluation.trajectory import Trajectory, associate
 from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, rules, save
 from ospc.research.odometry.conditions import Condition
 from ospc.research.odometry.judging import RunResult
-from ospc.research.pictures import look
+from ospc.research.pictures import figure_of_panels, look
+
+_PANEL_IN = (4.4, 4.4)
+"""Width and height of a trajectory in inches."""
 
 
 def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition], path: Path) -> Path:
-    """Draw the number of runs below an alignment error, one line a condition; runs that did not finish never count.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Draw the number of finished runs below an alignment error, one line a condition."""
     figure = new_figure(7.0, 5.2)
     with rules():
         axes = figure.subplots()
@@ -51,54 +51,27 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
         return save(figure, path)
 
 
-def draw_trajectories(
-    runs: Sequence[tuple[Condition, RunResult, Trajectory | None]], truth: Trajectory, title: str, path: Path
-) -> Path:
-    """Draw one run for each condition, aligned to the first and to the last part of the truth.
-
-    Parameters
-    ----------
-    runs
-        The conditions, their runs, and the poses of these.
-    truth
-        The true trajectory; NaN where it is not known.
-    title
-        Title of the picture.
-    path
-        Where to.
-    """
-    columns = min(3, max(1, len(runs)))
-    lines = math.ceil(len(runs) / columns)
-    figure = new_figure(4.4 * columns, 4.2 * lines + 0.4)
-    across, up = _widest_axes(truth.positions[truth.known])
+def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajectory, title: str, path: Path) -> Path:
+    """Draw one run for each condition, aligned to the first and to the last part of the truth; NaN is unknown."""
+    plane = _widest_axes(truth.positions[truth.known])
     with rules():
+        figure, panels = figure_of_panels(len(runs), 3, _PANEL_IN)
         figure.suptitle(title)
-        panels = np.atleast_1d(figure.subplots(lines, columns)).ravel()
-        for axes, (condition, result, trajectory) in zip(panels, runs, strict=False):
-            error = "" if result.e_align is None else f", $e_{{align}}$ = {result.e_align:.3g}"
+        for axes, (condition, result) in zip(panels, runs, strict=True):
+            error = "" if result.errors is None else f", $e_{{align}}$ = {result.errors.e_align:.3g}"
             axes.set_title(f"{condition.title}{error}")
-            _draw(axes, trajectory, truth, (across, up), result)
-        for axes in panels[len(runs) :]:
-            axes.set_visible(False)
+            _draw(axes, result, truth, plane)
         return save(figure, path)
 
 
-def _draw(
-    axes: Any,
-    trajectory: Trajectory | None,
-    truth: Trajectory,
-    plane: tuple[FloatArray, FloatArray],
-    result: RunResult,
-) -> None:
+def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArray, FloatArray]) -> None:
     across, up = plane
-    copies = None if trajectory is None else _aligned_copies(trajectory, truth)
-    if copies is None:
-        axes.text(0.5, 0.5, f"{result.outcome}\n{result.reason}", ha="center", transform=axes.transAxes, wrap=True)
-    else:
-        for copy, colour, label in zip(
-            copies, (BLUE, ORANGE), ("aligned to the start", "aligned to the end"), strict=True
-        ):
-            axes.plot(copy @ across, copy @ up, color=colour, lw=1.1, label=label)
+    copies = _aligned_copies(result.tracked.trajectory, truth)
+    if not copies:
+        axes.text(0.5, 0.5, f"{result.ending}\n{result.reason}", ha="center", transform=axes.transAxes, wrap=True)
+    looks = ((BLUE, "aligned to the start"), (ORANGE, "aligned to the end"))
+    for copy, (colour, label) in zip(copies, looks, strict=False):
+        axes.plot(copy @ across, copy @ up, color=colour, lw=1.1, label=label)
     axes.plot(
         truth.positions @ across, truth.positions @ up, color=GREEN, ls="--", lw=1.6, label="truth, where known"
     )
@@ -107,20 +80,21 @@ def _draw(
     axes.legend(loc="best")
 
 
-def _aligned_copies(trajectory: Trajectory, truth: Trajectory) -> tuple[FloatArray, FloatArray] | None:
-    """Return the positions aligned to either half of the truth; None where that is not possible."""
+def _aligned_copies(trajectory: Trajectory | None, truth: Trajectory) -> list[FloatArray]:
+    """Return the positions aligned to either half of the truth; none where that is not possible."""
+    if trajectory is None:
+        return []
     partner = associate(trajectory.stamps_s, truth.stamps_s)
     target = truth.positions[partner]
     known = (partner >= 0) & np.isfinite(target).all(axis=1) & trajectory.known
     middle = len(truth) // 2
     try:
-        first, second = (
+        return [
             align_similarity(trajectory.positions[half & known], target[half & known])(trajectory.positions)
             for half in (partner < middle, partner >= middle)
-        )
+        ]
     except (NotObservableError, FormatError):
-        return None
-    return first, second
+        return []
 
 
 def _widest_axes(points: FloatArray) -> tuple[FloatArray, FloatArray]:

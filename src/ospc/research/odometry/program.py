@@ -64,18 +64,16 @@ class Program:
 
         The images' path has a slash because DSO looks for times.txt beside the part after the last one.
         """
-        command = [
+        curves = source.photometry
+        return [
             str(self.executable.resolve()),
             "files=./images",
             f"calib={CAMERA}",
             f"mode={source.condition.mode}",
+            *([] if curves.response is None else [f"gamma={PCALIB}"]),
+            *([] if curves.vignette is None else [f"vignette={VIGNETTE}"]),
+            *self.arguments,
         ]
-        if source.photometry is not None:
-            if source.photometry.response is not None:
-                command.append(f"gamma={PCALIB}")
-            if source.photometry.vignette is not None:
-                command.append(f"vignette={VIGNETTE}")
-        return [*command, *self.arguments]
 
     def track(self, source: OdometryInput, run: int) -> Tracked:
         """Run the program once in a folder of its own."""

@@ -13,7 +13,7 @@ import numpy as np
 from ospc.research.odometry.experiment import Experiment, Outcome
 from ospc.research.odometry.judging import RunResult
 from ospc.research.odometry.pictures import draw_cumulative, draw_trajectories
-from ospc.research.tables import Table, Written, as_csv, as_json, write
+from ospc.research.tables import Table, as_csv, as_json, write
 
 
 def median_table(experiment: Experiment, outcome: Outcome) -> Table:
@@ -59,39 +59,38 @@ def medians_of(experiment: Experiment, outcome: Outcome) -> dict[str, dict[str, 
 
 def ordered(experiment: Experiment, outcome: Outcome) -> list[RunResult]:
     """Return all runs by recording, condition and number."""
-    by_column = (outcome.of(name, condition) for name in experiment.recordings for condition in experiment.conditions)
-    return [run for runs in by_column for run in sorted(runs, key=lambda run: run.run)]
+    return [
+        run
+        for name in experiment.recordings
+        for condition in experiment.conditions
+        for run in outcome.of(name, condition)
+    ]
 
 
-def write_outcome(experiment: Experiment, outcome: Outcome) -> Written:
-    """Write runs.csv, results.json, table.md and, with matplotlib, the pictures.
+def write_outcome(experiment: Experiment, outcome: Outcome) -> list[Path]:
+    """Write runs.csv, results.json, table.md and the pictures.
 
-    Raises
-    ------
-    SettingError
-        If they cannot be written.
+    Errors are those of :func:`~ospc.research.tables.write`.
     """
-    results = [run.as_dict() for run in ordered(experiment, outcome)]
+    runs = ordered(experiment, outcome)
+    results = [run.as_dict() for run in runs]
     content = {"runs": results, "medians": medians_of(experiment, outcome), "notes": outcome.notes}
     texts = {
-        "runs.csv": as_csv(list(results[0]) if results else [], [list(result.values()) for result in results]),
+        "runs.csv": as_csv(results[0] if results else [], [list(result.values()) for result in results]),
         "results.json": as_json(content),
         "table.md": median_table(experiment, outcome).as_markdown(),
     }
     pictures: dict[str, Callable[[Path], Path]] = {
-        "cumulative.png": partial(draw_cumulative, ordered(experiment, outcome), experiment.conditions)
+        "cumulative.png": partial(draw_cumulative, runs, experiment.conditions)
     }
     for name, recording in experiment.recordings.items():
-        typical = [
-            (condition, run, outcome.trajectories.get((name, condition.name, run.run)))
-            for condition in experiment.conditions
-            if (run := _typical(outcome.of(name, condition))) is not None
-        ]
+        columns = [(condition, outcome.of(name, condition)) for condition in experiment.conditions]
+        typical = [(condition, _typical(some)) for condition, some in columns if some]
         truth = experiment.truth_of(recording)
         pictures[f"trajectories-{name}.png"] = partial(draw_trajectories, typical, truth, name)
     return write(experiment.folder, texts, pictures)
 
 
-def _typical(runs: Sequence[RunResult]) -> RunResult | None:
+def _typical(runs: Sequence[RunResult]) -> RunResult:
     """Return the run whose error is the median."""
-    return sorted(runs, key=lambda run: run.error)[(len(runs) - 1) // 2] if runs else None
+    return sorted(runs, key=lambda run: run.error)[(len(runs) - 1) // 2]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.research.method import Estimate, Exposures, Outcome
+from ospc.research.method import Estimate, Outcome
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.tracking import GainRobustTracker
 
@@ -22,20 +22,23 @@ _ITERATIONS_ONLINE, _ITERATIONS = 20, 60
 """Most alternations; online estimates start at the one before and need fewer."""
 
 
-class JointEstimation:
-    """Joint estimation from frames, whose exposures are not used.
+class Bergmann:
+    """Joint estimation from frames, whose exposures are not used, with one point of the true response and without.
 
     Parameters
     ----------
-    window
-        Number of latest frames that an estimate uses; None for one estimate from all frames, made when asked for.
-    every
-        Frames from one estimate to the next.
+    truth
+        The true response, of which one point is used; None for the variant without only.
+    online
+        Whether an estimate is made every so often from the latest frames, or one from all frames at the end.
+    window, every
+        Frames that an online estimate uses, and frames from one to the next.
     """
 
-    def __init__(self, window: int | None = WINDOW, every: int = EVERY) -> None:
-        self._tracker = GainRobustTracker()
+    def __init__(self, truth: Response | None, *, online: bool, window: int = WINDOW, every: int = EVERY) -> None:
+        self._truth, self._online = truth, online
         self._window, self._every = window, every
+        self._tracker = GainRobustTracker()
         self._latest: JointEstimate | None = None
         self._frames = 0
         self._last = 0
@@ -45,54 +48,36 @@ class JointEstimation:
         self._tracker.push(frame)
         self._frames += 1
         self._last = frame.index
-        if self._window is not None and self._frames % self._every == 0 and self._frames >= self._window // 2:
+        if self._online and self._frames % self._every == 0 and self._frames >= self._window // 2:
             self._latest = self._estimated(_ITERATIONS_ONLINE)
 
     def estimate(self) -> JointEstimate:
-        """Return the latest estimate.
+        """Return the latest online estimate, or one from all frames, without any point of the truth.
 
         Raises
         ------
         NotObservableError
             If too little could be tracked.
         """
-        if self._window is None or self._latest is None:
-            return self._estimated(_ITERATIONS)
-        return self._latest
-
-    def _estimated(self, iterations: int) -> JointEstimate:
-        tracks = self._tracker.observations()
-        if self._window is not None:
-            tracks = tracks.since(self._last - self._window + 1)
-        return estimate_jointly(tracks, start=self._latest, iterations=iterations)
-
-
-class Bergmann:
-    """Both variants, with one point of the true response and without.
-
-    Parameters
-    ----------
-    truth
-        The true response, of which one point is used; None for the variant without only.
-    online
-        Whether estimates are made online.
-    """
-
-    def __init__(self, truth: Response | None, *, online: bool) -> None:
-        self._truth = truth
-        self._name = "joint-online" if online else "joint-batch"
-        self._method = JointEstimation(WINDOW if online else None)
-
-    def push(self, frame: Frame) -> None:
-        """Take the next frame."""
-        self._method.push(frame)
+        return self._latest or self._estimated(_ITERATIONS)
 
     def found(self) -> dict[str, Outcome]:
         """Return the variants that are possible, as ``-wgt`` and ``-wogt``."""
-        free = self._method.estimate()
-        variants = {} if self._truth is None else {f"{self._name}-wgt": free.aligned_to(self._truth)}
-        variants[f"{self._name}-wogt"] = free
+        name = "joint-online" if self._online else "joint-batch"
+        free = self.estimate()
+        variants = {} if self._truth is None else {f"{name}-wgt": free.aligned_to(self._truth)}
+        variants[f"{name}-wogt"] = free
         return {
-            name: Estimate(one.response, one.vignette, exposures=Exposures(one.frames, one.exposures))
-            for name, one in variants.items()
+            variant: Estimate(
+                one.response,
+                one.vignette,
+                exposures=dict(zip(one.frames.tolist(), one.exposures.tolist(), strict=True)),
+            )
+            for variant, one in variants.items()
         }
+
+    def _estimated(self, iterations: int) -> JointEstimate:
+        tracks = self._tracker.observations()
+        if self._online:
+            tracks = tracks.since(self._last - self._window + 1)
+        return estimate_jointly(tracks, start=self._latest, iterations=iterations)

@@ -10,23 +10,16 @@ import cv2
 import numpy as np
 
 from ospc.photometry.response import Response
-from ospc.research.rivals.exposure_series import LEVELS, ExposureSeries, response_of_values
+from ospc.research.rivals.camera_at_rest import LEVELS, ExposureSeries, response_of_values
+
+_SMOOTHNESS = 10.0
+"""λ, OpenCV's default."""
 
 
-def debevec_malik(series: ExposureSeries, samples: int = 200, smoothness: float = 10.0) -> Response:
-    """Return the response.
-
-    Parameters
-    ----------
-    series
-        The images.
-    samples
-        Number of pixels used.
-    smoothness
-        λ of the publication.
-    """
+def debevec_malik(series: ExposureSeries, samples: int = 200) -> Response:
+    """Return the response from so many pixels of the images."""
     chosen = series.sampled(samples)
     columns = [np.ascontiguousarray(row[None, :, None].repeat(3, axis=2)) for row in chosen]
-    method = cv2.createCalibrateDebevec(chosen.shape[1], smoothness, False)
+    method = cv2.createCalibrateDebevec(chosen.shape[1], _SMOOTHNESS, False)
     found = method.process(columns, series.relative_exposures.astype(np.float32))
     return response_of_values(np.asarray(found, dtype=np.float64).reshape(LEVELS, -1)[:, 0], "debevec-malik")

@@ -10,19 +10,11 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.photometry.response import Response
-from ospc.research.rivals.exposure_series import LEVELS, ExposureSeries, response_of_values
+from ospc.research.rivals.camera_at_rest import LEVELS, ExposureSeries, response_of_values
 
 
 def engel_response(series: ExposureSeries, iterations: int = 20) -> Response:
-    """Return the response.
-
-    Parameters
-    ----------
-    series
-        The images.
-    iterations
-        Number of turns.
-    """
+    """Return the response after so many turns."""
     t = series.relative_exposures[:, None]
     grey = series.images.reshape(len(series.images), -1)
     used = grey < LEVELS - 1

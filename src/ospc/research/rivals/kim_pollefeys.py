@@ -19,15 +19,16 @@ import cv2
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from ospc.arrays import FloatArray, Image, IntArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.errors import NotObservableError
+from ospc.estimation.robust import robust_scale
 from ospc.methods.paper import Correspondences
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, failure
 from ospc.unknown_exposures.response_model import family_of_inverses
-from ospc.unknown_exposures.tracking import equalised, log_brightness
+from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 
 _LEVELS = 256
 _COMPONENTS = 5
@@ -52,7 +53,9 @@ _FLOOR, _CEILING = 3, 250
 _LEAST_LOG_CHANGE = 0.03
 """Smallest change of brightness, as ln, that fixes the exponent."""
 
-_HUBER, _MAD_TO_SIGMA = 1.345, 1.4826
+_HUBER = 1.345
+"""Huber's tuning constant: 95 % efficient for normal residuals."""
+
 _STEP_PX, _BACK_PX, _SMOOTHING_PX = 3, 1.0, 1.2
 """Spacing of the points, largest forward-backward error of their flow, and smoothing of their grey levels."""
 
@@ -79,22 +82,16 @@ class DecoupledEstimate:
 def estimate_decoupled(pairs: Sequence[Correspondences], known: tuple[int, float] | None = None) -> DecoupledEstimate:
     """Return response, exposures and vignette from points that are visible in both images of each pair.
 
-    Parameters
-    ----------
-    pairs
-        Points of each pair.
-    known
-        Number of a pair and ln of its exposure ratio e₀/e₁; where None, that of the pair whose brightness changes
-        most is assumed to be 1.5 or 1/1.5.
+    ``known`` is the number of a pair and ln of its exposure ratio e₀/e₁; where None, that of the pair whose
+    brightness changes most is assumed to be 1.5 or 1/1.5.
 
     Raises
     ------
     NotObservableError
         If no pair changes its brightness, or too few points move along the radius.
     """
-    transfers = [
-        (number, *transfer) for number, pair in enumerate(pairs) if (transfer := _transfer(pair)) is not None
-    ]
+    found = [(number, _transfer(pair)) for number, pair in enumerate(pairs)]
+    transfers = [(number, *transfer) for number, transfer in found if transfer is not None]
     if not transfers:
         raise NotObservableError("no pair of images has enough points at equal radius to show how brightness changes")
     response, by_pair = _solve_response(transfers, known)
@@ -147,24 +144,22 @@ def _solve_response(
         value = float(np.sign(changes[fixed])) * _ASSUMED_LOG_RATIO
     if abs(changes[fixed]) < _LEAST_LOG_CHANGE:
         raise NotObservableError("the brightness of no pair of images changes; the response cannot be known")
+    count = len(components)
     rows, targets = [], []
     for column, (_, first, second, support) in enumerate(transfers):
-        inner = np.zeros((first.size, components.shape[0] + len(transfers)))
-        inner[:, : components.shape[0]] = (components[:, first] - components[:, second]).T
-        inner[:, components.shape[0] + column] = -1
+        inner = np.zeros((first.size, count + len(transfers)))
+        inner[:, :count] = (components[:, first] - components[:, second]).T
+        inner[:, count + column] = -1
         root = np.sqrt(np.minimum(support, 50))
         rows.append(inner * root[:, None])
         targets.append((mean[second] - mean[first]) * root)
     matrix, target = np.concatenate(rows), np.concatenate(targets)
-    place = components.shape[0] + fixed
-    target = target - matrix[:, place] * value
-    free = np.delete(matrix, place, axis=1)
+    target = target - matrix[:, count + fixed] * value
     # A weak pull towards the mean curve determines what no pair shows.
-    pull = np.zeros((components.shape[0], free.shape[1]))
-    pull[:, : components.shape[0]] = _PULL * np.eye(components.shape[0])
-    found = _robust(free, target, pull)
-    curve = np.exp(mean + found[: components.shape[0]] @ components)
-    ratios = np.insert(found[components.shape[0] :], fixed, value)
+    pull = _PULL * np.eye(count, count + len(transfers) - 1)
+    found = _robust(np.delete(matrix, count + fixed, axis=1), target, pull)
+    curve = np.exp(mean + found[:count] @ components)
+    ratios = np.insert(found[count:], fixed, value)
     increasing = np.asarray(isotonic_regression(curve).x) + 1e-9 * np.arange(_LEVELS)
     increasing[0] = 0.0
     response = Response.from_values(increasing, model={"name": "kim-pollefeys"})
@@ -178,9 +173,9 @@ def _robust(matrix: FloatArray, target: FloatArray, pull: FloatArray) -> FloatAr
     for _ in range(10):
         normal = (matrix * weight[:, None]).T @ matrix + pull.T @ pull
         found = np.asarray(np.linalg.lstsq(normal, matrix.T @ (weight * target), rcond=None)[0], dtype=np.float64)
-        residual = np.abs(matrix @ found - target)
-        sigma = _MAD_TO_SIGMA * float(np.median(residual)) + 1e-9
-        weight = np.minimum(1, _HUBER * sigma / np.maximum(residual, 1e-12))
+        residual = matrix @ found - target
+        sigma = robust_scale(residual) + 1e-9
+        weight = np.minimum(1, _HUBER * sigma / np.maximum(np.abs(residual), 1e-12))
     return found
 
 
@@ -197,9 +192,8 @@ def _solve_vignette(pairs: Sequence[Correspondences], response: Response, ratios
     log, r1, r2 = (np.concatenate(parts) for parts in (logs, first, second))
     if np.count_nonzero(np.abs(r1 - r2) > _MOVING) < _FEWEST:
         raise NotObservableError("too few points change their distance from the centre; the vignette cannot be known")
-    cell = (np.minimum(r1 * _RINGS, _RINGS - 1).astype(int) * _RINGS + np.minimum(r2 * _RINGS, _RINGS - 1)).astype(
-        int
-    )
+    ring1, ring2 = (np.minimum(radius * _RINGS, _RINGS - 1).astype(int) for radius in (r1, r2))
+    cell = ring1 * _RINGS + ring2
     order = np.argsort(cell, kind="stable")
     rows, targets = [], []
     for members in np.split(order, np.flatnonzero(np.diff(cell[order])) + 1):
@@ -230,7 +224,7 @@ class KimPollefeys:
     """Frames between pairs, and between the two frames of a pair."""
 
     def __init__(self) -> None:
-        self._waiting: dict[int, tuple[Frame, Image]] = {}
+        self._waiting: dict[int, Frame] = {}
         self._pairs: list[Correspondences] = []
         self._log_ratios: list[float] = []
         self._count = 0
@@ -241,14 +235,11 @@ class KimPollefeys:
         self._count += 1
         if number % self.EVERY:
             return
-        image = frame.image
-        if frame.max_grey != 255:
-            image = np.rint(image * (255 / frame.max_grey)).astype(np.uint8)
-        self._waiting[number] = (frame, image)
+        self._waiting[number] = frame
         earlier = self._waiting.pop(number - self.OFFSET, None)
         if earlier is not None:
-            self._pairs.append(_registered(earlier, (frame, image)))
-            self._log_ratios.append(float(np.log(earlier[0].exposure_ms / frame.exposure_ms)))
+            self._pairs.append(_registered(earlier, frame))
+            self._log_ratios.append(float(np.log(earlier.exposure_ms / frame.exposure_ms)))
 
     def found(self) -> dict[str, Outcome]:
         """Return both variants."""
@@ -268,9 +259,9 @@ class KimPollefeys:
         return None if best is None else (best, self._log_ratios[best])
 
 
-def _registered(earlier: tuple[Frame, Image], later: tuple[Frame, Image]) -> Correspondences:
+def _registered(frame0: Frame, frame1: Frame) -> Correspondences:
     """Return points of a grid with their places in the other image, where forward and backward flow agree."""
-    (frame0, image0), (frame1, image1) = earlier, later
+    image0, image1 = frame0.image_8_bit, frame1.image_8_bit
     first, second = equalised(image0, image1, log_brightness(image1) - log_brightness(image0))
     flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     there, back = flow.calc(first, second, None), flow.calc(second, first, None)
@@ -278,12 +269,12 @@ def _registered(earlier: tuple[Frame, Image], later: tuple[Frame, Image]) -> Cor
     y, x = np.mgrid[4 : height - 4 : _STEP_PX, 4 : width - 4 : _STEP_PX].reshape(2, -1)
     points0 = np.column_stack([x, y]).astype(np.float32)
     points1 = points0 + there[y, x]
-    returned = points1 + _sampled(back, points1) - points0
+    returned = points1 + sampled(back, points1) - points0
     good = np.linalg.norm(returned, axis=1) < _BACK_PX
     good &= np.all((points1 > 3) & (points1 < np.array([width, height]) - 4), axis=1)
     points0, points1 = points0[good], points1[good]
     grey0, grey1 = (
-        _sampled(cv2.GaussianBlur(image, (0, 0), _SMOOTHING_PX).astype(np.float32), points).ravel() / 255
+        sampled(cv2.GaussianBlur(image, (0, 0), _SMOOTHING_PX).astype(np.float32), points) / 255
         for image, points in ((image0, points0), (image1, points1))
     )
     return Correspondences(
@@ -294,10 +285,3 @@ def _registered(earlier: tuple[Frame, Image], later: tuple[Frame, Image]) -> Cor
         grey0,
         grey1,
     )
-
-
-def _sampled(image: FloatArray, places: FloatArray) -> FloatArray:
-    if not len(places):
-        return np.empty((0, 1))
-    maps = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
-    return np.asarray(cv2.remap(image, maps, None, cv2.INTER_LINEAR), dtype=np.float64).reshape(len(places), -1)

@@ -10,20 +10,14 @@ import cv2
 import numpy as np
 
 from ospc.photometry.response import Response
-from ospc.research.rivals.exposure_series import LEVELS, ExposureSeries, response_of_values
+from ospc.research.rivals.camera_at_rest import LEVELS, ExposureSeries, response_of_values
+
+_TURNS = 60
 
 
-def robertson(series: ExposureSeries, iterations: int = 60) -> Response:
-    """Return the response.
-
-    Parameters
-    ----------
-    series
-        The images.
-    iterations
-        Number of turns.
-    """
+def robertson(series: ExposureSeries) -> Response:
+    """Return the response."""
     images = [np.ascontiguousarray(image[:, :, None].repeat(3, axis=2)) for image in series.images]
-    method = cv2.createCalibrateRobertson(iterations, 0.0)
+    method = cv2.createCalibrateRobertson(_TURNS, 0.0)
     found = method.process(images, series.relative_exposures.astype(np.float32))
     return response_of_values(np.asarray(found, dtype=np.float64).reshape(LEVELS, -1)[:, 0], "robertson")

@@ -43,10 +43,8 @@ class SpeedRow:
         Name of the preset; "live" for the default one in the background of a camera.
     size
         Width and height of the frames.
-    frames
-        Frames pushed.
-    seconds
-        Time of all of them and of the final calibration; of a live run, its length.
+    frames, seconds
+        Frames pushed, and the time of all of them and of the final calibration; of a live run, its length.
     decoding_s, decoding_cpu_s
         Time, and processor time, of decoding the same frames in one thread just before.
     cpu_s
@@ -86,7 +84,7 @@ class SpeedRow:
     def as_dict(self) -> dict[str, Any]:
         """Return everything as JSON-compatible values."""
         derived = {"frames_per_second": self.frames_per_second, "over_decoding": self.over_decoding}
-        return {**asdict(self), "size": list(self.size), "push_ms": list(self.push_ms), **derived}
+        return asdict(self) | derived
 
 
 @dataclass(frozen=True)
@@ -95,10 +93,8 @@ class Reel:
 
     Attributes
     ----------
-    images
-        Grey JPEG files.
-    exposures_ms
-        Exposure of each in milliseconds.
+    images, exposures_ms
+        Grey JPEG files, and the exposure of each in milliseconds.
     """
 
     images: tuple[bytes, ...]
@@ -119,11 +115,9 @@ class Reel:
 
     def place(self, index: int) -> int:
         """Return the image of a frame: forward, backward, and forward again."""
-        n = len(self.images)
-        if n == 1:
-            return 0
-        turn = index % (2 * n - 2)
-        return turn if turn < n else 2 * n - 2 - turn
+        period = max(1, 2 * len(self.images) - 2)
+        turn = index % period
+        return min(turn, period - turn)
 
     def frames(self, count: int) -> Iterator[Frame]:
         """Give this many frames, decoded when they are used."""
@@ -154,16 +148,12 @@ def measured(
 
     Parameters
     ----------
-    presets
-        Names of presets.
-    sizes
-        Sizes of the frames.
+    presets, sizes
+        Names of presets, and sizes of the frames.
     count
         Frames; of preset "paper" at most :data:`SLOW_FRAMES`.
-    live_s
-        Seconds that a camera is simulated live; 0 for none.
-    rate_hz
-        Frames per second of that camera.
+    live_s, rate_hz
+        Seconds that a camera is simulated live, 0 for none, and its frames per second.
     """
     for size in sizes:
         reel = Reel.simulated(size, min(_DISTINCT, count))
@@ -185,12 +175,12 @@ def run(preset: str, size: ImageSize, reel: Reel, count: int) -> SpeedRow:
     """
     from ospc.calibrator import OnlineCalibrator
     from ospc.recording.ahead import decoded_ahead
-    from ospc.research.speed.stages import Stages
+    from ospc.research.speed.stages import clocks, with_rest
 
     count = min(count, SLOW_FRAMES) if preset == "paper" else count
     decoding = reel.decoding_s(count)
     pushes: list[float] = []
-    with Stages() as stages:
+    with clocks() as stages:
         begun, cpu = time.perf_counter(), time.process_time()
         calibrator = OnlineCalibrator(preset)
         for frame in decoded_ahead(reel.frames(count), calibrator.foresees):
@@ -200,7 +190,7 @@ def run(preset: str, size: ImageSize, reel: Reel, count: int) -> SpeedRow:
         calibrator.calibration()
         seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
     return SpeedRow(
-        preset, size, count, seconds, *decoding, cpu, _spread(np.array(pushes)), peak_mb(), stages.shares(seconds)
+        preset, size, count, seconds, *decoding, cpu, _spread(np.array(pushes)), peak_mb(), with_rest(stages, seconds)
     )
 
 
@@ -226,17 +216,8 @@ def run_live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> Spe
         status = live.status
     known = "not converged" if known_s is None else f"converged after {known_s:.0f} s"
     notes = f"{rate_hz:g} frames/s; {status.processed} processed, {status.unusable} unusable; {known}"
-    return SpeedRow(
-        "live",
-        size,
-        count,
-        time.perf_counter() - begun,
-        *decoding,
-        time.process_time() - cpu,
-        _spread(np.array(pushes)),
-        peak_mb(),
-        notes=notes,
-    )
+    whole, cpu = time.perf_counter() - begun, time.process_time() - cpu
+    return SpeedRow("live", size, count, whole, *decoding, cpu, _spread(np.array(pushes)), peak_mb(), notes=notes)
 
 
 def peak_mb() -> float | None:

@@ -12,7 +12,7 @@ from typing import Any
 from ospc.report.style import new_figure, rules, save
 from ospc.research.pictures import look
 from ospc.research.speed.measuring import SpeedRow
-from ospc.research.tables import Table, Written, as_json, write
+from ospc.research.tables import Table, as_json, write
 from ospc.versions import versions
 
 _HEADER = (
@@ -48,14 +48,8 @@ def content_of(rows: Sequence[SpeedRow]) -> dict[str, Any]:
     return {"rows": [row.as_dict() for row in rows], "machine": machine, "versions": versions()}
 
 
-def write_speed(folder: Path, rows: Sequence[SpeedRow]) -> Written:
-    """Write speed.json and speed.png.
-
-    Raises
-    ------
-    SettingError
-        If they cannot be written.
-    """
+def write_speed(folder: Path, rows: Sequence[SpeedRow]) -> list[Path]:
+    """Write speed.json and speed.png; errors are those of :func:`~ospc.research.tables.write`."""
     return write(folder, {"speed.json": as_json(content_of(rows))}, {"speed.png": partial(_draw, rows)})
 
 

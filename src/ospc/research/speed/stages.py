@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import wraps
 from importlib import import_module
-from types import TracebackType
 from typing import Any
 
 _STEPS = (
@@ -27,46 +28,34 @@ OTHER = "other"
 """Name of the time that no stage accounts for."""
 
 
-class Stages:
-    """A context that measures time by stage, in the thread that entered it only."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._thread = threading.get_ident()
-        self._before: list[tuple[Any, str, Any]] = []
-
-    def __enter__(self) -> Stages:
-        """Start the clocks."""
+@contextmanager
+def clocks() -> Iterator[dict[str, float]]:
+    """Give seconds by stage, which are measured in this thread only, until the context ends."""
+    seconds: dict[str, float] = defaultdict(float)
+    with ExitStack() as stack:
         for stage, module, owner, name in _STEPS:
             home = import_module(module)
             place: Any = getattr(home, owner) if owner else home
             step = getattr(place, name)
-            self._before.append((place, name, step))
-            setattr(place, name, self._clocked(stage, step))
-        return self
+            stack.callback(setattr, place, name, step)
+            setattr(place, name, _clocked(step, stage, seconds, threading.get_ident()))
+        yield seconds
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Remove the clocks."""
-        for place, name, step in self._before:
-            setattr(place, name, step)
-        self._before.clear()
 
-    def shares(self, total_s: float) -> dict[str, float]:
-        """Return seconds by stage, and what is left of a total."""
-        rest = max(0.0, total_s - sum(self.seconds.values()))
-        return {**{stage: s for stage, s in self.seconds.items() if s > 0}, OTHER: rest}
+def with_rest(seconds: dict[str, float], total_s: float) -> dict[str, float]:
+    """Return seconds by stage, and what is left of a total."""
+    return {**seconds, OTHER: max(0.0, total_s - sum(seconds.values()))}
 
-    def _clocked(self, stage: str, step: Callable[..., Any]) -> Callable[..., Any]:
-        @wraps(step)
-        def clocked(*args: Any, **named: Any) -> Any:
-            if threading.get_ident() != self._thread:
-                return step(*args, **named)
-            begun = time.perf_counter()
-            try:
-                return step(*args, **named)
-            finally:
-                self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begun
 
-        return clocked
+def _clocked(step: Callable[..., Any], stage: str, seconds: dict[str, float], thread: int) -> Callable[..., Any]:
+    @wraps(step)
+    def clocked(*args: Any, **named: Any) -> Any:
+        if threading.get_ident() != thread:
+            return step(*args, **named)
+        begun = time.perf_counter()
+        try:
+            return step(*args, **named)
+        finally:
+            seconds[stage] += time.perf_counter() - begun
+
+    return clocked

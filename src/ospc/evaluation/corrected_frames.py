@@ -1,10 +1,7 @@
-"""Frames as recorded, and as the camera would have recorded them without vignette and at equal exposure."""
+"""Frames as the camera would have recorded them without vignette and at equal exposure."""
 
 from __future__ import annotations
 
-from typing import Protocol
-
-import cv2
 import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray, Image
@@ -19,47 +16,11 @@ _LEVELS = 65536
 """Entries of the table from 16-bit irradiance to 8-bit grey values."""
 
 
-class FrameKind(Protocol):
-    """A way to prepare two successive frames for tracking."""
-
-    def pair(self, before: Frame, after: Frame) -> tuple[Image, Image]:
-        """Return the images of two successive frames, 8 bit, shape (height, width) each."""
-        ...
-
-
-class RawFrames:
-    """Grey values as recorded, in 8 bit.
-
-    Parameters
-    ----------
-    max_grey
-        Largest grey value of the frames.
-    """
-
-    def __init__(self, max_grey: int) -> None:
-        self._scale = 255 / max_grey
-
-    def image(self, frame: Frame) -> Image:
-        """Return the image of a frame in 8 bit."""
-        if self._scale == 1 and frame.image.dtype == np.uint8:
-            return frame.image
-        return np.asarray(cv2.convertScaleAbs(frame.image, alpha=self._scale))
-
-    def pair(self, before: Frame, after: Frame) -> tuple[Image, Image]:
-        """Return the images of two successive frames."""
-        return self.image(before), self.image(after)
-
-
 class CorrectedFrames:
     """Both frames of a pair as if recorded at the longer of their exposures and without vignette, f(s·g(M')/V).
 
     M' is the frame warped to that exposure. The factor s ≤ 1 makes room for the corrected corners, which can be
     brighter than white in the middle of the image.
-
-    Parameters
-    ----------
-    corrector
-        Response and vignette.
     """
 
     def __init__(self, corrector: Corrector) -> None:

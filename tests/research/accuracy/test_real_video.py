@@ -9,8 +9,7 @@ from ospc.formats.dso import read_pcalib
 from ospc.photometry.response import Response
 from ospc.recording import open_recording
 from ospc.recording.frame import Frame
-from ospc.research.accuracy.flat_matches import SampledFrame, flat_pair
-from ospc.research.accuracy.real_video import held_out_pairs
+from ospc.research.accuracy.real_video import SampledFrame, flat_pair, held_out_pairs
 from ospc.research.held_out import predicted_ratio
 from ospc.simulation import SimulationSettings, frames
 

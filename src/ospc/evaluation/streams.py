@@ -1,4 +1,4 @@
-"""Survival times, of which some are censored."""
+"""Statistics of streams in bounded memory: survival times, of which some are censored, and the median."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 
+_LOWEST, _HIGHEST, _BINS = 1e-5, 1e4, 4096
+"""Range and number of the bins of a median: each is half a per cent wide."""
+
 
 class LifeTable:
-    """Counts of individuals at risk and lost at every age, in bounded memory.
+    """Counts of individuals at risk and lost at every age up to a horizon.
 
     Survival is the product-limit estimate (Kaplan and Meier 1958): an individual that is censored, such as a point
     that leaves the image, counts until then, and afterwards neither as lost nor as alive.
-
-    Parameters
-    ----------
-    horizon
-        Age up to which individuals are followed.
     """
 
     def __init__(self, horizon: int) -> None:
@@ -24,15 +22,7 @@ class LifeTable:
         self._lost = np.zeros(horizon, np.int64)
 
     def add(self, ages: IntArray, lost_ages: IntArray) -> None:
-        """Count one step of several individuals.
-
-        Parameters
-        ----------
-        ages
-            Ages before the step, all below the horizon, shape (n,).
-        lost_ages
-            Those of the ages that belong to individuals lost in the step.
-        """
+        """Count a step of individuals by their ages before it, all below the horizon, and those lost in it."""
         self._at_risk += np.bincount(ages, minlength=len(self._at_risk))
         self._lost += np.bincount(lost_ages, minlength=len(self._lost))
 
@@ -40,11 +30,6 @@ class LifeTable:
     def steps(self) -> int:
         """Number of steps counted."""
         return int(self._at_risk.sum())
-
-    @property
-    def lost(self) -> int:
-        """Number of individuals lost."""
-        return int(self._lost.sum())
 
     @property
     def horizon(self) -> int:
@@ -66,3 +51,25 @@ class LifeTable:
         """Return the age that half do not outlive, counted from 1; None if more do."""
         gone = np.flatnonzero(self.survival[: horizon + 1] <= 0.5)
         return int(gone[0]) if gone.size else None
+
+
+class StreamingMedian:
+    """Counts numbers in bins of equal ratio from 10⁻⁵ to 10⁴; the median is accurate to a quarter of a per cent."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(_BINS, np.int64)
+
+    def add(self, values: FloatArray) -> None:
+        """Count numbers; those out of range are clipped to it, those that are not finite are ignored."""
+        finite = values[np.isfinite(values)]
+        share = np.log(np.clip(finite, _LOWEST, _HIGHEST) / _LOWEST) / np.log(_HIGHEST / _LOWEST)
+        self._counts += np.bincount(np.minimum((share * _BINS).astype(np.int64), _BINS - 1), minlength=_BINS)
+
+    @property
+    def value(self) -> float:
+        """The median; NaN if nothing was counted."""
+        count = int(self._counts.sum())
+        if count == 0:
+            return float("nan")
+        place = int(np.searchsorted(np.cumsum(self._counts), count / 2))
+        return float(_LOWEST * (_HIGHEST / _LOWEST) ** ((place + 0.5) / _BINS))
