@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc import Calibration, calibrate, open_recording
+from ospc import Calibration, calibrate
 from ospc.arrays import FloatArray
 from ospc.simulation import SimulationSettings, truth
 from result_files import ResultFile, Row, table
@@ -99,16 +99,8 @@ def lagged(original: Path, place: Path, lag: int) -> Path:
 
 def calibrated(path: Path) -> tuple[Calibration, int, bool]:
     """Return a calibration, the lag it was corrected by, and whether it says that exposures can't be relied on."""
-    try:
-        from ospc.diagnosis.before_calibrating import examine
-    except ImportError:
-        found = calibrate(path)
-        return found, int(found.source.get("exposure_lag_corrected_frames", 0)), not _relied_on(found)
-    # As long as there is this module, ospc.calibrate doesn't look for lags itself.
-    examination = examine(open_recording(path))
-    found = calibrate(examination.recording)
-    doubted = bool(examination.warnings) or bool(examination.notes and not examination.corrected_frames)
-    return found, examination.corrected_frames, doubted or not _relied_on(found)
+    found = calibrate(path)
+    return found, int(found.source.get("exposure_lag_corrected_frames", 0)), not _relied_on(found)
 
 
 def _relied_on(found: Calibration) -> bool:

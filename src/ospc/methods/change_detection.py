@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
-from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
+from ospc.methods.change_hypotheses import MIN_SIGMAS_OF_HALF, best_explanations, explain
+from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import Observations
 
 FEWEST_POINTS = 40
@@ -44,51 +44,14 @@ SHORTEST_WATCH_FRAMES, LONGEST_WATCH_FRAMES = 64, 192
 """Frames for which a suspicion is followed: light that changes is often over before the first, which at 20 frames/s
 is after three seconds."""
 
-CALM_FRAMES = 192
+JUDGED_FRAMES = 112
+"""Latest frames of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
+
+CALM_FRAMES = 96
 """Frames without another suspicion after one that was followed to the end."""
 
 WATCHED_NEIGHBOURS, MIN_SURPRISING_SHARE = 32, 0.25
 """A suspicion ends early where fewer of the latest so many pairs of neighbours are surprising: the light changed."""
-
-MOST_PAIRS = 256
-"""Latest pairs remembered while a suspicion is followed."""
-
-FEWEST_PAIRS = 12
-"""Pairs of each half of those watched by which a change is judged: what happens once is no change."""
-
-MIN_EFFECT_LOG = 0.04
-"""Smallest change, in ln of irradiance, that counts: a refocused lens changes the corners by more, drift by less."""
-
-MIN_SIGMAS, MIN_SIGMAS_OF_HALF = 8.5, 4.5
-"""Standard deviations, by the scatter between pairs, that a change must exceed in all pairs and in each half."""
-
-SYSTEMATIC_LOG = 0.006
-"""Standard deviation, in ln, by which registration is wrong in ways that pairs have in common."""
-
-ALIKE_GAIN = 0.9
-"""Share of the gain of one explanation from which on the other is as good, and both are named."""
-
-MAJORITY = 0.8
-"""Share of the pairs in each half that a change must explain: a few wrong registrations prove nothing."""
-
-TELLING = 3.0
-"""How many times the usual error a change must make of a pair for the pair to tell."""
-
-FEWEST_TELLING = 6
-"""Telling pairs needed in each half."""
-
-LAGS = (-3, -2, -1, 1, 2, 3)
-"""Changes of the lag that are tried, in frames."""
-
-LIGHT_SLOPE = -0.75
-"""Slope of the error against the change of exposure from which on light that the exposure follows explains it: an
-exposure control that keeps brightness constant shows a slope of −1."""
-
-MIN_SLOPE = 0.15
-"""Smallest change of that slope by another response."""
-
-MIN_SLOPE_ERROR_LOG = 0.008
-"""Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less a frame."""
 
 
 @dataclass(frozen=True)
@@ -145,13 +108,9 @@ class ChangeDetector:
     lag_frames: int = 0
 
     def rely_on(self, fit: Fit) -> None:
-        """Predict by another fit from now on."""
-        if self.reference is not None and len(self.reference.parameters) == len(fit.parameters):
-            step = fit.parameters - self.reference.parameters
-            self.pairs = [pair.after_update(step) for pair in self.pairs]
-        else:
-            self.pairs = []
-        self.reference = fit
+        """Predict by another fit from now on, unless a suspicion is followed: what it rests on must stay the same."""
+        if not self.pairs:
+            self.reference = fit
 
     @property
     def is_watching(self) -> bool:
@@ -159,10 +118,9 @@ class ChangeDetector:
         return self.since is not None
 
     def observe(self, latest: Observations, exposures: ExposureTable) -> Change | None:
-        """Take the observations of the latest pair, and return the change of the camera that they suggest, if any.
+        """Take the observations of the latest pair, and return the change of the camera that they prove, if any.
 
-        It is to be confirmed, :meth:`suggested`, after a fit to everything, the latest pairs included: a camera that
-        is the same has one fit that predicts all of them, however new the grey levels and radii are that they show.
+        When a suspicion begins, :attr:`is_watching`, the reference is best replaced by a fit to everything so far.
         """
         if self.reference is None or len(latest.starts) < FEWEST_POINTS:
             return None
@@ -175,22 +133,21 @@ class ChangeDetector:
         if self.since is None:
             self._look_for_surprises(pair)
             return None
-        if pair.frame0 >= self.since:
-            self.pairs = [*self.pairs, pair][-MOST_PAIRS:]
-        change = self.suggested(exposures)
+        first = max(self.since, pair.frame1 - JUDGED_FRAMES)
+        self.pairs = [old for old in (*self.pairs, pair) if old.frame0 >= first]
+        change = self._proven(exposures) if pair.frame1 >= self.since + SHORTEST_WATCH_FRAMES else None
         if change is None:
             self._end_suspicion(pair.frame1)
         return change
 
-    def suggested(self, exposures: ExposureTable) -> Change | None:
-        """Return the change of the camera that the pairs since the suspicion suggest, if any."""
-        if self.since is None or not self.pairs or self.pairs[-1].frame1 < self.since + SHORTEST_WATCH_FRAMES:
+    def _proven(self, exposures: ExposureTable) -> Change | None:
+        assert self.reference is not None
+        found = explain(self.pairs, self.reference, exposures, self._usual_error)
+        if found is None:
             return None
-        if len(self.pairs) < 2 * FEWEST_PAIRS:
-            return None
-        half = len(self.pairs) // 2
-        halves = (self.pairs[:half], self.pairs[half:])
-        return self._late_exposures(halves, exposures) or self._slope(halves, exposures) or self._curves(halves)
+        part, text = found
+        first = min(pair.frame0 for pair in self.pairs)
+        return Change(first, self.pairs[-1].frame1, part, f"{text}, since about frame {first}")
 
     def _look_for_surprises(self, pair: PairErrors) -> None:
         if not pair.of_neighbours:
@@ -210,111 +167,15 @@ class ChangeDetector:
     def _end_suspicion(self, frame: int) -> None:
         """End a suspicion that has lasted too long, or that nothing supports any more."""
         assert self.since is not None
+        assert self.reference is not None
         latest = [pair for pair in self.pairs if pair.of_neighbours][-WATCHED_NEIGHBOURS:]
         if frame > self.since + LONGEST_WATCH_FRAMES:
             self.since, self.pairs, self.calm_until = None, [], frame + CALM_FRAMES
         elif len(latest) == WATCHED_NEIGHBOURS:
             surprising = sum(self._surprises(pair) for pair in latest) >= MIN_SURPRISING_SHARE * len(latest)
-            if not surprising and self._explained(self.pairs).sigmas < MIN_SIGMAS_OF_HALF:
+            if not surprising and best_explanations(self.pairs, self.reference)[0].sigmas < MIN_SIGMAS_OF_HALF:
                 self.since, self.pairs = None, []
-
-    def _explained(self, pairs: list[PairErrors]) -> ExplainedChange:
-        """Return the change of one part of the camera that explains pairs best."""
-        assert self.reference is not None
-        parts = (ExplainedChange.of(pairs, self.reference, part, SYSTEMATIC_LOG) for part in PARTS)
-        return max(parts, key=lambda explained: explained.gain)
 
     @property
     def _usual_error(self) -> float:
         return max(float(np.median(self.usual_errors)), USUAL_FLOOR_LOG)
-
-    def _curves(self, halves: tuple[list[PairErrors], list[PairErrors]]) -> Change | None:
-        """Return a change of response or vignette: errors that depend on the grey level or the radius."""
-        if self.reference is None or self.since is None:
-            return None
-        everything = [*halves[0], *halves[1]]
-        wholes = [ExplainedChange.of(everything, self.reference, part, SYSTEMATIC_LOG) for part in PARTS]
-        whole = max(wholes, key=lambda explained: explained.gain)
-        if abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_SIGMAS:
-            return None
-        parts = [ExplainedChange.of(half, self.reference, whole.part, SYSTEMATIC_LOG) for half in halves]
-        if min(half.sigmas for half in parts) < MIN_SIGMAS_OF_HALF:
-            return None
-        # What one half shows must explain the other.
-        for half, other in zip(parts, reversed(halves), strict=True):
-            gains = np.array([pair.gain(half.change) for pair in other])
-            if gains.sum() <= 0 or np.mean(gains > 0) < MAJORITY:
-                return None
-        part = " or ".join(PARTS) if min(each.gain for each in wholes) > ALIKE_GAIN * whole.gain else whole.part
-        text = f"the {part} changed at about frame {self.since}, by {np.expm1(whole.effect):+.0%}"
-        return Change(self.since, everything[-1].frame1, part, text)
-
-    def _late_exposures(
-        self, halves: tuple[list[PairErrors], list[PairErrors]], exposures: ExposureTable
-    ) -> Change | None:
-        """Return a change of the lag: the errors of whole pairs are those of other exposures."""
-        if self.since is None:
-            return None
-        best = None
-        for lag in LAGS:
-            other = exposures.with_lag(exposures.lag_frames + lag)
-            expected = [_log_ratios(half, other) - _log_ratios(half, exposures) for half in halves]
-            left = self._left_by(halves, expected)
-            if left is not None and (best is None or left < best[0]):
-                best = left, lag
-        if best is None:
-            return None
-        lag = best[1]
-        words = f"{abs(lag)} frame{'' if abs(lag) == 1 else 's'} {'later' if lag > 0 else 'earlier'}"
-        text = f"the exposures are written {words} than before, since about frame {self.since}"
-        return Change(self.since, halves[1][-1].frame1, "exposures", text)
-
-    def _slope(self, halves: tuple[list[PairErrors], list[PairErrors]], exposures: ExposureTable) -> Change | None:
-        """Return a change of the response: brightness follows the exposure more or less than before."""
-        if self.since is None:
-            return None
-        steps = [_log_ratios(half, exposures) for half in halves]
-        slopes = [_median_slope(half, step) for half, step in zip(halves, steps, strict=True)]
-        if any(not (slope > MIN_SLOPE or LIGHT_SLOPE < slope < -MIN_SLOPE) for slope in slopes):
-            return None
-        errors = np.abs([pair.error for half in halves for pair in half if pair.of_neighbours])
-        # What one half shows must explain the other.
-        expected = [slope * step for slope, step in zip(reversed(slopes), steps, strict=True)]
-        if len(errors) == 0 or np.median(errors) < MIN_SLOPE_ERROR_LOG or self._left_by(halves, expected) is None:
-            return None
-        text = (
-            f"the response changed, or a gain that the exposures do not hold, since about frame {self.since}: "
-            f"brightness follows the exposure by {np.mean(slopes):+.0%}"
-        )
-        return Change(self.since, halves[1][-1].frame1, "response", text)
-
-    def _left_by(self, halves: tuple[list[PairErrors], list[PairErrors]], expected: list[FloatArray]) -> float | None:
-        """Return the median error that is left of telling pairs; None unless most in each half are explained."""
-        least = TELLING * self._usual_error
-        left = []
-        for half, change in zip(halves, expected, strict=True):
-            error = np.array([pair.error for pair in half])
-            telling = np.isfinite(change) & (np.abs(change) > least)
-            better = np.abs(error - change)[telling] < np.abs(error)[telling] / 2
-            if np.count_nonzero(telling) < FEWEST_TELLING or better.mean() < MAJORITY:
-                return None
-            left.append(np.abs(error - change)[telling])
-        return float(np.median(np.concatenate(left)))
-
-
-def _log_ratios(pairs: list[PairErrors], exposures: ExposureTable) -> FloatArray:
-    """Return ln of the exposure of each pair's second frame over that of its first, NaN where one is unknown."""
-    frames = np.array([(pair.frame0, pair.frame1) for pair in pairs])
-    return np.asarray(np.diff(exposures.log_exposure_of(frames), axis=1)[:, 0])
-
-
-def _median_slope(pairs: list[PairErrors], step: FloatArray) -> float:
-    """Return the median of error over change of exposure, weighted by the change; 0 where nothing changes."""
-    weight = np.where(np.isfinite(step), np.abs(step), 0.0)
-    moving = weight > 0
-    if not moving.any():
-        return 0.0
-    slope = np.array([pair.error for pair in pairs])[moving] / step[moving]
-    order = np.argsort(slope)
-    total = np.cumsum(weight[moving][order])
-    return float(slope[order[np.searchsorted(total, total[-1] / 2)]])

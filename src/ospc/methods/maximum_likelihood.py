@@ -132,10 +132,11 @@ class MaximumLikelihoodMethod:
         return self._proven(brightness.samples.observations(brightness.frame0, brightness.frame1), exposures)
 
     def _proven(self, observations: Observations, exposures: ExposureTable) -> Change | None:
-        if self._changes.observe(observations, exposures) is None:
-            return None
-        self._refine(exposures)
-        return self._changes.suggested(exposures)
+        was_watching = self._changes.is_watching
+        change = self._changes.observe(observations, exposures)
+        if self._changes.is_watching and not was_watching:
+            self._refine(exposures)
+        return change
 
     def split(self, number: int) -> MaximumLikelihoodMethod:
         """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""

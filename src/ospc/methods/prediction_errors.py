@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,7 +34,7 @@ _STEPS = np.linspace(0, 1, 21)
 class PairErrors:
     """The errors ρ of a pair's scene points, ln of the ratio of irradiances less what the fit predicts.
 
-    A change x of the camera adds Φ x to them, and one of the fit's parameters, δ, takes X δ away. Pairs are
+    A change x of the camera adds Φ x to them, and an error δ of the fit's parameters takes X δ away. Pairs are
     described by sums over their scene points, from which the mean over the pair was subtracted: light that changes
     alike for all points has no part in them.
 
@@ -48,8 +48,8 @@ class PairErrors:
         ΦᵀΦ, shape (9, 9), and Φᵀρ, shape (9,).
     carried
         ΦᵀX, shape (9, p).
-    error, row
-        Median of ρ, and mean of X, shape (p,), over the whole pair.
+    error
+        Median of ρ over the whole pair.
     reach
         Radius within which nearly all observations lie, in half diagonals.
     greys
@@ -63,7 +63,6 @@ class PairErrors:
     vector: FloatArray
     carried: FloatArray
     error: float
-    row: FloatArray
     reach: float
     greys: FloatArray
 
@@ -101,14 +100,9 @@ class PairErrors:
             phi.T @ rho,
             phi.T @ x,
             middle,
-            carried.mean(axis=0),
             float(np.sqrt(np.quantile(squared, _SEEN_QUANTILES[1]))),
             np.quantile(grey, _SEEN_QUANTILES),
         )
-
-    def after_update(self, step: FloatArray) -> PairErrors:
-        """Return the errors, linearised, under a fit whose parameters differ by a step, shape (p,)."""
-        return replace(self, vector=self.vector - self.carried @ step, error=self.error - float(self.row @ step))
 
     @property
     def of_neighbours(self) -> bool:

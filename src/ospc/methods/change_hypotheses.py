@@ -1,0 +1,162 @@
+"""Which change of the camera, of its exposures, response or vignette, explains the errors of pairs of frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.estimation.fit import Fit
+from ospc.exposures.table import ExposureTable
+from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
+
+Halves = tuple[list[PairErrors], list[PairErrors]]
+"""Earlier and later pairs: what one half shows must explain the other."""
+
+Finding = tuple[str, str]
+"""What changed, and how, as a part of a sentence."""
+
+FEWEST_PAIRS = 12
+"""Pairs of each half of those watched by which a change is judged: what happens once is no change."""
+
+MIN_EFFECT_LOG = 0.04
+"""Smallest change, in ln of irradiance, that counts: a refocused lens changes the corners by more, drift by less."""
+
+MIN_SIGMAS, MIN_SIGMAS_OF_HALF = 8.5, 4.5
+"""Standard deviations, by the scatter between pairs, that a change must exceed in all pairs and in each half."""
+
+SYSTEMATIC_LOG = 0.006
+"""Standard deviation, in ln, by which registration is wrong in ways that pairs have in common."""
+
+ALIKE_GAIN = 0.9
+"""Share of the gain of one explanation from which on the other is as good, and both are named."""
+
+MAJORITY = 0.8
+"""Share of the pairs in each half that a change must explain: a few wrong registrations prove nothing."""
+
+TELLING = 3.0
+"""How many times the usual error a change must make of a pair for the pair to tell."""
+
+FEWEST_TELLING = 6
+"""Telling pairs needed in each half."""
+
+LAGS = (-3, -2, -1, 1, 2, 3)
+"""Changes of the lag that are tried, in frames."""
+
+LIGHT_SLOPE = -0.75
+"""Slope of the error against the change of exposure from which on light that the exposure follows explains it: an
+exposure control that keeps brightness constant shows a slope of −1."""
+
+MIN_SLOPE = 0.15
+"""Smallest change of that slope by another response."""
+
+MIN_SLOPE_ERROR_LOG = 0.008
+"""Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less a frame."""
+
+
+def explain(pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_error: float) -> Finding | None:
+    """Return the change of the camera that pairs prove; None if they prove none.
+
+    Parameters
+    ----------
+    pairs
+        Errors of pairs of frames, in the order of frames.
+    fit
+        The fit that predicted them.
+    exposures
+        The exposures by which they were predicted.
+    usual_error
+        Usual absolute error of a whole pair, in ln.
+    """
+    if len(pairs) < 2 * FEWEST_PAIRS:
+        return None
+    halves = (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
+    return (
+        _late_exposures(halves, exposures, usual_error)
+        or _steeper_response(halves, exposures, usual_error)
+        or _other_curve(halves, fit)
+    )
+
+
+def best_explanations(pairs: list[PairErrors], fit: Fit) -> list[ExplainedChange]:
+    """Return what a change of the response and one of the vignette explain of pairs, the better first."""
+    parts = (ExplainedChange.of(pairs, fit, part, SYSTEMATIC_LOG) for part in PARTS)
+    return sorted(parts, key=lambda explained: -explained.gain)
+
+
+def _other_curve(halves: Halves, fit: Fit) -> Finding | None:
+    """Return a change of response or vignette: errors that depend on the grey level or the radius."""
+    whole, other = best_explanations([*halves[0], *halves[1]], fit)
+    if abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_SIGMAS:
+        return None
+    parts = [ExplainedChange.of(half, fit, whole.part, SYSTEMATIC_LOG) for half in halves]
+    if min(half.sigmas for half in parts) < MIN_SIGMAS_OF_HALF:
+        return None
+    for found, unseen in zip(parts, reversed(halves), strict=True):
+        gains = np.array([pair.gain(found.change) for pair in unseen])
+        if gains.sum() <= 0 or np.mean(gains > 0) < MAJORITY:
+            return None
+    part = " or ".join(PARTS) if other.gain > ALIKE_GAIN * whole.gain else whole.part
+    return part, f"the {part} changed by {np.expm1(whole.effect):+.0%}"
+
+
+def _late_exposures(halves: Halves, exposures: ExposureTable, usual_error: float) -> Finding | None:
+    """Return a change of the lag: the errors of whole pairs are those of other exposures."""
+    stated = [_log_ratios(half, exposures) for half in halves]
+    found = []
+    for lag in LAGS:
+        other = exposures.with_lag(exposures.lag_frames + lag)
+        expected = [_log_ratios(half, other) - step for half, step in zip(halves, stated, strict=True)]
+        left = _error_left(halves, expected, usual_error)
+        found += [] if left is None else [(left, lag)]
+    if not found:
+        return None
+    lag = min(found)[1]
+    frames = f"{abs(lag)} frame{'' if abs(lag) == 1 else 's'}"
+    return "exposures", f"the exposures are written {frames} {'later' if lag > 0 else 'earlier'} than before"
+
+
+def _steeper_response(halves: Halves, exposures: ExposureTable, usual_error: float) -> Finding | None:
+    """Return a change of the response: brightness follows the exposure more or less than before."""
+    steps = [_log_ratios(half, exposures) for half in halves]
+    slopes = [_median_slope(half, step) for half, step in zip(halves, steps, strict=True)]
+    if any(not (slope > MIN_SLOPE or LIGHT_SLOPE < slope < -MIN_SLOPE) for slope in slopes):
+        return None
+    errors = [abs(pair.error) for half in halves for pair in half if pair.of_neighbours]
+    if not errors or np.median(errors) < MIN_SLOPE_ERROR_LOG:
+        return None
+    expected = [slope * step for slope, step in zip(reversed(slopes), steps, strict=True)]
+    if _error_left(halves, expected, usual_error) is None:
+        return None
+    steeper = f"brightness follows the exposure by {np.mean(slopes):+.0%}"
+    return "response", f"the response changed, or a gain that the exposures do not hold: {steeper}"
+
+
+def _error_left(halves: Halves, expected: list[FloatArray], usual_error: float) -> float | None:
+    """Return the median error that is left of telling pairs; None unless most in each half are explained."""
+    left = []
+    for half, change in zip(halves, expected, strict=True):
+        error = np.array([pair.error for pair in half])
+        telling = np.isfinite(change) & (np.abs(change) > TELLING * usual_error)
+        better = np.abs(error - change)[telling] < np.abs(error)[telling] / 2
+        if np.count_nonzero(telling) < FEWEST_TELLING or better.mean() < MAJORITY:
+            return None
+        left.append(np.abs(error - change)[telling])
+    return float(np.median(np.concatenate(left)))
+
+
+def _log_ratios(pairs: list[PairErrors], exposures: ExposureTable) -> FloatArray:
+    """Return ln of the exposure of each pair's second frame over that of its first, NaN where one is unknown."""
+    frames = np.array([(pair.frame0, pair.frame1) for pair in pairs])
+    return np.asarray(np.diff(exposures.log_exposure_of(frames), axis=1)[:, 0])
+
+
+def _median_slope(pairs: list[PairErrors], step: FloatArray) -> float:
+    """Return the median of error over change of exposure, weighted by the change; 0 where nothing changes."""
+    weight = np.where(np.isfinite(step), np.abs(step), 0.0)
+    moving = weight > 0
+    if not moving.any():
+        return 0.0
+    slope = np.array([pair.error for pair in pairs])[moving] / step[moving]
+    order = np.argsort(slope)
+    total = np.cumsum(weight[moving][order])
+    return float(slope[order[np.searchsorted(total, total[-1] / 2)]])
