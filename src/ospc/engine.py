@@ -135,7 +135,7 @@ class Engine:
         finally:
             if self._sampler.number == number:  # the frame was not taken
                 self._sampler.skip()
-            self._foresight = (self._foresight[0], replace(self._sampler))
+            self._foresee()
         return True
 
     @_one_thread_at_a_time
@@ -143,7 +143,7 @@ class Engine:
         """Take note of a frame whose image is not to be had: of its exposure only."""
         self._exposures.append(exposure_ms)
         self._sampler.skip()
-        self._foresight = (self._foresight[0], replace(self._sampler))
+        self._foresee()
 
     def _take(self, frame: Frame) -> None:
         evidence, method = self._started(frame)
@@ -162,7 +162,6 @@ class Engine:
         if change is not None:
             evidence, method = self._begin_epoch(evidence, method, change)
         self._sampler.advance(pauses=not method.wants_every_frame)
-        self._foresight = (method.wants_every_frame, self._sampler)
         self._assess_exposures_at_times(evidence)
         self._recognize(frame)
 
@@ -314,7 +313,6 @@ class Engine:
         self._exposures = ExposureTable.of(state.log_exposure, state.lag_frames, trusted=state.exposures_are_trusted)
         self._sampler, self._pixels, self._next_assessment = state.sampler, state.pixels, state.next_assessment
         self._lag_is_known = state.lag_is_known
-        self._foresight = (False, replace(self._sampler))
         self._skipped, self._reasons = state.skipped, state.reasons
         self._first_reasons, self._first_frames = state.first_reasons, state.first_frames
         self._epochs = [epoch_of(content) for content in state.epochs]
@@ -322,6 +320,7 @@ class Engine:
             self._evidence = ExposureEvidence.from_state(state.size, state.evidence)
             self._method = self._settings.build(state.size, state.max_grey)
             self._method.restore(method_state)
+        self._foresee()
 
     @property
     def wanted(self) -> frozenset[int]:
@@ -379,6 +378,11 @@ class Engine:
             self._evidence = ExposureEvidence(size)
             self._size, self._max_grey = size, frame.max_grey
         return self._evidence, self._method
+
+    def _foresee(self) -> None:
+        """Leave a copy of what decides on the next frames, for threads that must not wait."""
+        every = self._method is not None and self._method.wants_every_frame
+        self._foresight = (every, replace(self._sampler))
 
     def _assess_exposures_at_times(self, evidence: ExposureEvidence) -> None:
         if len(evidence) >= self._next_assessment:

@@ -13,7 +13,6 @@ from typing import Any, Protocol, TypeAlias
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import median_abs_deviation
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.correspondence.preprocessing import PreprocessedFrame
@@ -122,8 +121,9 @@ class ExposureNormalizer:
         log0 = self._log_radiance(small0.grey, frame0.size)
         log1 = values_at(self._log_radiance(small1.grey, frame1.size), there)
         difference = (log1 - log0)[shared]
-        spread = median_abs_deviation(difference, scale="normal")
-        return float(np.median(difference)), bool(spread < _LARGEST_SPREAD)
+        middle = np.median(difference)
+        spread = 1.4826 * np.median(np.abs(difference - middle))  # the standard deviation of normal errors
+        return float(middle), bool(spread < _LARGEST_SPREAD)
 
     def _log_ratio_of_quantiles(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame) -> float:
         """Return the same for frames that hardly overlap: the median over quantiles of grey exposed in both."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
@@ -132,16 +132,26 @@ def _steeper_response(halves: Halves, exposures: ExposureTable, usual_error: flo
 
 
 def _error_left(halves: Halves, expected: list[FloatArray], usual_error: float) -> float | None:
-    """Return the median error that is left of telling pairs; None unless most in each half are explained."""
+    """Return the median error that is left of telling pairs; None unless most in each half are explained.
+
+    Light that fades steadily is no evidence: what grows evenly with time is taken out of errors and expectations.
+    """
     left = []
     for half, change in zip(halves, expected, strict=True):
-        error = np.array([pair.error for pair in half])
-        telling = np.isfinite(change) & (np.abs(change) > TELLING * usual_error)
-        better = np.abs(error - change)[telling] < np.abs(error)[telling] / 2
+        known = np.isfinite(change)
+        frames = np.array([pair.frame1 - pair.frame0 for pair in half])[known]
+        error = _without_drift(np.array([pair.error for pair in half])[known], frames)
+        foretold = _without_drift(change[known], frames)
+        telling = np.abs(foretold) > TELLING * usual_error
+        better = np.abs(error - foretold)[telling] < np.abs(error)[telling] / 2
         if np.count_nonzero(telling) < FEWEST_TELLING or better.mean() < MAJORITY:
             return None
-        left.append(np.abs(error - change)[telling])
+        left.append(np.abs(error - foretold)[telling])
     return float(np.median(np.concatenate(left)))
+
+
+def _without_drift(values: FloatArray, frames: IntArray) -> FloatArray:
+    return values - frames * np.median(values / frames) if len(values) else values
 
 
 def _log_ratios(pairs: list[PairErrors], exposures: ExposureTable) -> FloatArray:
