@@ -143,7 +143,7 @@ def _error_left(halves: Halves, expected: list[FloatArray], usual_error: float) 
         error = _without_drift(np.array([pair.error for pair in half])[known], frames)
         foretold = _without_drift(change[known], frames)
         telling = np.abs(foretold) > TELLING * usual_error
-        better = np.abs(error - foretold)[telling] < np.abs(error)[telling] / 2
+        better = np.abs(error - foretold)[telling] < np.abs(foretold)[telling] / 2
         if np.count_nonzero(telling) < FEWEST_TELLING or better.mean() < MAJORITY:
             return None
         left.append(np.abs(error - foretold)[telling])

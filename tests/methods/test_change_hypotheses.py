@@ -1,0 +1,125 @@
+"""A change of the camera is proven by what many pairs have in common; light and wrong registrations prove nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from ospc.arrays import FloatArray
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.exposures.table import ExposureTable
+from ospc.methods.change_hypotheses import explain
+from ospc.methods.prediction_errors import PairErrors
+from ospc.observations import ExposedObservations
+from ospc.photometry.vignette import LogVignette
+from ospc.settings import DefaultSettings
+from ospc.simulation.responses import make_response
+from synthetic_observations import POLYNOMIAL, SIZE, Camera
+
+USUAL_ERROR = 0.001
+FRAMES = 64
+CAMERA = Camera(make_response("srgb"), POLYNOMIAL)
+DARKER_CORNERS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.8, 0.05, -0.2)))
+ANOTHER_RESPONSE = replace(CAMERA, response=make_response("filmic"))
+
+
+@pytest.fixture(scope="module")
+def fit():
+    """The fit to what was seen before."""
+    settings = DefaultSettings()
+    basis = ResponseBasis(settings.response_intervals, settings.response_functions)
+    return fit_with_chosen_vignette(
+        CAMERA.pairs(0, groups=80, points=200), basis, VignetteBasis(settings.radial_terms), None, settings.rounds
+    )
+
+
+def course(seed: int) -> FloatArray:
+    """Return ln of exposures that an automatic control might set, with some frames before and after."""
+    random = np.random.default_rng(seed)
+    return np.cumsum(np.convolve(random.normal(0, 0.06, FRAMES + 14), np.ones(5) / 5, mode="valid"))
+
+
+@dataclass(frozen=True)
+class Film:
+    """Neighbouring frames of a camera, and what is stated of their exposures."""
+
+    camera: Camera = CAMERA
+    late_frames: int = 0
+    fading: float = 0.0
+    seed: int = 0
+    wrong: int = 0
+
+    def pairs(self, fit) -> tuple[list[PairErrors], ExposureTable]:
+        random = np.random.default_rng([self.seed, 1])
+        true = course(self.seed)
+        stated = np.roll(true, self.late_frames)
+        moved = np.cumsum(random.normal(0, 0.02, (FRAMES, 2)), axis=0) * 3
+        pairs = []
+        for frame in range(5, FRAMES):
+            later = frame + (1 if frame % 3 else 4)
+            if later >= FRAMES:
+                break
+            shift = moved[later] - moved[frame]
+            place = random.uniform(-1, 1, (300, 2)) * np.array(SIZE) / np.hypot(*SIZE)
+            places = np.stack([place, np.clip(place + shift, -0.9, 0.9)], axis=1)
+            light = np.array([frame, later]) * self.fading
+            radiance = np.log(0.2) + random.normal(0, 0.6, 300)
+            if frame % 20 < self.wrong:
+                light = light + np.array([0.0, 0.8])
+            log_e = np.log(10) + true[[frame, later]]
+            irradiance = np.exp(radiance[:, None] - np.log(10) + log_e + light) * self.camera.vignette.at_normalised(
+                places
+            )
+            grey = self.camera.response(irradiance) + random.normal(0, 0.002, (300, 2))
+            seen = np.all((grey > 0.03) & (grey < 0.97), axis=1)
+            count = int(seen.sum())
+            observations = ExposedObservations(
+                grey=grey[seen].ravel(),
+                log_exposure=np.tile(np.log(10) + stated[[frame, later]], count),
+                position=places[seen].reshape(-1, 2),
+                gradient=np.zeros(2 * count),
+                pixels_averaged=np.full(2 * count, 28.0),
+                frame=np.tile([frame, later], count),
+                point=np.repeat(np.arange(count), 2),
+                group=np.full(2 * count, frame),
+            )
+            pairs.append(PairErrors.of(observations, fit))
+        return pairs, ExposureTable.of(np.log(10) + stated)
+
+    def explained(self, fit):
+        """Return what is said of it."""
+        pairs, exposures = self.pairs(fit)
+        return explain(pairs, fit, exposures, USUAL_ERROR)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("film", [Film(), Film(fading=-0.004), Film(fading=0.01), Film(wrong=1), Film(wrong=3)])
+def test_neither_light_nor_wrong_registrations_are_a_change_of_the_camera(film, seed, fit):
+    assert replace(film, seed=seed).explained(fit) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("fading", [0.0, -0.003])
+def test_a_change_is_found_and_named(seed, fading, fit):
+    def part(camera):
+        return Film(camera, seed=seed, fading=fading).explained(fit)[0]
+
+    assert "vignette" in part(DARKER_CORNERS)
+    assert "response" in part(ANOTHER_RESPONSE)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("frames", [-2, 2, 3])
+def test_late_exposures_are_found_with_their_lag(seed, frames, fit):
+    part, text = Film(late_frames=frames, seed=seed).explained(fit)
+    assert part == "exposures"
+    assert f"{abs(frames)} frames {'later' if frames > 0 else 'earlier'}" in text
+
+
+def test_a_few_pairs_prove_nothing(fit):
+    pairs, exposures = Film(DARKER_CORNERS).pairs(fit)
+    assert explain(pairs[:20], fit, exposures, USUAL_ERROR) is None
