@@ -71,11 +71,6 @@ class OnlineCalibrator(Engine):
             return None
         return summary_of(inputs, self.first_frames, self.source, self.frames)
 
-    @property
-    def has_state(self) -> bool:
-        """Whether its state can be saved; that of preset "paper" cannot."""
-        return self.settings.keeps_state and (self._method is None or self._method.state() is not None)
-
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
         """Write everything that is known to a file, whole or not at all, and return its path.
 
@@ -96,7 +91,7 @@ class OnlineCalibrator(Engine):
         FormatError
             If the file cannot be written.
         """
-        if not self.has_state:
+        if not self.settings.keeps_state:
             raise SettingError(
                 f"preset {self.settings.name} holds the features of hundreds of frames, which no state file takes; "
                 "use the default preset"

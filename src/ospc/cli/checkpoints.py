@@ -81,7 +81,7 @@ class Checkpoints:
         self._remove_unfinished()
         with self._pace.look():
             pass  # the first is due only after that time
-        if not calibrator.has_state:
+        if not calibrator.settings.keeps_state:
             if self.resume:
                 name = calibrator.settings.name
                 raise SettingError(f"--resume: preset {name} has no checkpoints; leave --resume out")
@@ -95,7 +95,7 @@ class Checkpoints:
 
     def after_frame(self, calibrator: OnlineCalibrator) -> None:
         """Save the state if it is time to."""
-        if self._pace.due and calibrator.has_state and not self._failed:
+        if self._pace.due and calibrator.settings.keeps_state and not self._failed:
             with self._pace.look():
                 self._save(calibrator, complete=False)
 
@@ -104,7 +104,7 @@ class Checkpoints:
         difference = None if self.prior is None else self.prior.difference(calibrator.summary())
         if self.prior is not None and difference is not None:
             self.notes.append(f"this is not the camera of {self.prior.name} as it was: {difference.text}")
-        if calibrator.has_state:
+        if calibrator.settings.keeps_state:
             self._save(calibrator, complete=True)
             self.saved = not self._failed
         else:

@@ -60,6 +60,8 @@ class Method(Protocol):
     """Takes processed frames as they arrive, and can be asked at any moment for what is known.
 
     Exposures are looked up in the table whenever an estimate is made: a lag found late applies to all frames.
+    Subclasses need :meth:`push`, :attr:`progress` and :meth:`calibration`; with the rest as it is here, a method
+    notices no change of the camera, and its runs can neither be merged nor continued.
     """
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
@@ -74,39 +76,39 @@ class Method(Protocol):
         """
         ...
 
-    def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
-        """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""
-        ...
-
     @property
     def progress(self) -> Progress:
         """How far it has come."""
-        ...
-
-    @property
-    def wants_every_frame(self) -> bool:
-        """Whether no frame may be skipped now."""
-        ...
-
-    def split(self, number: int) -> Method:
-        """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""
         ...
 
     def calibration(self, exposures: ExposureTable) -> Calibration:
         """Return what is known now; pushing may go on afterwards."""
         ...
 
+    def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
+        """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""
+        return None
+
+    @property
+    def wants_every_frame(self) -> bool:
+        """Whether no frame may be skipped now."""
+        return False
+
+    def split(self, number: int) -> Method:
+        """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""
+        return self
+
     def inputs(self, exposures: ExposureTable) -> FitInputs | None:
         """Return the evidence that calibrations of several recordings can be merged by; None where it has none."""
-        ...
+        return None
 
     def preview(self, exposures: ExposureTable) -> Preview | None:
         """Return quick estimates; None before there are any, or where it has none."""
-        ...
+        return None
 
     def state(self) -> Any:
         """Return a dataclass from which :meth:`restore` goes on; None where it has none."""
-        ...
+        return None
 
     def restore(self, state: Any) -> None:
         """Go on from a state.
@@ -116,13 +118,13 @@ class Method(Protocol):
         ValueError
             If its parts do not fit each other.
         """
-        ...
+        raise ValueError("this method has no state to go on from")
 
     @property
     def wanted(self) -> frozenset[int]:
         """Numbers of the frames that are to be given to :meth:`recall` after a state was restored."""
-        ...
+        return frozenset()
 
     def recall(self, prepared: PreprocessedFrame) -> None:
         """Take a frame again that had been pushed before the state was saved."""
-        ...
+        return

@@ -22,9 +22,8 @@ from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.correspondence.features import Features, extract, make_extractor, match
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.estimation.robust import robust_scale
-from ospc.exposures.brightness import BrightnessChange
 from ospc.methods.change_detection import Change
-from ospc.methods.method import Progress, check_size
+from ospc.methods.method import Method, Progress, check_size
 from ospc.observations import ExposureLookup
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios, Verdict
 from ospc.photometry.geometry import normalised
@@ -402,8 +401,8 @@ def standard_error(curves: FloatArray) -> FloatArray | None:
 # The method.
 
 
-class PaperMethod:
-    """The preset ``paper``.
+class PaperMethod(Method):
+    """The preset ``paper``: it has no state, for the features of hundreds of frames are too large for a file.
 
     Parameters
     ----------
@@ -421,9 +420,6 @@ class PaperMethod:
     FrameError
         If the images are too small.
     """
-
-    wanted: frozenset[int] = frozenset()
-    """It has no state, so it never needs earlier frames again."""
 
     def __init__(
         self, settings: PaperSettings, size: ImageSize, max_grey: int, matcher: Matcher | None = None
@@ -444,9 +440,6 @@ class PaperMethod:
         self._log_exposure_range = (np.inf, -np.inf)
         self._reach = 0.0
         self._progress = Progress()
-
-    wants_every_frame = False
-    """Its sampler skips no frame anyway."""
 
     def push(self, frame: Frame, prepared: PreprocessedFrame | None, exposures: ExposureLookup) -> Change | None:
         """Take the next frame: match it with earlier ones, and solve at the end of each window.
@@ -485,14 +478,6 @@ class PaperMethod:
             self._close_vignette_window(exposures)
         return None
 
-    def compare(self, brightness: BrightnessChange, exposures: ExposureLookup) -> Change | None:
-        """Return None: the method notices no change of the camera."""
-        return None
-
-    def split(self, number: int) -> PaperMethod:
-        """Return itself: it notices no change of the camera, so nothing asks for it."""
-        return self
-
     @property
     def progress(self) -> Progress:
         """How far it has come."""
@@ -514,21 +499,6 @@ class PaperMethod:
         if closed._responses.accepted and not closed._vignettes.accepted:
             closed._close_vignette_window(exposures)
         return closed._summary()
-
-    def state(self) -> None:
-        """Return None: the features of hundreds of frames are too large for a state file."""
-
-    def restore(self, state: None) -> None:
-        """Do nothing: there is no state."""
-
-    def inputs(self, exposures: ExposureLookup) -> None:
-        """Return None: the method keeps no observations after a window is closed."""
-
-    def preview(self, exposures: ExposureLookup) -> None:
-        """Return None: there is no estimate between the ends of two windows."""
-
-    def recall(self, prepared: PreprocessedFrame) -> None:
-        """Do nothing: no frame is :attr:`wanted`."""
 
     # The steps.
 
