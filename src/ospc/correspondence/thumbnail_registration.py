@@ -21,6 +21,10 @@ _MAX_FORWARD_BACKWARD_ERROR_PX = 1.0
 _SMALLEST_SIDE_PX = 32
 """Dense inverse search needs a few patches along each side; smaller images are taken to stand still."""
 
+_EXPOSED_SHARE = 0.99
+"""Interpolated share of exposed pixels from which a place counts as exposed: all its neighbours are, but for
+rounding."""
+
 _OUTSIDE_PX = 1e3
 """Displacement on the way back from outside the image: so far that no place comes back from there."""
 
@@ -54,6 +58,15 @@ def values_at(image: Float32Array, places: Float32Array) -> Float32Array:
     """Return the values of an image, (h, w), at places (x, y), (..., 2), interpolated."""
     values = cv2.remap(image, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, dtype=np.float32)
+
+
+def exposed_in_both(first: Thumbnail, second: Thumbnail, there: Float32Array, found: BoolArray) -> BoolArray:
+    """Return which places of the first were found in the second and are well exposed in both, shape (h, w).
+
+    ``there`` and ``found`` are what :class:`ThumbnailRegistration` returned.
+    """
+    exposed = values_at(second.exposed.astype(np.float32), there) > _EXPOSED_SHARE
+    return np.asarray(found & first.exposed & exposed)
 
 
 @cache

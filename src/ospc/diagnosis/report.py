@@ -13,18 +13,19 @@ from ospc.diagnosis.timing import Timing
 from ospc.exposures.brightness import GREY_BINS
 from ospc.exposures.course import ExposureReport
 from ospc.exposures.findings import ExposureFindings
-from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.lag_estimate import LagEstimate
 from ospc.exposures.tone_mapping import LocalTone
 from ospc.photometry.calibration import Verdict
 
 SCHEMA = "ospc-check/1"
 
 _MOST_LISTED = 100
+"""Most jumps and repeated frames listed: a recording full of them must not make a huge report."""
 
 
 @dataclass(frozen=True)
 class RecordingReport:
-    """What a recording can tell of its camera, and what is wrong with it.
+    """What a recording can determine of its camera, and what is wrong with it.
 
     Attributes
     ----------

@@ -22,8 +22,9 @@ _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 _MAX_LEVELS = 4096
 """Most levels of a response: one for each grey value of 12 bits."""
 
-_SUPPORT_QUANTILES = (0.002, 0.998)
-"""Quantiles of the grey levels observed between which a response counts as measured."""
+SUPPORT_QUANTILES = (0.002, 0.998)
+"""Quantiles of the grey levels observed between which a response counts as measured: single outliers measure
+nothing."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class Fit:
         log_sigma = self.log_response_sigma(grey)
         support = (0.0, 1.0)
         if observations is not None:
-            support = tuple(np.quantile(observations.grey, _SUPPORT_QUANTILES).tolist())
+            support = tuple(np.quantile(observations.grey, SUPPORT_QUANTILES).tolist())
         return Response.from_values(
             table,
             inverse_sigma=table / table[-1] * log_sigma,

@@ -20,12 +20,16 @@ from ospc.settings import DefaultSettings
 from ospc.versions import versions
 
 _FREE = 1e-4
-"""Precision that keeps a part that is left free from being singular."""
+"""Precision of a part that is left free, in each parameter: a standard deviation of 100, far beyond any value, and
+yet not singular."""
+
+_MOST_NAMED = 5
+"""Most recordings named in a reason; all are listed in the calibration's ``source``."""
 
 
 @dataclass(frozen=True)
 class Merged:
-    """What became of a pool.
+    """The calibration of a pool.
 
     Attributes
     ----------
@@ -125,7 +129,7 @@ def _vignette_verdict(fit: Fit, used: Sequence[Summary], agreed: Agreement) -> V
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:
     """Return the verdict with what the recordings' agreement adds to it."""
     differing = [found.name for found in agreed.differing.values() if part in found.parts]
-    names = ", ".join(sorted(differing)[:5]) + (", …" if len(differing) > 5 else "")
+    names = ", ".join(sorted(differing)[:_MOST_NAMED]) + (", …" if len(differing) > _MOST_NAMED else "")
     if not agreed.majority[part]:
         return Verdict(
             "not identifiable",
