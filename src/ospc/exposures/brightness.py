@@ -12,7 +12,7 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import (
     ThumbnailRegistration,
     exposed_in_both,
-    thumbnail_places,
+    pixel_places,
     values_at,
 )
 from ospc.estimation.robust import robust_scale
@@ -168,7 +168,7 @@ class BrightnessComparer:
             & (mean < GREY_BINS[-1])
         )
         height, width = first.grey.shape
-        places = thumbnail_places((width, height))
+        places = pixel_places((width, height))
         radius0 = _squared_radius((width, height))
         radius1 = values_at(radius0, there)
         squared0, squared1 = radius0[flat], radius1[flat]
