@@ -16,7 +16,7 @@ from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import asked_for
+from ospc.estimation.vignette_choice import supported
 from ospc.pooling.summary import PARAMETERS, RESPONSE, RESPONSE_PART, VIGNETTE, Summary
 from ospc.settings.estimation import MAX_GAMMA_CHANGE, MIN_GAMMA
 
@@ -122,7 +122,7 @@ def solve_with_chosen_vignette(information: Information) -> Fit:
     """Return the most probable parameters with no more of the vignette's than the information supports."""
     fit = solve(information)
     for simpler in _SIMPLER:
-        if asked_for(fit, len(fit.vignette_basis) - len(simpler)):
+        if supported(fit, len(fit.vignette_basis) - len(simpler)):
             break
         fit = solve(information, simpler)
     return fit
