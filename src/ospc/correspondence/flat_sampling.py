@@ -44,7 +44,7 @@ class Samples:
     radial_motion
         Root mean square of R₀ − R₁ of the places found again.
     motion_px
-        Median displacement in pixels of the frame, at places with enough structure to tell; NaN where there are none.
+        Median displacement in pixels of the frame, at places with enough structure; NaN where there are none.
     """
 
     observations: Observations

@@ -17,7 +17,7 @@ _BINS = 16
 it."""
 
 _BLOCK = 8
-"""Side of a block in pixels: small enough to fit between structures, and its 64 values tell a variance to a fifth."""
+"""Side of a block in pixels: small enough to fit between structures, and its 64 values give a variance to a fifth."""
 
 _BAND_SPACING = 24
 """Rows from one band of blocks to the next: a third of the image is enough, and costs a third of the time."""

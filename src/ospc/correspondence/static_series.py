@@ -13,7 +13,8 @@ from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.recording.frame import Frame
 
 _BRIGHTNESS_CELLS = 64
-"""Equal ranges of ln brightness from which pixels are taken in turn: dark and bright ones are rare but tell most."""
+"""Equal ranges of ln brightness from which pixels are taken in turn: dark and bright ones are rare but most
+informative."""
 
 
 @dataclass

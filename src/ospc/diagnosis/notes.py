@@ -14,7 +14,7 @@ from ospc.exposures.lag import MAX_LAG
 from ospc.exposures.tone_mapping import LocalTone
 
 _MANY_CLIPPED = 0.10
-"""Share of clipped pixels worth telling: windows and lamps clip in any recording, but make up less of it."""
+"""Share of clipped pixels worth a note: windows and lamps clip in any recording, but make up less of it."""
 
 _SURE_SPREAD_LOG = 0.010
 _POSSIBLE_SPREAD_LOG = 0.006
@@ -78,7 +78,7 @@ def _about_lag(found: ExposureFindings) -> Iterator[str]:
     lag, cycle = found.lag, found.course.cycle_frames
     if lag.frames is not None and cycle is not None and cycle <= 2 * MAX_LAG:
         yield (
-            f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} cannot be told from one of "
+            f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} looks the same as one of "
             f"{lag.frames - cycle} or {lag.frames + cycle}, which are less likely"
         )
     if lag.fit is not None and lag.fit.slopes.any() and float(np.median(lag.fit.slopes)) < _WEAK_SLOPE:

@@ -42,9 +42,9 @@ class RecordingReport:
     unreadable
         Number of frames that could not be used.
     exposures
-        What the images say about the exposures.
+        What the images show about the exposures.
     local_tone
-        Whether places of the image behave differently; None where that cannot be told.
+        Whether parts of the image behave differently; None where that is unknown.
     pixels
         Coverage of grey levels and radii, clipping, surround.
     timing

@@ -86,7 +86,7 @@ class Fit:
         max_grey
             Largest grey value of the camera; the response has one level for each grey value up to 12 bits.
         observations
-            The observations it was fitted to, which tell where the response was measured; None for everywhere.
+            The observations it was fitted to, which show where the response was measured; None for everywhere.
         """
         levels = min(max_grey + 1, _MAX_LEVELS)
         grey = np.linspace(0, 1, levels)

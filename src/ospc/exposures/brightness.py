@@ -50,7 +50,7 @@ _SAMPLES = 400
 in."""
 
 _SPARSE = 5
-"""The motion is measured at one in so many places: neighbours move alike, so that more cost time and tell nothing."""
+"""The motion is measured at one in so many places: neighbours move alike, so that more cost time and add nothing."""
 
 _MIN_STRUCTURE = 0.01
 """Least gradient, in full scale per thumbnail pixel, of a place whose displacement is measured: registration fills in

@@ -1,4 +1,4 @@
-"""What the metadata say about the exposure, and how much of the brightness that explains."""
+"""The course of the exposures, and how much of the changes of brightness it explains."""
 
 from __future__ import annotations
 
@@ -179,11 +179,11 @@ def _reported(lag: LagEstimate, cycle: int | None) -> tuple[Flicker, ...]:
         turns = flicker.cycles_per_frame * cycle
         return abs(turns - round(turns)) < _SAME_TURNS
 
-    told = tuple(f for f in found if f.share >= _REPORTED_SHARE and not own(f))
-    if not told or lag.fit is None:
+    reported = tuple(f for f in found if f.share >= _REPORTED_SHARE and not own(f))
+    if not reported or lag.fit is None:
         return ()
-    left = without_waves(lag.frame, lag.fit.unexplained, [f.cycles_per_frame for f in told])
-    return told if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(lag.fit.unexplained) else ()
+    left = without_waves(lag.frame, lag.fit.unexplained, [f.cycles_per_frame for f in reported])
+    return reported if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(lag.fit.unexplained) else ()
 
 
 def _rms(values: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""What the images say about the exposures: the lag, what exposures leave unexplained, and whether to rely on them."""
+"""What the images show about the exposures: the lag, what is left unexplained, and whether to rely on them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _MORE_FRAMES = "record sixty consecutive frames or more"
 
 @dataclass(frozen=True)
 class ExposureFindings:
-    """What the images say about the exposures.
+    """What the images show about the exposures.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class ExposureFindings:
     notes
         What was found and done.
     warnings
-        Why the exposures, as they are used, cannot be relied on; empty where nothing speaks against them.
+        Why the exposures, as they are used, cannot be relied on; empty if they can.
     """
 
     course: ExposureReport
@@ -286,4 +286,5 @@ def lag_in_words(lag: int) -> str:
 
 
 def _percent(log_change: float) -> str:
+    """Return a change in per cent, with a decimal below ten."""
     return f"{np.expm1(log_change):.1%}" if log_change < 0.1 else f"{np.expm1(log_change):.0%}"

@@ -20,7 +20,7 @@ _FAST_PERIODS = 4
 not of lamps."""
 
 _LEAST_PERIODS = 2
-"""Fewest periods of any line within the time seen: with fewer it cannot be told from a trend."""
+"""Fewest periods of any line within the time seen: with fewer it cannot be distinguished from a trend."""
 
 _OVERSAMPLING = 8
 """Length of the Fourier transform over that of the values: a line between two of its frequencies then loses 1 per

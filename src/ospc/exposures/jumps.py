@@ -15,7 +15,7 @@ registrations and moving objects, so that a few times the standard deviation is 
 
 _SMALLEST_LOG = 0.04
 """Least size of a jump, in ln of the grey level: 4 per cent. Recordings without noise have scatter next to none, and
-smaller jumps are not worth telling."""
+smaller jumps are not worth a note."""
 
 _AROUND = 4
 """Frames before and after a jump in which it must not be taken back: a hand that passes by takes longer than one."""

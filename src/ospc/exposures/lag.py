@@ -59,11 +59,11 @@ _SCATTERS = (2.0, 8.0)
 """Errors of single exposures that are tried, over what else drives the noise: two clearly different sizes, so that an
 answer which depends on the size is not believed."""
 
-_CHASING_SHARE = 0.5
+_FOLLOWING_SHARE = 0.5
 """Share of the energy of the exposures' changes from which one period is their main one."""
 
-_LARGEST_CHASE_LOG = 0.1
-"""Standard deviation of ln exposure up to which exposures may chase a swinging light: they swing no more than it
+_LARGEST_FOLLOWING_LOG = 0.1
+"""Standard deviation of ln exposure up to which exposures may follow a swinging light: they swing no more than it
 does, and lamps swing by less than this. Programmed exposures vary more."""
 
 
@@ -105,7 +105,11 @@ def _decide(trial: Trial, seen: BrightnessChanges) -> LagEstimate:
     doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _DOUBTFUL_SLOPE
     settled = first.state not in ("ambiguous", *SILENT)
     if settled and not doubtful:
-        return first if _survives_chasing(first, trial) else replace(first, state="follows flicker", frames=None)
+        return (
+            first
+            if _holds_beside_a_swinging_light(first, trial)
+            else replace(first, state="follows flicker", frames=None)
+        )
     scattered = None if trial.flickers else _with_scatter(trial)
     if scattered is not None:
         return replace(scattered, fit=trial.fits[int(np.flatnonzero(trial.lags == scattered.frames)[0])])
@@ -120,7 +124,7 @@ def _of_all_pairs(found: LagEstimate, trial: Trial, seen: BrightnessChanges) -> 
     return replace(found, fit=fit_exposures(seen, change), frame=seen.frame, pairs=len(seen))
 
 
-def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
+def _holds_beside_a_swinging_light(first: LagEstimate, trial: Trial) -> bool:
     """Return whether a lag holds even if the light swings with the main period of the exposures.
 
     An exposure control that follows a swinging light leaves swings of brightness, which exposures at a wrong lag fit
@@ -133,7 +137,7 @@ def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
     if found is None:
         return True
     line, share = found
-    if share < _CHASING_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > _LARGEST_CHASE_LOG:
+    if share < _FOLLOWING_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > _LARGEST_FOLLOWING_LOG:
         return True
     flicker = (Flicker(line, float(np.sqrt(2) * np.std(change)), share),)
     return decide(Trial.of(trial.seen, trial.log_exposure, trial.lags, flicker)).frames == first.frames

@@ -33,8 +33,8 @@ _UNUSUAL_CAUTION = 1.75
 """Factor on the standard deviations, and squared on the lead, by which an unusually large lag must beat a usual
 one."""
 
-_MIN_TELLING_PAIRS = 5
-_TELLING_SCALES = 0.5
+_MIN_DISTINCT_PAIRS = 5
+_DISTINCT_SCALES = 0.5
 """Fewest pairs in which two lags must predict different changes of brightness, and by how much, over the scale of the
 noise: a single change of exposure, or a single wrong one, does not decide."""
 
@@ -148,12 +148,12 @@ def decide(trial: Trial) -> LagEstimate:
     reach = _CORRELATED_PAIRS + trial.seen.step - 1
     sigmas = np.array([_sigmas(trial.fits[best].log_likelihood - fit.log_likelihood, reach) for fit in trial.fits])
     sigmas[best] = 0.0
-    telling = np.array([_telling(trial, best, other) for other in range(len(trial.lags))])
+    distinct = np.array([_distinct_pairs(trial, best, other) for other in range(len(trial.lags))])
     # Changes over several frames overlap, so they count as fewer pairs.
     caution = _FLICKER_CAUTION if trial.flickers else 1.0
     enough = _MIN_LEAD * np.sqrt(trial.seen.step) * caution
     doubt = np.where((abs(trial.lags[best]) > USUAL_LAG) & (abs(trial.lags) <= USUAL_LAG), _UNUSUAL_CAUTION, 1.0)
-    few = telling < _MIN_TELLING_PAIRS
+    few = distinct < _MIN_DISTINCT_PAIRS
     open_ = (lead < enough * doubt**2) | (sigmas < _MIN_SIGMAS * caution * doubt) | few
     rivals = [int(trial.lags[i]) for i in np.argsort(lead, kind="stable") if open_[i] and i != best]
     best, rivals, state = _settled(trial, best, rivals)
@@ -233,11 +233,11 @@ def _explained_share(fit: LagFit) -> float:
     return 1 - float(np.sum(fit.unexplained**2)) / energy if energy > 0 else 0.0
 
 
-def _telling(trial: Trial, first: int, second: int) -> int:
+def _distinct_pairs(trial: Trial, first: int, second: int) -> int:
     """Return for how many pairs two lags predict clearly different changes of brightness."""
     slope = float(np.median(trial.fits[first].slopes))
     apart = slope * np.abs(trial.changes[first] - trial.changes[second])
-    return int(np.count_nonzero(apart > _TELLING_SCALES * trial.fits[first].scale))
+    return int(np.count_nonzero(apart > _DISTINCT_SCALES * trial.fits[first].scale))
 
 
 def _fraction(trial: Trial, best: int) -> float:

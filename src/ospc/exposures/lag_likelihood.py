@@ -34,7 +34,7 @@ others, and those that were seen hardly notice."""
 
 _SLOPE_ERROR = 0.1
 """Relative error of the slopes that is allowed for when outliers are weighted down: otherwise slopes that are
-slightly wrong would make outliers of the largest changes of exposure, which tell most."""
+slightly wrong would make outliers of the largest changes of exposure, the most informative ones."""
 
 _FACTOR_LIMITS = (0.8, 1.25)
 """Limits of the factor on the slopes that is fitted with the noise model: the bins know them to a quarter, and a

@@ -28,7 +28,7 @@ _MAX_LOG_CHANGE = 1.5
 """Largest change of ln exposure used: beyond, most places are clipped in one of the frames, and the rest is chosen by
 its brightness."""
 
-_TELLING_LOG_CHANGE = 0.1
+_MIN_LOG_CHANGE = 0.1
 """Least change of ln exposure of pairs that show an effect of the surroundings, which is proportional to it."""
 
 _CELLS = (4, 3)
@@ -61,7 +61,7 @@ class LocalTone:
         within one frame, beyond what grey level, exposure and vignette explain: a robust standard deviation.
     surround_effect
         Change of d ln M/d ln e, relative to its mean, from a place one standard deviation darker than its
-        surroundings to one as much brighter; None where exposures change too little to tell.
+        surroundings to one as much brighter; None where exposures change too little.
     surround_sigmas
         The same over its standard error.
     pairs
@@ -105,7 +105,7 @@ def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> L
     place = np.concatenate([changes[i].samples.position0 for i in usable])
     surround = np.concatenate([changes[i].samples.log_surround for i in usable])
     exposure = np.repeat(log_change[usable], counts)
-    effect = _surround_effect(expected, target, surround * exposure, pair, np.abs(exposure) >= _TELLING_LOG_CHANGE)
+    effect = _surround_effect(expected, target, surround * exposure, pair, np.abs(exposure) >= _MIN_LOG_CHANGE)
     return LocalTone(
         _spread_over_places(left, place, pair),
         None if effect is None else 2 * float(surround.std()) * effect[0],
@@ -155,23 +155,23 @@ def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> 
 
 
 def _surround_effect(
-    expected: FloatArray, target: FloatArray, surround: FloatArray, pair: IntArray, telling: BoolArray
+    expected: FloatArray, target: FloatArray, surround: FloatArray, pair: IntArray, changing: BoolArray
 ) -> tuple[float, float] | None:
     """Return the relative effect of ln surround on d ln M/d ln e, and the same over its standard error.
 
     Samples of one pair may err together (Liang, Zeger 1986).
     """
-    if len(np.unique(pair[telling])) < _MIN_PAIRS or np.count_nonzero(telling) < _MIN_SAMPLES:
+    if len(np.unique(pair[changing])) < _MIN_PAIRS or np.count_nonzero(changing) < _MIN_SAMPLES:
         return None
-    columns = np.column_stack([expected, surround])[telling]
-    size, normal, weight = _fit(columns, target[telling])
+    columns = np.column_stack([expected, surround])[changing]
+    size, normal, weight = _fit(columns, target[changing])
     knots = len(GREY_BINS)
     often = np.abs(columns[:, :knots]).sum(axis=0)
     slope = float(size[:knots] @ often / max(often.sum(), 1e-12))
     if slope < _MIN_SLOPE:
         return None
-    score = columns * (weight * (target[telling] - columns @ size))[:, None]
-    by_pair = np.stack([np.bincount(pair[telling], weights=column) for column in score.T], axis=1)
+    score = columns * (weight * (target[changing] - columns @ size))[:, None]
+    by_pair = np.stack([np.bincount(pair[changing], weights=column) for column in score.T], axis=1)
     inverse = np.linalg.inv(normal)
     sigma = float(np.sqrt(max((inverse @ (by_pair.T @ by_pair) @ inverse)[-1, -1], 1e-18)))
     return float(size[-1]) / slope, float(abs(size[-1])) / sigma

@@ -79,7 +79,7 @@ class Calibration:
     notes
         What was found and done about the exposures.
     warnings
-        Why the exposures cannot be relied on; empty where nothing speaks against them.
+        Why the exposures cannot be relied on; empty if they can.
     coverage
         What the observations cover, and their residuals; None if the method keeps no tables.
     exponent_sigma

@@ -46,7 +46,7 @@ class Merged:
 def merge(pool: Pool) -> Merged:
     """Return the calibration of a pool; recordings that differ from most are left out and named, not averaged.
 
-    Of a recording whose vignette alone differs, what it says of the response is used.
+    A recording of which only the vignette differs still contributes to the response.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def fit_of(pool: Pool, agreed: Agreement) -> Fit:
 
 
 def _response_alone(summary: Summary) -> Summary:
-    """Return what a recording says of the response when its vignette is one of its own."""
+    """Return a recording's information on the response, given that its vignette is a different one."""
     free = np.zeros_like(summary.matrix)
     free[VIGNETTE_PART, VIGNETTE_PART] = _FREE * np.eye(VIGNETTE_PART.stop - VIGNETTE_PART.start)
     return without_part(summary, VIGNETTE_PART, free)

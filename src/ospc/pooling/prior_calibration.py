@@ -120,11 +120,11 @@ class PriorCalibration:
             )
 
     def difference(self, today: Summary | None) -> Difference | None:
-        """Return how what is seen today differs from what was known before; None where it does not."""
+        """Return how today's recording differs from the earlier ones; None where it does not."""
         return None if today is None else difference_of(today, self.summary)
 
     def continued(self, own: Calibration, today: Summary | None) -> Calibration:
-        """Return the calibration from what was known before and what is seen today.
+        """Return the calibration from the earlier recordings and today's together.
 
         A part that has changed since is taken from today's frames alone. Its verdict and ``source["started_from"]``
         say so.

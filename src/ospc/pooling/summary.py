@@ -123,7 +123,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
     inputs
         What was observed and the fit to it.
     first_frames
-        Hash that tells its stream of frames from others, used where ``source`` does not.
+        Hash that identifies the stream of frames, used where ``source`` does not.
     source
         Identification of the recording; empty for a live stream.
     frames

@@ -43,7 +43,8 @@ _MARGIN_PX = 6
 """Least distance of a feature from the border in pixels: the points around it and their gradients lie inside."""
 
 _REFILL = 0.7
-"""Share of the features below which new ones are detected: detection takes time, and long tracks tell most."""
+"""Share of the features below which new ones are detected: detection takes time, and long tracks are the most
+informative."""
 
 _QUALITY, _SPACING_PX = 0.005, 14
 """Detection: least corner strength over that of the strongest, low so that weak texture counts, and least distance of
