@@ -13,15 +13,15 @@ from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.photometry.geometry import normalised, pixel_grid
 
 _LEAST_LOOKS = 8
-"""Fewest frames looked at before a dark place counts as surround: the scene itself may be dark there in one."""
+"""Fewest frames looked at before a dark place counts as surround: in a single frame the scene itself may be dark."""
 
 _LIT_QUANTILE = 0.9
 _LIT = 60
 """Grey level, of 255, that the brightest tenth of the image must reach: in dark recordings all places look alike."""
 
 _DARK_SHARE = 0.1
-"""Grey level of the surround over that of this brightest tenth: stray light reaches it, the scene is brighter
-once."""
+"""Grey level of the surround over that of this brightest tenth: a little stray light reaches it. A higher limit would
+take dark parts of the scene for it."""
 
 _LEAST_SHARE = 0.01
 """Smallest part of the image that is taken for a surround: less is strong vignetting in the very corners."""

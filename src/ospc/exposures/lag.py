@@ -64,7 +64,7 @@ _FOLLOWING_SHARE = 0.5
 
 _LARGEST_FOLLOWING_LOG = 0.1
 """Standard deviation of ln exposure up to which exposures may follow a swinging light: they swing no more than it
-does, and lamps swing by less than this. Programmed exposures vary more."""
+does. Chosen by hand: a higher limit would doubt programmed exposures, which vary more."""
 
 
 def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
