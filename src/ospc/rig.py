@@ -1,4 +1,4 @@
-"""Several cameras that look at the same things at the same time: how bright each sees what another sees.
+"""The relative irradiance scale of several cameras that look at the same things at the same time.
 
 Response and vignette of a camera are known up to a scale of its own: g(1) = 1, V = 1 at the centre. Where the views
 of two calibrated cameras overlap, the same scene points fix the ratio of the two scales: with s the camera's scale,
@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.correspondence.features import Features, SiftExtractor, match
 from ospc.errors import FrameError, NotObservableError
+from ospc.estimation.robust import robust_scale
 from ospc.formats.files import write_text
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
@@ -28,15 +29,52 @@ from ospc.recording import Frame, Recording
 SCHEMA = "ospc-rig/1"
 
 _MOMENTS = 24
+"""Most moments compared, spread over the recordings: features take most of the time, and :data:`_SYSTEMATIC_SIGMA`
+limits what more of them could add."""
+
 _MAX_FEATURES = 1500
+"""Most features of an image: matching takes time with their square, and fewer leave small overlaps without
+matches."""
+
 _LONGEST_SIDE_PX = 800
+"""Longest side of the images that features are found in: finer structure costs time and matches less reliably."""
+
 _MATCH_RATIO = 0.8
+"""Largest distance of the nearest descriptor over that of the second nearest, as Lowe (2004) recommends."""
+
 _FEWEST_MATCHES = 20
+"""Fewest matches of a moment: a fundamental matrix takes eight, and matches that agree on one by chance are fewer."""
+
 _EPIPOLAR_PX = 1.5
+"""Largest distance of a match from its epipolar line, in pixels of the reduced images: lenses are not undistorted."""
+
+_EPIPOLAR_CONFIDENCE = 0.999
+"""Probability with which RANSAC draws at least one sample without wrong matches."""
+
 _SMOOTHING_PX = 2.0
+"""Standard deviation of the smoothing of irradiance, in reduced pixels: features sit on structure, and their places
+are uncertain by about a pixel."""
+
 _BLACK, _WHITE = 4 / 255, 247 / 255
+"""Grey levels beyond which a pixel counts as clipped: there noise is clipped, and responses are least certain."""
+
+_MAX_CLIPPED_SHARE = 0.01
+"""Largest weight of clipped or masked pixels in a smoothed value."""
+
+_STRETCHED_QUANTILES = (0.02, 0.98)
+"""Quantiles of ln irradiance that become black and white of the image in which features are found: a lamp or a dark
+corner in one view must not change the contrast of all else."""
+
 _LARGEST_GAP_S = 0.02
-_SYSTEMATIC = 0.005
+"""Largest difference of time stamps, in seconds, of frames taken at one moment: little moves within it."""
+
+_MEDIAN_ERROR = 1.2533
+"""Standard error of a median over that of a mean, for a normal distribution: √(π/2)."""
+
+_FEWEST_FOR_SPREAD = 3
+"""Fewest moments between which a spread is measured."""
+
+_SYSTEMATIC_SIGMA = 0.005
 """Standard deviation of ln s beyond that of the matches: surfaces look different from different sides."""
 
 
@@ -51,7 +89,7 @@ class PairScale:
     log_ratio, sigma
         ln (s₀/s₁) and its standard deviation.
     moments, points
-        Moments compared, and scene points behind it.
+        Numbers of moments and of scene points compared.
     """
 
     cameras: tuple[str, str]
@@ -73,7 +111,7 @@ class RigScale:
         s of every camera that overlaps with the reference, directly or through others, and its standard deviation:
         the irradiance g(M) / (e V) of a camera divided by its s is comparable over the rig.
     pairs
-        What they follow from.
+        The comparisons that they follow from.
     left_out
         Cameras whose scale is not known, and why.
     misfit
@@ -195,7 +233,7 @@ def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) 
 
 
 def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> _Seen:
-    """Return features of a frame and the irradiance there, from what its response and vignette make of it."""
+    """Return the features of a frame, and ln of the irradiance there without the vignette."""
     response, vignette = calibration.response, calibration.vignette
     assert response is not None
     assert vignette is not None
@@ -209,7 +247,7 @@ def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> _
     points, descriptors = extractor.detect(_alike(small))
     column, row = np.clip(np.rint(points).astype(np.int64), 0, np.array(small.shape[::-1]) - 1).T
     smooth = cv2.GaussianBlur(small, (0, 0), _SMOOTHING_PX)
-    exposed = cv2.GaussianBlur(bad, (0, 0), _SMOOTHING_PX)[row, column] < 0.01
+    exposed = cv2.GaussianBlur(bad, (0, 0), _SMOOTHING_PX)[row, column] < _MAX_CLIPPED_SHARE
     value = smooth[row, column]
     kept = exposed & (value > 0)
     features = Features(frame.index, frame.exposure_ms, points[kept], value[kept], descriptors[kept])
@@ -217,9 +255,9 @@ def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> _
 
 
 def _alike(irradiance: np.ndarray[Any, np.dtype[np.float32]]) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """Return an image that looks the same whatever camera and exposure it comes from: ln irradiance, stretched."""
+    """Return an image that looks the same from any camera and exposure: ln irradiance, stretched."""
     log_value = np.log(np.maximum(irradiance, np.float32(1e-9)))
-    low, high = np.quantile(log_value, [0.02, 0.98])
+    low, high = np.quantile(log_value, _STRETCHED_QUANTILES)
     return np.asarray(np.clip((log_value - low) / max(high - low, 1e-6) * 255, 0, 255), dtype=np.uint8)
 
 
@@ -245,36 +283,37 @@ def _compared(
         difference = one.log_irradiance[first[kept]] - other.log_irradiance[second[kept]]
         middle = float(np.median(difference))
         medians.append(middle)
-        spreads.append(1.4826 * float(np.median(np.abs(difference - middle))) / np.sqrt(len(difference)))
+        spreads.append(robust_scale(difference - middle) / np.sqrt(len(difference)))
         points += len(difference)
     if not medians:
         return None
-    # Moments differ by more than their matches say where some are wrong together: their own spread has that in it.
-    between = 1.4826 * float(np.median(np.abs(np.array(medians) - np.median(medians)))) if len(medians) > 2 else 0.0
-    sigma = max(float(np.median(spreads)), between) * 1.2533 / np.sqrt(len(medians))
-    return PairScale(cameras, float(np.median(medians)), float(np.hypot(sigma, _SYSTEMATIC)), len(medians), points)
+    # The spread between moments includes errors that the matches of one moment have in common.
+    middle = float(np.median(medians))
+    between = robust_scale(np.array(medians) - middle) if len(medians) >= _FEWEST_FOR_SPREAD else 0.0
+    sigma = max(float(np.median(spreads)), between) * _MEDIAN_ERROR / np.sqrt(len(medians))
+    return PairScale(cameras, middle, float(np.hypot(sigma, _SYSTEMATIC_SIGMA)), len(medians), points)
 
 
 def _epipolar(points0: FloatArray, points1: FloatArray) -> BoolArray:
-    """Return which matches lie on one another's epipolar lines, or move as one plane does."""
+    """Return which matches lie on each other's epipolar lines."""
     if len(points0) < _FEWEST_MATCHES:
         return np.zeros(len(points0), np.bool_)
     cv2.setRNGSeed(0)
-    _, inlier = cv2.findFundamentalMat(points0, points1, cv2.FM_RANSAC, _EPIPOLAR_PX, 0.999)
+    _, inlier = cv2.findFundamentalMat(points0, points1, cv2.FM_RANSAC, _EPIPOLAR_PX, _EPIPOLAR_CONFIDENCE)
     if inlier is None or len(inlier) != len(points0):
         return np.zeros(len(points0), np.bool_)
     return np.asarray(inlier.ravel() > 0)
 
 
 def _solved(names: Sequence[str], pairs: tuple[PairScale, ...], left_out: dict[str, str]) -> RigScale:
-    """Return the scales that agree best with all overlaps, by least squares, given that of the first camera."""
+    """Return the scales that fit all overlaps best in least squares; that of the first camera is 1."""
     overlap = np.eye(len(names))
     for pair in pairs:
         overlap[names.index(pair.cameras[0]), names.index(pair.cameras[1])] = 1
     part = connected_components(overlap, directed=False)[1]
     reached = {name for name, number in zip(names, part, strict=True) if number == part[0]}
     left_out = left_out | {
-        name: f"its view overlaps with none that leads to {names[0]}" for name in names if name not in reached
+        name: f"its view overlaps with none that connects it to {names[0]}" for name in names if name not in reached
     }
     inside = [name for name in names if name in reached]
     used = [pair for pair in pairs if pair.cameras[0] in reached]

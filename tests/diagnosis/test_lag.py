@@ -7,7 +7,8 @@ import pytest
 from filmed import Film, jumping, wandering
 
 from ospc.diagnosis import RecordingReport, check_recording
-from ospc.exposures.lag_likelihood import BrightnessChanges, fit_exposures
+from ospc.exposures.brightness_changes import BrightnessChanges
+from ospc.exposures.lag_likelihood import fit_exposures
 
 FRAMES = 80
 

@@ -13,6 +13,23 @@ from ospc.correspondence.registration import Registration, displacement_at
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
 
+_GREY_CELLS, _RADIUS_CELLS = 8, 4
+"""Ranges of the root of grey level and of radius from which scene points are taken in turn where there are too many:
+otherwise the sky or a wall would make up most of them."""
+
+_MIN_MOTION_PLACES = 100
+"""Fewest places found again from which the motion is measured."""
+
+_STRUCTURE_QUANTILE = 0.8
+"""Quantile of the gradient above which a place shows motion: registration fills in flat ones from their
+surroundings."""
+
+_PARTS_PER_SIDE = 4
+"""Parts of the image, along each side, within which displacements are averaged as vectors, so that noise cancels."""
+
+_MIN_PART_PLACES = 8
+"""Fewest places of such a part: with fewer, noise does not cancel, and a camera that stands still seems to move."""
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -23,11 +40,11 @@ class Samples:
     observations
         Two observations for each scene point.
     overlap
-        Share of the places asked for that the registration found again.
+        Share of the places on the grid that the registration found again.
     radial_motion
         Root mean square of R₀ − R₁ of the places found again.
     motion_px
-        Median displacement in pixels of the frame, at places with enough structure to tell; NaN where there are none.
+        Median displacement in pixels of the frame, at places with enough structure; NaN where there are none.
     """
 
     observations: Observations
@@ -38,15 +55,15 @@ class Samples:
 
 @dataclass(frozen=True)
 class FlatSampler:
-    """Chooses places on a grid by their flatness, in both frames alike, and reads smoothed grey values there.
+    """Chooses places on a grid that are flat in both frames, and reads smoothed grey values there.
 
-    A registration is wrong by a fraction of a pixel at the best; where the image is flat that does no harm. Corners
-    would do the opposite: they are extreme grey values, and any error leads to a less extreme one.
+    Any registration is wrong by a fraction of a pixel; where the image is flat that does no harm. Corners would bias
+    the result: they are extreme grey values, and any error leads to a less extreme one.
 
     Attributes
     ----------
     spacing_px
-        Distance between places asked for, in reduced pixels.
+        Distance between the places of the grid, in reduced pixels.
     margin_px
         Places nearer to the border are not used.
     max_gradient
@@ -87,7 +104,7 @@ class FlatSampler:
         radial = np.linalg.norm(position0[found], axis=1) - np.linalg.norm(position1[found], axis=1)
         motion = _typical_motion(places0[found], displacement[found], _at(frame0.gradient, places0[found]))
         index = np.flatnonzero(flat)
-        # Both greys count alike: choosing by one of them would choose by its noise.
+        # By the mean of both frames: a choice by one grey level would be a choice by its noise.
         grey = np.sqrt(np.clip(_at(frame0.grey, places0[index]) * _at(frame1.grey, places1[index]), 0, 1))
         chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
         ends = [(frame0, places0[chosen], position0[chosen]), (frame1, places1[chosen], position1[chosen])]
@@ -119,9 +136,11 @@ class FlatSampler:
         n = len(grey)
         if n <= self.max_points:
             return np.arange(n)
-        cell = np.minimum((np.sqrt(grey) * 8).astype(int), 7) * 4 + np.minimum((radius * 4).astype(int), 3)
+        grey_cell = np.minimum((np.sqrt(grey) * _GREY_CELLS).astype(int), _GREY_CELLS - 1)
+        radius_cell = np.minimum((radius * _RADIUS_CELLS).astype(int), _RADIUS_CELLS - 1)
+        cell = grey_cell * _RADIUS_CELLS + radius_cell
         random = np.random.default_rng(seed).random(n)
-        # The second of its cell comes after the first of all others, and so on.
+        # First one of each cell, then a second one of each, and so on.
         order = np.lexsort((random, cell))
         _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
         rank = np.empty(n, np.int64)
@@ -130,18 +149,15 @@ class FlatSampler:
 
 
 def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: FloatArray) -> float:
-    """Return the median displacement over the parts of the image with the most structure; NaN where there are none.
-
-    Within a part displacements are averaged as vectors, so that what noise makes of them cancels.
-    """
-    if len(places) < 100:
+    """Return the median displacement over parts of the image, at places with structure; NaN where there are none."""
+    if len(places) < _MIN_MOTION_PLACES:
         return float("nan")
-    structured = gradient >= np.quantile(gradient, 0.8)
+    structured = gradient >= np.quantile(gradient, _STRUCTURE_QUANTILE)
     places, displacement = places[structured], displacement[structured]
-    part = np.floor(4 * places / (places.max(axis=0) + 1)).astype(np.int64) @ [4, 1]
-    number = np.bincount(part, minlength=16)
-    sums = np.stack([np.bincount(part, displacement[:, i], minlength=16) for i in (0, 1)], axis=1)
-    known = number >= 8
+    part = np.floor(_PARTS_PER_SIDE * places / (places.max(axis=0) + 1)).astype(np.int64) @ [_PARTS_PER_SIDE, 1]
+    number = np.bincount(part, minlength=_PARTS_PER_SIDE**2)
+    sums = np.stack([np.bincount(part, displacement[:, i], minlength=len(number)) for i in (0, 1)], axis=1)
+    known = number >= _MIN_PART_PLACES
     if not known.any():
         return float("nan")
     return float(np.median(np.linalg.norm(sums[known] / number[known, None], axis=1)))

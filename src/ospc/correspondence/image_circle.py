@@ -1,4 +1,4 @@
-"""Which part of the image ever sees light: all of it, the image circle of a fisheye, or what a mask leaves."""
+"""The part of the image that receives light: all of it, the image circle of a fisheye, or what a mask leaves."""
 
 from __future__ import annotations
 
@@ -13,11 +13,29 @@ from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.photometry.geometry import normalised, pixel_grid
 
 _LEAST_LOOKS = 8
+"""Fewest frames looked at before a dark place counts as surround: in a single frame the scene itself may be dark."""
+
+_LIT_QUANTILE = 0.9
 _LIT = 60
+"""Grey level, of 255, that the brightest tenth of the image must reach: in dark recordings all places look alike."""
+
 _DARK_SHARE = 0.1
+"""Grey level of the surround over that of this brightest tenth: a little stray light reaches it. A higher limit would
+take dark parts of the scene for it."""
+
 _LEAST_SHARE = 0.01
+"""Smallest part of the image that is taken for a surround: less is strong vignetting in the very corners."""
+
 _FEWEST_CORNERS = 3
+"""Corners that the surround must reach: an image circle may be off centre and leave one, a dark wall reaches two."""
+
 _MARGIN_PX = 3
+"""Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
+
+_USABLE_QUANTILE = 0.995
+"""Quantile of the usable places' radii that counts as reached: a few places in one corner do not determine a
+radius."""
+
 _WHOLE = 0.97
 """An image of which something is usable so far out counts as usable up to its corners."""
 
@@ -26,8 +44,8 @@ _WHOLE = 0.97
 class ImageCircle:
     """Remembers the brightest that every place of the image ever was.
 
-    A place in a dark part of the scene is lit sooner or later, one outside the image circle never is. What stays dark
-    and reaches the corners is taken to be the surround of a fisheye's image.
+    A place that a dark part of the scene covers is lit sooner or later; one outside the image circle never is. What
+    stays dark and reaches the corners is taken for the surround of a fisheye's image.
 
     Attributes
     ----------
@@ -55,7 +73,7 @@ class ImageCircle:
             Where its pixels may be used, shape (height, width); None for everywhere.
         """
         self.looks += 1
-        # The image is new to every view: nobody else changes it.
+        # Nobody else changes the small image of a frame, so that it need not be copied.
         self.brightest = frame.small if self.brightest is None else np.maximum(self.brightest, frame.small)
         if mask is not None and self.allowed is None:
             height, width = frame.small.shape
@@ -65,7 +83,7 @@ class ImageCircle:
         """Return where the image never sees light, in the small size, shape (h, w); None where it does everywhere."""
         if self.brightest is None or self.looks < _LEAST_LOOKS:
             return None
-        lit = float(np.percentile(self.brightest, 90))
+        lit = float(np.quantile(self.brightest, _LIT_QUANTILE))
         if lit < _LIT:
             return None
         dark = (self.brightest <= _DARK_SHARE * lit).astype(np.uint8)
@@ -87,8 +105,7 @@ class ImageCircle:
             usable &= self.allowed
         height, width = usable.shape
         radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)[usable]
-        # A few places beyond, in one corner or by mistake, do not make a radius known.
-        return float(np.quantile(radius, 0.995)) if radius.size and radius.max() < _WHOLE else 1.0
+        return float(np.quantile(radius, _USABLE_QUANTILE)) if radius.size and radius.max() < _WHOLE else 1.0
 
     def sees(self, position: FloatArray) -> BoolArray | None:
         """Return which positions, in half diagonals from the centre, shape (n, 2), are not in the surround.

@@ -29,7 +29,11 @@ _LEAST_WORTH = 1e-6
 """Worth of a comparison without change of exposure or motion, so that overlap decides between them."""
 
 _OVERLAP_POWER = 1.5
-"""Worth grows faster than the number of shared places: registration is better too where more overlaps."""
+"""Worth grows with this power of the overlap, faster than the number of shared places: registration is better too
+where more overlaps."""
+
+_OLDER_THAN_OLDEST = 1.5
+"""Age of an imagined keyframe before the oldest, over that of the oldest: it decides when the oldest is dropped."""
 
 
 @dataclass
@@ -70,11 +74,11 @@ class KeyframeSelectorState:
 
 @dataclass
 class KeyframeSelector:
-    """Keeps keyframes at ages that grow geometrically, and selects the one that a comparison tells most with.
+    """Keeps keyframes at ages that grow geometrically, and selects the one that is most informative to compare with.
 
-    What a comparison is worth is known before it is made: exposures are given, and overlap and radial motion after so
-    many processed frames are learned from the comparisons made so far. Selections alternate between what serves the
-    response (change of exposure) and what serves the vignette (radial motion).
+    The worth of a comparison is predicted before it is made: exposures are given, and overlap and radial motion at
+    each age are learned from the comparisons made so far. Selections alternate between what serves the response
+    (change of exposure) and what serves the vignette (radial motion).
 
     Attributes
     ----------
@@ -106,21 +110,21 @@ class KeyframeSelector:
         return best.frame
 
     def learn(self, keyframe: PreprocessedFrame, samples: Samples) -> None:
-        """Take note of the overlap and the radial motion that a comparison of the newest frame showed."""
+        """Update the expected overlap and radial motion from a comparison of the newest frame."""
         age = self._age_class(next(kept.order for kept in self._kept if kept.frame is keyframe))
         self._trials[age] += 1
         self._overlap[age] += (samples.overlap - self._overlap[age]) / self._trials[age]
         self._motion[age] += (samples.radial_motion - self._motion[age]) / self._trials[age]
 
     def add(self, frame: PreprocessedFrame, log_exposure: float) -> None:
-        """Keep a frame as a keyframe, and drop the one that is missed least if there are too many."""
+        """Keep a frame as a keyframe, and drop the least useful one if there are too many."""
         self._kept.append(_Keyframe(frame, self._added, log_exposure))
         self._added += 1
         if len(self._kept) > self.capacity:
             ages = self._added - np.array([k.order for k in self._kept], dtype=np.float64)
-            # Without a keyframe its neighbours become adjacent: the smallest step in ln age is missed least. The
-            # newest stay: they are the only ones that can still become old.
-            step = np.log(np.append(ages[0] * 1.5, ages[:-2])) - np.log(ages[1:])
+            # Without a keyframe its neighbours become adjacent: drop where that leaves the smallest step in ln age.
+            # The newer half stays: only these can become old at other ages.
+            step = np.log(np.append(ages[0] * _OLDER_THAN_OLDEST, ages[:-2])) - np.log(ages[1:])
             del self._kept[int(np.argmin(step[: self.capacity // 2]))]
 
     def forget_before(self, number: int) -> None:
@@ -128,7 +132,7 @@ class KeyframeSelector:
         self._kept = [kept for kept in self._kept if kept.frame.number >= number]
 
     def state(self) -> KeyframeSelectorState:
-        """Return all that is known, to be continued by :meth:`restore` and :meth:`recall`."""
+        """Return everything needed to continue with :meth:`restore` and :meth:`recall`."""
         return KeyframeSelectorState(
             np.array([k.frame.number for k in self._kept], dtype=np.int64),
             np.array([k.order for k in self._kept], dtype=np.int64),

@@ -9,18 +9,41 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ospc.arrays import Float32Array, FloatArray, Image
-from ospc.photometry.noise import NoiseModel
+from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.recording.frame import Frame
 
 _BINS = 16
+"""Equal ranges of grey level in which noise is measured: it changes little within one, and enough blocks fall into
+it."""
+
 _BLOCK = 8
+"""Side of a block in pixels: small enough to fit between structures, and its 64 values give a variance to a fifth."""
+
 _BAND_SPACING = 24
+"""Rows from one band of blocks to the next: a third of the image is enough, and costs a third of the time."""
+
 _SHARE = 0.1
+"""Quantile of the blocks' variances that is taken for noise alone: hardly any image has structure in more than nine
+tenths of its blocks."""
+
 _QUANTILE_OF_NOISE = 0.627
 """A tenth of blocks of pure noise have a variance below this share of the true one."""
 
 _MIN_BLOCKS = 40
+"""Fewest blocks of a grey range in a frame: a tenth of them are then four."""
+
 _REMEMBERED = 64
+"""Latest frames whose variances are kept; the median over them hardly changes with more."""
+
+_TRUSTED_SIGMAS = 4
+"""Distance from black and white, in standard deviations of the noise, at which a range shows all of its noise.
+Nearer, only blocks with little noise pass as exposed."""
+
+_QUANTISATION_VARIANCE = 1 / 12
+"""Variance of rounding to whole grey values: the least noise of any image."""
+
+_ASSUMED_SIGMA = 0.5 / 255
+"""Standard deviation assumed where nothing was measured: half an 8-bit grey level."""
 
 _LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
 """Blind to planes and to edges along rows and columns; passes white noise with its variance (Immerkaer 1996)."""
@@ -28,7 +51,7 @@ _LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) 
 
 @dataclass
 class NoiseEstimator:
-    """Collects the variance of blocks after their structure is filtered out; the least of many is that of the noise.
+    """Collects the variance of blocks after filtering out their structure; the lowest ones are due to noise alone.
 
     Attributes
     ----------
@@ -40,8 +63,8 @@ class NoiseEstimator:
     _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(_BINS)], repr=False)
 
     def observe(self, frame: Frame) -> None:
-        """Take a frame: some bands of it."""
-        # Black pixels tell nothing about noise, and masked ones must not.
+        """Measure some bands of a frame."""
+        # Black pixels are not used for the noise, so masked ones are made black.
         image = frame.image if frame.mask is None else np.where(frame.mask, frame.image, 0)
         if min(image.shape) < _BLOCK + 2:
             return
@@ -61,7 +84,7 @@ class NoiseEstimator:
         rows = (tops[:, None] + np.arange(_BLOCK + 2)).ravel()
         grey = image[rows].astype(np.float32) / np.float32(self.max_grey)
         rough = cv2.filter2D(grey, cv2.CV_32F, _LAPLACIANS) ** 2
-        clipped = ((grey <= np.float32(1.5 / 255)) | (grey >= np.float32(253.5 / 255))).astype(np.float32)
+        clipped = ((grey <= np.float32(DARKEST_EXPOSED)) | (grey >= np.float32(BRIGHTEST_EXPOSED))).astype(np.float32)
 
         def means(values: Float32Array) -> FloatArray:
             bands = values.reshape(len(tops), _BLOCK + 2, -1)[:, 1:-1, 1 : 1 + columns * _BLOCK]
@@ -72,16 +95,15 @@ class NoiseEstimator:
         return np.stack([means(grey), means(rough)])[:, means(clipped) == 0]
 
     def model(self) -> NoiseModel:
-        """Return the noise; plain quantisation noise where nothing was measured."""
-        floor = 1 / 12 / self.max_grey**2
+        """Return the noise; an assumed one where nothing was measured."""
+        floor = _QUANTISATION_VARIANCE / self.max_grey**2
         known = np.array([len(found) > 0 for found in self._found])
         if not known.any():
-            return NoiseModel(max(floor, (0.5 / 255) ** 2), 0.0)
+            return NoiseModel(max(floor, _ASSUMED_SIGMA**2), 0.0)
         level = (np.arange(_BINS)[known] + 0.5) / _BINS
         variance = np.maximum([np.median(found) for found in self._found if found], floor)
         read, shot = nnls(np.stack([1 / variance, level / variance], axis=1), np.ones(len(level)))[0]
-        # Where noise reaches the ends, only blocks with little of it pass as exposed: their neighbours tell better.
-        trusted = 4 * np.sqrt(variance) < np.minimum(level, 1 - level)
+        trusted = _TRUSTED_SIGMAS * np.sqrt(variance) < np.minimum(level, 1 - level)
         table: tuple[float, ...] = ()
         if trusted.any():
             table = tuple(np.interp(np.linspace(0, 1, _BINS + 1), level[trusted], variance[trusted]))

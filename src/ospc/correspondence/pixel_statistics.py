@@ -1,4 +1,4 @@
-"""What the grey values of a recording cover: levels, clipping, unused bits, places that never see anything."""
+"""What the grey values of a recording cover: levels, clipping, unused bits, places that are always black."""
 
 from __future__ import annotations
 
@@ -14,24 +14,59 @@ from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.recording.frame import Frame
 
 MOST_FRAMES = 1024
-"""Frames whose own shares are kept; beyond, every second is dropped."""
+"""Frames whose own shares are kept; beyond, every second is dropped, which bounds the memory of endless runs."""
 
 GREY_CELLS = 32
+"""Equal ranges of grey level whose coverage is reported: as many as the response has intervals between knots."""
+
 RADIUS_CELLS = 10
+"""Equal ranges of radius, from the centre to the corner, whose coverage is reported."""
+
 _EVERY = 2
+"""One in so many rows and columns is counted: a quarter of the pixels has the same shares, in a quarter of the
+time."""
+
 _COVERED_SHARE = 0.001
+"""Share of all pixels from which a range of grey is covered: less is noise, lettering, or a reflection."""
+
 _BLACK_PLACE = 0.045
+"""Grey level of a thumbnail below which a place is black: stray light, noise and a black level of a few grey values
+stay below it."""
+
 _LIT_PLACE = 0.15
+"""Median over the places of their largest grey level, below which nothing is said about black ones: the scene is
+dark."""
+
 _MIN_BORDER_SHARE = 0.002
+"""Smallest part of the image that is reported as a black surround, some forty places of a thumbnail: less is a dark
+object at the edge."""
+
 _CORNERS = 4
+"""Corners that the surround of a disc covers: all of them."""
+
 _RECTANGLE = 0.95
+"""Share of its bounding box above which the lit part is a rectangle in a black border; a disc fills π/4 of it."""
+
 _PILE_SHARE = 0.005
+"""Share of the pixels at an extreme grey value from which values are piled up there: noise would spread them."""
+
+_PILE_MARGIN = 0.02
+"""Distance of that value from the end of the scale, as a share of it: nearer, it is ordinary clipping."""
+
 _COMB_GAPS = 0.05
+"""Share of missing grey values between the extremes from which they are reported: a few rare ones miss by chance."""
+
+_MIN_COMB_RANGE = 32
+"""Least distance of the extremes, in grey values, from which missing ones are counted: a dark image has few
+values."""
+
+_MAX_COUNTED_BITS = 12
+"""Most bits by which grey values are counted; of deeper images the upper ones are, which bounds the histogram."""
 
 
 @dataclass(frozen=True)
 class PixelReport:
-    """Grey values of the frames looked at.
+    """Grey values of the frames observed.
 
     Attributes
     ----------
@@ -137,7 +172,7 @@ class PixelStatistics:
         margin = white // 255
         found = np.flatnonzero(counts)
         low, high = int(found[0]), int(found[-1])
-        gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > 32 else 0.0
+        gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > _MIN_COMB_RANGE else 0.0
         lit, surround = _lit_places(self._brightest)
         return PixelReport(
             np.array(self._grey_share),
@@ -150,14 +185,11 @@ class PixelStatistics:
             white,
             (self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
             gaps if gaps >= _COMB_GAPS else 0.0,
-            bool(level[low] > 0.02 * white and share[low] > _PILE_SHARE),
-            bool(level[high] < 0.98 * white and share[high] > _PILE_SHARE),
+            bool(level[low] > _PILE_MARGIN * white and share[low] > _PILE_SHARE),
+            bool(level[high] < (1 - _PILE_MARGIN) * white and share[high] > _PILE_SHARE),
             lit,
             surround,
         )
-
-
-_MAX_COUNTED_BITS = 12
 
 
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""Preprocessing: a frame reduced to what is compared with other frames."""
+"""Preprocessing: reduces a frame to what is compared with other frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from ospc.correspondence.thumbnail import Thumbnail, thumbnail_of
 from ospc.recording.frame import Frame
 
 _SHARES = np.linspace(0.05, 0.95, 19)
-"""Shares of the pixels at whose quantiles the brightness of two images is compared."""
+"""Shares of the pixels at whose quantiles the brightness of two images is compared; the ends are noise and
+clipping."""
+
+_MIN_FURTHER_VARIANCE_PX2 = 0.25
+"""Least variance of the further smoothing before gradients are taken: OpenCV refuses a smoothing of width zero."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,7 @@ class PreprocessedFrame:
     size
         Width and height of the frame in pixels.
     reduction
-        How many pixels of the frame, along each side, make one of :attr:`grey`.
+        Pixels of the frame, along each side, per pixel of :attr:`grey`.
     grey
         Grey levels in [0, 1], smoothed, shape (h, w): each is a weighted mean over ``pixels_averaged`` pixels.
     gradient
@@ -40,7 +44,7 @@ class PreprocessedFrame:
     thumbnail
         A still smaller image, for the comparison of brightness with the neighbouring frames.
     pixels_averaged
-        Number of pixels of the frame that a white noise in them is averaged over.
+        Number of pixels of the frame over which their noise is averaged.
     """
 
     number: int
@@ -105,8 +109,9 @@ class Preprocessor:
         reduction = -(-max(width, height) // self.longest_side)
         reduced = _reduced(image, reduction)
         grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px) / np.float32(white)
-        # The product of two smoothings is one of the summed variance: the gradient's comes from the grey's.
-        flatter = cv2.GaussianBlur(grey, (0, 0), np.sqrt(max(self.flatness_px**2 - self.smoothing_px**2, 0.25)))
+        # Variances of smoothings add up, so that the one for gradients continues from that of the grey levels.
+        further = max(self.flatness_px**2 - self.smoothing_px**2, _MIN_FURTHER_VARIANCE_PX2)
+        flatter = cv2.GaussianBlur(grey, (0, 0), np.sqrt(further))
         gradient = cv2.magnitude(
             cv2.Sobel(flatter, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8),
             cv2.Sobel(flatter, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8),
@@ -137,13 +142,13 @@ class Preprocessor:
         return thumbnail_of(frame.index, reduced, frame.max_grey, frame.mask, (width, height))
 
     def _clipped_nearby(self, image: Image, white: int, reduction: int) -> BoolArray:
-        # Noise clips single pixels long before the mean reaches the end; what that does to the mean is known. Where
-        # a larger share is clipped, something else is.
+        # Near the ends noise alone clips single pixels, whose effect on the mean is corrected later. A larger share
+        # of clipped pixels has other causes, such as a lamp.
         exposed = cv2.inRange(image, white // 255 + 1, white - white // 255 - 1)
         height, width = (side // reduction for side in image.shape)
         cut = exposed[: height * reduction, : width * reduction]
         side = 2 * self.clip_margin_px + 1
-        # Bytes all the way: the shares are coarse, and so may be their rounding.
+        # All in bytes, for speed: the shares need no better resolution.
         share = cv2.blur(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), (side, side))
         return np.asarray(share < 255 * (1 - self.max_clipped_share))
 

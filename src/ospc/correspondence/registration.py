@@ -1,4 +1,4 @@
-"""Where every place of one frame is in another: dense registration of frames brought to equal brightness.
+"""Dense registration of frames brought to equal brightness: where every place of one is in the other.
 
 To register frames in another way, write a class that satisfies :class:`Registrar`, and name it in :data:`REGISTRARS`.
 """
@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 import cv2
 import numpy as np
@@ -17,7 +16,13 @@ import numpy.typing as npt
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.second_thread import SecondThread
-from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, values_at
+from ospc.correspondence.thumbnail_registration import (
+    ThumbnailRegistration,
+    exposed_in_both,
+    optical_flow,
+    pixel_places,
+    values_at,
+)
 from ospc.errors import SettingError
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
@@ -27,7 +32,8 @@ Image8: TypeAlias = npt.NDArray[np.uint8]
 """Grey levels of 8 bit, shape (h, w)."""
 
 _DISPLAY_GAMMA = 2.2
-"""Exponent of the scale on which images are registered: noise and contrast are alike over its range."""
+"""Exponent of the scale on which images are registered, that of displays: noise and contrast are similar in dark and
+bright parts."""
 
 _DARKEST, _BRIGHTEST = 8.0, 247.0
 """Grey levels beyond which a quantile may be clipped, of 255."""
@@ -43,8 +49,15 @@ by place; where less is, the quantiles of their grey levels are compared."""
 _LARGEST_SPREAD = 0.15
 """Standard deviation, in ln, of the ratios of single places up to which their median is relied on."""
 
-_ENTIRELY = 0.99
-"""Interpolated share of exposed pixels above which a place counts as exposed."""
+_DARKEST_IRRADIANCE = 1e-6
+"""Lowest irradiance whose logarithm is taken: below that of the first grey level of any camera."""
+
+_GRADIENT_STEPS, _PATCH_STRIDE_PX = 12, 4
+"""Steps of descent per patch, and distance between patches in pixels: half of OpenCV's steps on a coarser lattice.
+Flat places, where grey values are sampled, forgive the rest."""
+
+_OUTSIDE_PX = 1e4
+"""Displacement on the way back from outside the image: so far that no place comes back from there."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +99,7 @@ class ExposureNormalizer:
         known = response if response is not None else Response.gamma(_DISPLAY_GAMMA)
         irradiance = known.inverse(np.arange(256) / 255)
         self._root = irradiance ** (1 / _DISPLAY_GAMMA)
-        self._log_irradiance = np.log(np.maximum(irradiance, 1e-6))
+        self._log_irradiance = np.log(np.maximum(irradiance, _DARKEST_IRRADIANCE))
         self._vignette = vignette
         self._lift: dict[tuple[int, ...], Float32Array] = {}
         self._register = ThumbnailRegistration()
@@ -108,14 +121,14 @@ class ExposureNormalizer:
             shown, sure = self.log_ratio(frame0, frame1)
             contradicted = sure and abs(stated_log_ratio - shown) > _LARGEST_DISAGREEMENT
             log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
-        # At the longer exposure both images clip at the same radiance, and no edge of a clipped area misleads.
+        # At the longer exposure both images clip at the same radiance, so that clipped areas have the same edges.
         return self._brightened(frame0, max(0.0, log_ratio)), self._brightened(frame1, max(0.0, -log_ratio))
 
     def log_ratio(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame) -> tuple[float, bool]:
-        """Return ln of how much more irradiance the second frame shows of the same places, and whether it is sure."""
+        """Return ln of the irradiance of the same places, second frame over first, and whether it is certain."""
         small0, small1 = frame0.thumbnail, frame1.thumbnail
         there, found = self._register(small0, small1)
-        shared = found & small0.exposed & (values_at(small1.exposed.astype(np.float32), there) > _ENTIRELY)
+        shared = exposed_in_both(small0, small1, there, found)
         if np.count_nonzero(shared) < _LEAST_SHARE * shared.size:
             return self._log_ratio_of_quantiles(frame0, frame1), False
         log0 = self._log_radiance(small0.grey, frame0.size)
@@ -142,7 +155,7 @@ class ExposureNormalizer:
     def _brightened(self, frame: PreprocessedFrame, log_gain: float) -> Image8:
         table = (self._root * (np.exp(log_gain / _DISPLAY_GAMMA) * 255)).astype(np.float32)
         if self._vignette is None:
-            # The look-up of bytes gives bytes: clipped here, as the multiplication below clips by itself.
+            # A table of bytes has to be clipped here; below, the conversion to bytes clips.
             return np.asarray(cv2.LUT(frame.small, np.clip(table, 0, 255).astype(np.uint8)))
         bright = cv2.LUT(frame.small, table) * self._lift_of(frame.small.shape, frame.size)
         return np.asarray(cv2.convertScaleAbs(bright), dtype=np.uint8)
@@ -187,11 +200,7 @@ class Registrar(Protocol):
 class DenseRegistration:
     """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on images of equal brightness.
 
-    The variational refinement weighs the constancy of the gradient only. Constancy of brightness, weighed too by
-    default, pulls flat places to where the brightness agrees: with the vignette not yet known that is a wrong place,
-    and grey values sampled there have lost the very difference they were meant to show.
-
-    The way back only tells where the way there is wrong, by pixels: it is computed more coarsely.
+    The way back only shows where the way there is wrong by pixels: it is computed more coarsely.
 
     Parameters
     ----------
@@ -202,7 +211,7 @@ class DenseRegistration:
 
     def __init__(self, second: SecondThread | None = None) -> None:
         self._second = second
-        self._there, self._back = _flow(finest=1), _flow(finest=2)
+        self._there, self._back = _flow(finest_scale=1), _flow(finest_scale=2)
 
     def __call__(
         self,
@@ -246,33 +255,20 @@ def make_registrar(name: str, second: SecondThread) -> Registrar:
     return REGISTRARS[name](second)
 
 
-def _flow(finest: int) -> Any:
-    """Return a registration down to the image halved so many times; places between are interpolated."""
-    flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    # Half the steps on a coarser lattice of patches: flat places, where grey values are sampled, forgive the rest.
-    flow.setGradientDescentIterations(12)
-    flow.setPatchStride(4)
-    flow.setFinestScale(finest)
-    flow.setVariationalRefinementDelta(0.0)
-    flow.setVariationalRefinementGamma(20.0)
+def _flow(finest_scale: int) -> cv2.DISOpticalFlow:
+    flow = optical_flow(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, finest_scale)
+    flow.setGradientDescentIterations(_GRADIENT_STEPS)
+    flow.setPatchStride(_PATCH_STRIDE_PX)
     return flow
 
 
 def _forward_backward_error(forward: Float32Array, backward: Float32Array) -> Float32Array:
     height, width = forward.shape[:2]
-    there = _places(width, height) + forward
-    # Outside the image there is no way back: a far displacement says so.
-    away = (1e4, 1e4, 0.0, 0.0)
+    there = pixel_places((width, height)) + forward
+    away = (_OUTSIDE_PX, _OUTSIDE_PX, 0.0, 0.0)
     back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
     back += forward
     return np.asarray(cv2.magnitude(*cv2.split(back)), dtype=np.float32)
-
-
-@lru_cache(maxsize=4)
-def _places(width: int, height: int) -> Float32Array:
-    places = pixel_grid((width, height)).astype(np.float32)
-    places.setflags(write=False)
-    return places
 
 
 def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
@@ -291,9 +287,5 @@ def displacement_at(registration: Registration, points: FloatArray, scale: float
         return np.empty((0, 2)), np.empty(0)
     small = ((points + 0.5) / scale - 0.5).astype(np.float32).reshape(-1, 1, 2)
     forward = cv2.remap(registration.forward, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    forward_backward_error = cv2.remap(
-        registration.forward_backward_error, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    return forward.reshape(-1, 2).astype(np.float64) * scale, forward_backward_error.reshape(-1).astype(
-        np.float64
-    ) * scale
+    error = values_at(registration.forward_backward_error, small)
+    return forward.reshape(-1, 2).astype(np.float64) * scale, error.reshape(-1).astype(np.float64) * scale

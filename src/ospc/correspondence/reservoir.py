@@ -1,4 +1,4 @@
-"""A bounded number of observations that stand for all there were."""
+"""A bounded random sample of all observations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ospc.observations import Observations, concatenate
 
 @dataclass
 class Reservoir:
-    """Keeps every scene point until there are too many, then every second, and so on; alike for old and new.
+    """Keeps every scene point until there are too many, then half of them, and so on; old and new ones alike.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Reservoir:
             self._halvings += 1
 
     def forget_before(self, group: int) -> None:
-        """Give up the observations of groups with lower numbers."""
+        """Drop the observations of groups with lower numbers."""
         self._parts = [part for part in self._parts if part.group[0] >= group]
         self.points = sum(len(part.starts) for part in self._parts)
 

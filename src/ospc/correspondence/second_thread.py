@@ -1,4 +1,4 @@
-"""One more thread for work that leaves the interpreter to others."""
+"""One more thread, for work that releases the interpreter lock."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Result = TypeVar("Result")
 
 
 class SecondThread:
-    """Runs functions one after the other in a thread of its own, which a forked process makes anew."""
+    """Runs functions one after the other in a thread of its own; a forked process starts its own."""
 
     def __init__(self) -> None:
         self._process = 0
@@ -21,7 +21,7 @@ class SecondThread:
     def submit(
         self, function: Callable[Arguments, Result], *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Future[Result]:
-        """Have a function called in the thread."""
+        """Call a function in the thread."""
         # A fork copies the executor but not its thread: work given to it would wait for ever.
         if self._executor is None or self._process != os.getpid():
             self._process, self._executor = os.getpid(), ThreadPoolExecutor(1, "ospc-second")

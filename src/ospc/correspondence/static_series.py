@@ -9,7 +9,12 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
+from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.recording.frame import Frame
+
+_BRIGHTNESS_CELLS = 64
+"""Equal ranges of ln brightness from which pixels are taken in turn: dark and bright ones are rare but most
+informative."""
 
 
 @dataclass
@@ -19,11 +24,11 @@ class StaticSeries:
     Attributes
     ----------
     pixels
-        Number of pixels kept.
+        Number of pixels kept: four times the points, so that dark and bright ones are among them.
     points
         Number of them, spread evenly over their brightness, that are given to the estimators.
     frames
-        Most frames kept; beyond, every second is dropped and fewer are taken.
+        Most frames kept; beyond, every second is dropped and only every second further one is taken.
     """
 
     pixels: int = 12_000
@@ -60,7 +65,7 @@ class StaticSeries:
 
     @property
     def full(self) -> bool:
-        """Whether it has held as many frames as it can: more would hardly add anything."""
+        """Whether it has already dropped frames: more would hardly add anything."""
         return self._stride > 1
 
     def observations(self) -> Observations:
@@ -74,7 +79,7 @@ class StaticSeries:
         if self._places is None:
             raise ValueError("no frame was observed")
         grey = np.stack(self._grey, axis=1).astype(np.float64) / self._max_grey
-        exposed = (grey > 1.5 / 255) & (grey < 253.5 / 255)
+        exposed = (grey > DARKEST_EXPOSED) & (grey < BRIGHTEST_EXPOSED)
         chosen = self._evenly_bright(grey, exposed)
         grey = grey[chosen]
         points, frames = grey.shape
@@ -97,7 +102,7 @@ class StaticSeries:
             return usable
         # The sum over all frames increases with radiance whatever the response is, and noise hardly moves it.
         brightness = np.log(grey[usable].sum(axis=1))
-        cell = np.digitize(brightness, np.histogram_bin_edges(brightness, 64))
+        cell = np.digitize(brightness, np.histogram_bin_edges(brightness, _BRIGHTNESS_CELLS))
         order = np.lexsort((np.arange(len(usable)), cell))
         _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
         rank = np.arange(len(usable)) - np.repeat(start, count)

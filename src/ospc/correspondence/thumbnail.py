@@ -1,4 +1,4 @@
-"""A frame reduced to a small image: enough to compare its brightness with that of its neighbours."""
+"""Thumbnails: frames reduced to small images, enough to compare their brightness with that of their neighbours."""
 
 from __future__ import annotations
 
@@ -11,19 +11,22 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, ImageSize
 
 LONGEST_SIDE_PX = 160
-"""Longest side of a thumbnail in pixels: neighbouring frames are compared in a millisecond, by 19 000 places."""
+"""Longest side of a thumbnail in pixels: 19 000 places, by which neighbouring frames are compared in a
+millisecond."""
 
 _SMOOTHING_PX = 1.0
-"""Standard deviation of the smoothing of grey levels, in thumbnail pixels: as wide as the registration is wrong."""
+"""Standard deviation of the smoothing of grey levels, in thumbnail pixels: about the error of the registration."""
 
 _GRADIENT_SMOOTHING_PX = 1.2
-"""Standard deviation of the further smoothing before gradients are taken, in thumbnail pixels."""
+"""Standard deviation of the further smoothing before gradients are taken, in thumbnail pixels: a flat place is flat
+as far around as registration may be wrong."""
 
 _SURROUND_PX = 10.0
-"""Standard deviation of the neighbourhood that local tone mapping may work by, in thumbnail pixels."""
+"""Standard deviation of the neighbourhood in which local tone mapping may work, in thumbnail pixels: as
+wide as one of the 8 × 8 tiles that adaptive histogram equalization usually has."""
 
 _DARK, _BRIGHT = 0.04, 0.97
-"""Grey levels beyond which a place counts as clipped: means over 4 × 4 pixels are clipped in part before the end."""
+"""Grey levels beyond which a place counts as clipped: of a mean over many pixels, some are clipped before it is."""
 
 _CLIP_MARGIN_PX = 2
 """Places this close to a clipped one are not used, in thumbnail pixels: twice the smoothing."""
@@ -85,7 +88,7 @@ def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | 
         clipped |= _reduced(mask.astype(np.float32), size, 1) < 1
     side = 2 * _CLIP_MARGIN_PX + 1
     near = cv2.dilate(clipped, np.ones((side, side), np.uint8))
-    # The square root keeps dark images from falling into a handful of levels before they are spread out.
+    # The square root leaves dark images more than a handful of levels to equalize.
     levels = cv2.convertScaleAbs(np.sqrt(small), alpha=255.0)
     return Thumbnail(
         frame,

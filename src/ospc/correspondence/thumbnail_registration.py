@@ -1,9 +1,8 @@
-"""Where every place of one thumbnail is in another, whatever the exposures and the response are."""
+"""Dense registration of thumbnails, whatever the exposures and the response are."""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import cv2
 import numpy as np
@@ -21,22 +20,31 @@ _MAX_FORWARD_BACKWARD_ERROR_PX = 1.0
 _SMALLEST_SIDE_PX = 32
 """Dense inverse search needs a few patches along each side; smaller images are taken to stand still."""
 
+_EXPOSED_SHARE = 0.99
+"""Interpolated share of exposed pixels from which a place counts as exposed: all its neighbours are, but for
+rounding."""
+
 _OUTSIDE_PX = 1e3
 """Displacement on the way back from outside the image: so far that no place comes back from there."""
+
+_GRADIENT_WEIGHT = 20.0
+"""Weight of the constancy of the gradient in the variational refinement, against smoothness of the displacements:
+twice OpenCV's default, since nothing else is weighed."""
 
 
 class ThumbnailRegistration:
     """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on images with equalized histograms."""
 
     def __init__(self) -> None:
-        self._there, self._back = _flow(finest_scale=0), _flow(finest_scale=1)
-        # The way back only tells whether the way there was right.
+        preset = cv2.DISOPTICAL_FLOW_PRESET_FAST
+        self._there, self._back = optical_flow(preset, finest_scale=0), optical_flow(preset, finest_scale=1)
+        # The way back only shows whether the way there was right.
         self._there.setVariationalRefinementIterations(0)
 
     def __call__(self, first: Thumbnail, second: Thumbnail) -> tuple[Float32Array, BoolArray]:
         """Return where every place of the first is in the second, (h, w, 2), and whether it was found, (h, w)."""
         height, width = first.grey.shape
-        places = thumbnail_places((width, height))
+        places = pixel_places((width, height))
         if min(width, height) < _SMALLEST_SIDE_PX:
             return places, np.ones((height, width), bool)
         forward = self._there.calc(first.equalized, second.equalized, None)
@@ -56,19 +64,32 @@ def values_at(image: Float32Array, places: Float32Array) -> Float32Array:
     return np.asarray(values, dtype=np.float32)
 
 
+def exposed_in_both(first: Thumbnail, second: Thumbnail, there: Float32Array, found: BoolArray) -> BoolArray:
+    """Return which places of the first were found in the second and are well exposed in both, shape (h, w).
+
+    ``there`` and ``found`` are what :class:`ThumbnailRegistration` returned.
+    """
+    exposed = values_at(second.exposed.astype(np.float32), there) > _EXPOSED_SHARE
+    return np.asarray(found & first.exposed & exposed)
+
+
 @cache
-def thumbnail_places(size: ImageSize) -> Float32Array:
-    """Return the coordinates (x, y) of every place of a thumbnail of a size, shape (h, w, 2)."""
+def pixel_places(size: ImageSize) -> Float32Array:
+    """Return the coordinates (x, y) of every pixel of a small image, shape (h, w, 2)."""
     places = pixel_grid(size).astype(np.float32)
     places.setflags(write=False)
     return places
 
 
-def _flow(finest_scale: int) -> Any:
-    flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+def optical_flow(preset: int, finest_scale: int) -> cv2.DISOpticalFlow:
+    """Return OpenCV's dense inverse search, down to the image halved ``finest_scale`` times, without brightness.
+
+    Its variational refinement weighs the constancy of the gradient only. Constancy of brightness, weighed too by
+    default, would pull flat places to where the brightness agrees: grey values sampled there would no longer show the
+    difference that is to be measured.
+    """
+    flow = cv2.DISOpticalFlow_create(preset)
     flow.setFinestScale(finest_scale)
-    # Constancy of brightness would pull flat places to where the brightness agrees, which is the very thing that is
-    # to be measured.
     flow.setVariationalRefinementDelta(0.0)
-    flow.setVariationalRefinementGamma(20.0)
+    flow.setVariationalRefinementGamma(_GRADIENT_WEIGHT)
     return flow

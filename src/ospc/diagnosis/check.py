@@ -1,4 +1,4 @@
-"""Checks a recording: the engine at a glance, with figures on everything that could spoil a calibration."""
+"""Checks a recording: runs the engine, and reports figures on everything that could spoil a calibration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def check_recording(
     correct_lag: LagChoice = "auto",
     progress: Callable[[int, int], None] | None = None,
 ) -> RecordingReport:
-    """Say what a calibration of a recording finds, and what is wrong with the recording.
+    """Report what a calibration of a recording finds, and what is wrong with the recording.
 
     The frames go through the same engine as for a calibration: the verdicts are those of
     :func:`~ospc.calibrator.calibrate`.
@@ -65,7 +65,7 @@ def check_recording(
 
 
 def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -> RecordingReport:
-    """Return the report on a recording of which so many frames were pushed.
+    """Return the report on a recording of which ``frames`` frames were pushed.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -
 
 
 def _local_tone(evidence: ExposureEvidence, found: ExposureFindings, recording: Recording) -> LocalTone | None:
-    """Look for local tone mapping, with the exposures where they belong."""
+    """Look for local tone mapping, with exposures corrected by the most likely lag."""
     lag = found.lag.candidates[0] if found.lag.candidates else found.corrected_frames
     log_exposure = np.log(recording.exposures_ms)
     last = len(log_exposure) - 1

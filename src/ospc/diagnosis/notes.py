@@ -1,4 +1,4 @@
-"""What else a user should know about a recording, in sentences."""
+"""Further findings on a recording that its user should know, as sentences."""
 
 from __future__ import annotations
 
@@ -14,19 +14,36 @@ from ospc.exposures.lag import MAX_LAG
 from ospc.exposures.tone_mapping import LocalTone
 
 _MANY_CLIPPED = 0.10
+"""Share of clipped pixels worth a note: windows and lamps clip in any recording, but make up less of it."""
+
 _SURE_SPREAD_LOG = 0.010
 _POSSIBLE_SPREAD_LOG = 0.006
+"""Differences between parts of an image within one frame, in ln of the grey level, that are clear and possible signs
+of local tone mapping: a per cent, and what errors of registration may also leave."""
+
 _SURROUND_EFFECT = 0.15
+"""Relative effect of the surroundings on d ln M/d ln e that is a clear sign of local tone mapping: registration
+errors at edges imitate less."""
+
 _SURROUND_SIGMAS = 5.0
+"""Standard errors that such an effect must be away from zero: it is computed from samples that are not
+independent."""
+
 _DARK_CORNER_SHARE = 0.05
+"""Share of well-exposed places in the outermost ring below which the vignette of the corners is a continuation."""
+
 _WEAK_SLOPE = 0.15
+"""Median d ln M/d ln e below which brightness hardly follows the exposure: a third of that of a gamma of 2.2."""
+
 _SLOWEST_VIDEO_S = 0.7
+"""Longest interval between frames of a video, in seconds: photographs taken one by one are further apart, and have no
+rate by which frames could be missing."""
 
 
 def notes(
     found: ExposureFindings, pixels: PixelReport, tone: LocalTone | None, timing: Timing, unreadable: int
 ) -> tuple[str, ...]:
-    """Return what is worth telling, worst first."""
+    """Return the findings, worst first."""
     said = [
         *_about_frames(timing, unreadable),
         *_about_lag(found),
@@ -46,7 +63,6 @@ def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:
             f"the first is frame {timing.duplicate_frames[0]}: frames were dropped and filled up, and exposures "
             f"may belong to other frames; record without filling up"
         )
-    # Photographs taken one by one have no rate that a frame could be missing of.
     if timing.dropped_frames and timing.interval_s < _SLOWEST_VIDEO_S:
         yield (
             f"{_count(timing.dropped_frames, 'frame')} missing in {_count(timing.gaps, 'gap')} between time stamps, "
@@ -62,7 +78,7 @@ def _about_lag(found: ExposureFindings) -> Iterator[str]:
     lag, cycle = found.lag, found.course.cycle_frames
     if lag.frames is not None and cycle is not None and cycle <= 2 * MAX_LAG:
         yield (
-            f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} cannot be told from one of "
+            f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} looks the same as one of "
             f"{lag.frames - cycle} or {lag.frames + cycle}, which are less likely"
         )
     if lag.fit is not None and lag.fit.slopes.any() and float(np.median(lag.fit.slopes)) < _WEAK_SLOPE:

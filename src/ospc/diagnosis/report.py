@@ -13,18 +13,19 @@ from ospc.diagnosis.timing import Timing
 from ospc.exposures.brightness import GREY_BINS
 from ospc.exposures.course import ExposureReport
 from ospc.exposures.findings import ExposureFindings
-from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.lag_estimate import LagEstimate
 from ospc.exposures.tone_mapping import LocalTone
 from ospc.photometry.calibration import Verdict
 
 SCHEMA = "ospc-check/1"
 
 _MOST_LISTED = 100
+"""Most jumps and repeated frames listed: a recording full of them must not make a huge report."""
 
 
 @dataclass(frozen=True)
 class RecordingReport:
-    """What a recording can tell of its camera, and what is wrong with it.
+    """What a recording can determine of its camera, and what is wrong with it.
 
     Attributes
     ----------
@@ -41,9 +42,9 @@ class RecordingReport:
     unreadable
         Number of frames that could not be used.
     exposures
-        What the images say about the exposures.
+        What the images show about the exposures.
     local_tone
-        Whether places of the image behave differently; None where that cannot be told.
+        Whether parts of the image behave differently; None where that is unknown.
     pixels
         Coverage of grey levels and radii, clipping, surround.
     timing

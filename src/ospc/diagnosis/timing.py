@@ -1,4 +1,4 @@
-"""What the time stamps say: frame rate, dropped frames; and images that come twice."""
+"""Frame rate and dropped frames from the time stamps, and repeated images."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ import numpy as np
 from ospc.arrays import FloatArray
 
 _GAP = 1.5
+"""Interval over the median one from which frames are missing: half way between one interval and two, since time
+stamps jitter."""
+
+_MOST_DROPPED = 1e9
+"""Most dropped frames counted: time stamps of two clocks may be decades apart, beyond any integer of a file."""
 
 
 @dataclass(frozen=True)
@@ -53,4 +58,4 @@ def timing(stamps_s: FloatArray, duplicates: list[int], compared: int) -> Timing
         return Timing(float("nan"), 0, 0, tuple(duplicates), compared)
     usual = float(np.median(interval))
     missing = np.rint(interval[interval > _GAP * usual] / usual) - 1 if usual > 0 else np.empty(0)
-    return Timing(usual, len(missing), int(min(missing.sum(), 1e9)), tuple(duplicates), compared)
+    return Timing(usual, len(missing), int(min(missing.sum(), _MOST_DROPPED)), tuple(duplicates), compared)

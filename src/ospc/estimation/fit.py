@@ -20,10 +20,17 @@ _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 """Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
 
 _MAX_LEVELS = 4096
-"""Most levels of a response: one for each grey value of 12 bits."""
+"""Most levels of a response, one for each grey value of 12 bits: between them it is straight far within its
+errors."""
 
-_SUPPORT_QUANTILES = (0.002, 0.998)
-"""Quantiles of the grey levels observed between which a response counts as measured."""
+SUPPORT_QUANTILES = (0.002, 0.998)
+"""Quantiles of the grey levels observed between which a response counts as measured: single outliers measure
+nothing."""
+
+
+_SMALLEST_STEP = 1e-12
+"""Least step of g from one level to the next: a gamma as steep as 20 near black is zero in floating point for
+several."""
 
 
 @dataclass(frozen=True)
@@ -79,18 +86,17 @@ class Fit:
         max_grey
             Largest grey value of the camera; the response has one level for each grey value up to 12 bits.
         observations
-            The observations it was fitted to, which tell where the response was measured; None for everywhere.
+            The observations it was fitted to, which show where the response was measured; None for everywhere.
         """
         levels = min(max_grey + 1, _MAX_LEVELS)
         grey = np.linspace(0, 1, levels)
         log_g = np.interp(grey, self.response_basis.grid, self.response_basis.log_of(self.response_parameters))
         table = np.exp(log_g)
-        # g(0) = 0; a gamma as steep as 20 near black is zero in floating point for more than one level.
-        table = np.maximum(np.where(grey > 0, table, 0.0), np.arange(levels) * 1e-12)
+        table = np.maximum(np.where(grey > 0, table, 0.0), np.arange(levels) * _SMALLEST_STEP)
         log_sigma = self.log_response_sigma(grey)
         support = (0.0, 1.0)
         if observations is not None:
-            support = tuple(np.quantile(observations.grey, _SUPPORT_QUANTILES).tolist())
+            support = tuple(np.quantile(observations.grey, SUPPORT_QUANTILES).tolist())
         return Response.from_values(
             table,
             inverse_sigma=table / table[-1] * log_sigma,

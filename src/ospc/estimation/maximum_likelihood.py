@@ -52,8 +52,8 @@ class MaximumLikelihoodEstimator:
     response_basis, vignette_basis
         The models.
     noise
-        Noise of single pixels: tells where clipping begins to bias the mean. None where the observations are single
-        pixels themselves.
+        Noise of single pixels, by which clipping biases the mean near the ends. None where the observations are
+        single pixels themselves.
     rounds
         Most rounds after the convex first one; fewer where the parameters settle, to a tenth of a standard deviation
         each.
@@ -119,7 +119,7 @@ class MaximumLikelihoodEstimator:
         )
 
     def information(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> NormalEquations:
-        """Return what the observations say about the parameters of these models, without any prior.
+        """Return the information of the observations on the parameters of these models, without any prior.
 
         Parameters
         ----------
@@ -260,8 +260,8 @@ class MaximumLikelihoodEstimator:
 def _blocks_of(group: IntArray) -> IntArray:
     """Return the block each observation counts to when the spread of scores is measured, shape (n,).
 
-    What goes wrong in one pair of frames goes wrong in those after it, which show the same scene: groups that follow
-    one another are taken together, as far as enough blocks remain to measure a spread between.
+    Errors of one pair of frames recur in the next ones, which show the same scene. Consecutive groups form a block,
+    as long as enough blocks remain to measure a spread between them.
     """
     _, number = np.unique(group, return_inverse=True)
     size = int(np.clip((number.max() + 1) // MIN_BLOCKS, 1, GROUPS_PER_BLOCK))

@@ -14,6 +14,9 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import ASYMMETRY_SIGMA, FIRST_FIT_POINTS
 
+_FEWEST_GROUPS = 3
+"""Number of groups that the criterion is computed for at least: the logarithm of one or two is no penalty."""
+
 
 def fit_with_chosen_vignette(
     observations: ExposedObservations,
@@ -51,15 +54,15 @@ def fit_with_chosen_vignette(
         if richer == fit.vignette_basis or len(richer) <= len(fit.vignette_basis):
             continue
         wider = MaximumLikelihoodEstimator(response, richer, noise, rounds).fit(observations, fit)
-        if not asked_for(wider, len(richer) - len(fit.vignette_basis)):
+        if not supported(wider, len(richer) - len(fit.vignette_basis)):
             break
         fit = wider
     return fit
 
 
-def asked_for(fit: Fit, last: int) -> bool:
+def supported(fit: Fit, last: int) -> bool:
     """Return whether the last ``last`` parameters meet the criterion of Schwarz (1978)."""
     value = fit.parameters[-last:]
     covariance = fit.covariance[-last:, -last:] + ASYMMETRY_SIGMA**2 * np.eye(last)
     statistic = float(value @ np.linalg.solve(covariance, value))
-    return bool(statistic > last * np.log(max(fit.groups, 3)))
+    return bool(statistic > last * np.log(max(fit.groups, _FEWEST_GROUPS)))

@@ -1,1 +1,1 @@
-"""What the images say about the exposures: lag, stale metadata, hidden gain, flicker, tone mapping."""
+"""What the images show about the exposures: lag, stale metadata, hidden gain, flicker, tone mapping."""

@@ -9,21 +9,59 @@ import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
-from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, thumbnail_places, values_at
+from ospc.correspondence.thumbnail_registration import (
+    ThumbnailRegistration,
+    exposed_in_both,
+    pixel_places,
+    values_at,
+)
+from ospc.estimation.robust import robust_scale
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised, pixel_grid
 
 GREY_BINS = np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93])
-"""Edges of the grey levels that are kept apart: the same change of exposure moves them differently far."""
+"""Edges of the grey bins: the same change of exposure changes ln M by different amounts at different grey levels.
+Bins are narrower where responses are steeper; black and white, where noise is clipped, are left out."""
+
 GREY_BINS.setflags(write=False)
 
 _MIN_PIXELS = 40
+"""Fewest places that a bin's mean, or the median motion, is taken of: the standard error is a sixth of the scatter.
+With fewer, one moving object would decide; with more, small images would leave bins empty."""
+
 _MAX_WEIGHT = 5000.0
+"""Most places that a bin counts as, a quarter of a thumbnail: beyond, their errors have common causes, and one large
+even surface would outweigh all other bins."""
+
 _MAX_RELATIVE_GRADIENT = 0.04
+"""Steepest flat place: gradient over grey level, per thumbnail pixel. A registration error of a tenth of a pixel then
+changes ln M by 0.004 at most; a lower limit would leave too few places in textured scenes."""
+
 _OUTLIER_SIGMAS = 2.5
+"""Places further from their bin's median, in robust standard deviations, are left out of its mean: moving objects,
+gloss, wrong registrations. Of normally distributed values 99 per cent stay."""
+
+_MIN_SCATTER_LOG = 1e-4
+"""Least scatter assumed in a bin, in ln of the grey level, so that of nearly equal values rounding errors are
+kept."""
+
 _SAMPLES = 400
+"""About how many single places of a pair are kept: some thirty in each cell that local tone mapping is looked for
+in."""
+
 _SPARSE = 5
+"""The motion is measured at one in so many places: neighbours move alike, so that more cost time and add nothing."""
+
 _MIN_STRUCTURE = 0.01
+"""Least gradient, in full scale per thumbnail pixel, of a place whose displacement is measured: registration fills in
+flatter ones from their surroundings."""
+
+_RADIAL_QUANTILE = 0.9
+"""Quantile of the radial motion that is reported: one in ten places moves at least so far, which no few errors
+reach."""
+
+_DARKEST = 1e-3
+"""Lowest grey level whose logarithm is taken, a quarter of an 8-bit level; darker ones are taken for this."""
 
 
 @dataclass(frozen=True)
@@ -121,24 +159,22 @@ class BrightnessComparer:
         """Compare two frames."""
         there, found = self._register(first, second)
         grey1 = values_at(second.grey, there)
-        mean = np.sqrt(np.maximum(first.grey * grey1, 1e-6))
+        mean = np.sqrt(np.maximum(first.grey * grey1, _DARKEST**2))
         steep = np.maximum(first.gradient, values_at(second.gradient, there))
         flat = (
-            found
-            & first.exposed
-            & (values_at(second.exposed.astype(np.float32), there) > 0.99)
-            & (steep < _MAX_RELATIVE_GRADIENT * np.maximum(mean, 0.02))
+            exposed_in_both(first, second, there, found)
+            & (steep < _MAX_RELATIVE_GRADIENT * mean)
             & (mean > GREY_BINS[0])
             & (mean < GREY_BINS[-1])
         )
         height, width = first.grey.shape
-        places = thumbnail_places((width, height))
+        places = pixel_places((width, height))
         radius0 = _squared_radius((width, height))
         radius1 = values_at(radius0, there)
         squared0, squared1 = radius0[flat], radius1[flat]
         moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2])
         log_ratio, weight, mean_moved = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], moved)
-        # Black surrounds and burnt-out windows would seem to stand still.
+        # Black surrounds and saturated windows would seem to stand still.
         visible = found & first.exposed
         radial_motion = np.abs(np.sqrt(radius1[visible][::_SPARSE]) - np.sqrt(radius0[visible][::_SPARSE]))
         structured = visible & (first.gradient > _MIN_STRUCTURE)
@@ -150,7 +186,7 @@ class BrightnessComparer:
             weight,
             mean_moved,
             float(visible.mean()),
-            float(np.quantile(radial_motion, 0.9)) if radial_motion.size else 0.0,
+            float(np.quantile(radial_motion, _RADIAL_QUANTILE)) if radial_motion.size else 0.0,
             float(np.median(distance)) * self._size[0] / width if distance.size >= _MIN_PIXELS else float("nan"),
             _samples(first, second, places[flat], there[flat], (width, height)),
         )
@@ -181,9 +217,10 @@ def _binned(
         if len(inside) < _MIN_PIXELS:
             continue
         values = log_ratio[inside]
-        middle = np.median(values)
-        deviation = np.abs(values - middle)
-        kept = inside[deviation <= _OUTLIER_SIGMAS * (1.4826 * np.median(deviation) + 1e-4)]
+        deviation = np.abs(values - np.median(values))
+        # Compared in single precision, as the values are.
+        scatter = np.float32(robust_scale(deviation)) + _MIN_SCATTER_LOG
+        kept = inside[deviation <= _OUTLIER_SIGMAS * scatter]
         mean[b] = log_ratio[kept].mean()
         mean_moved[b] = moved[kept].mean(axis=0)
         weight[b] = min(float(len(inside)), _MAX_WEIGHT)
@@ -200,7 +237,7 @@ def _samples(
 
     def read(image: Float32Array, where: Float32Array) -> FloatArray:
         values = values_at(image, where.reshape(-1, 1, 2)).reshape(-1)
-        return np.log(np.maximum(values.astype(np.float64), 1e-3))
+        return np.log(np.maximum(values.astype(np.float64), _DARKEST))
 
     grey0, grey1 = read(first.grey, at0), read(second.grey, at1)
     surround = (read(first.surround, at0) - grey0 + read(second.surround, at1) - grey1) / 2

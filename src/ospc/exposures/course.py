@@ -1,4 +1,4 @@
-"""What the metadata say about the exposure, and how much of the brightness that explains."""
+"""The course of the exposures, and how much of the changes of brightness it explains."""
 
 from __future__ import annotations
 
@@ -9,16 +9,49 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.flicker import Flicker, find_flicker, without_waves
 from ospc.exposures.jumps import Jump, find_jumps
-from ospc.exposures.lag_decision import LagEstimate, exposure_cycle
+from ospc.exposures.lag_decision import exposure_cycle
+from ospc.exposures.lag_estimate import LagEstimate
+
+NOTABLE_RMS_LOG = 0.006
+"""Root mean square change of ln brightness from frame to frame, unexplained by exposures, up to which nothing is
+doubted: registration alone leaves as much."""
+
+DRIFT_FRAMES = 40
+"""Frames over which unexplained changes are added up: an exposure control acts within them, and the errors of
+registration do not yet add up to much."""
+
+_DRIFT_STEP = DRIFT_FRAMES // 4
+"""Frames between the beginnings of these stretches, which overlap so that no swing is cut in two."""
 
 _CHANGED = 0.01
+"""Change of ln exposure from which a frame counts as exposed differently from the one before: 1 per cent."""
+
 _UNCHANGED = 1e-4
-_STALE_RMS_LOG = 0.006
+"""Change of ln exposure up to which it counts as none: above the rounding of numbers in files, below any step that a
+camera makes."""
+
 _STALE_DRIFT_LOG = 0.12
-_RUN = 40
+"""Drift of ln brightness from which an exposure that never changes counts as stale, however small each step is: an
+exposure control changes it by more within :data:`DRIFT_FRAMES`, errors of registration by less."""
+
 _MIN_UNCHANGED_PAIRS = 12
+"""Fewest pairs of unchanged exposure that can show it to be stale: their root mean square is known to a fifth."""
+
 _REPORTED_SHARE = 0.6
+"""Share of the fast unexplained changes that a flicker makes up if it is reported. It is more than
+:func:`find_flicker` asks for: a line may be tried beside a lag on less evidence than a user should be sent to the
+lamp for."""
+
 _LEAST_TOTAL_SHARE = 0.4
+"""Share of the variance of all unexplained changes that the reported flicker makes up. A control loop's slow swings
+have a strongest frequency, too, but it makes up less of them."""
+
+_SAME_TURNS = 0.1
+"""Turns by which a flicker may miss a whole number within a cycle of exposures and still be a harmonic of the
+cycle."""
+
+_KEPT_SHARE = 0.98
+"""Share of the changes, the smaller ones, that a root mean square is taken of: a scene cut is no change of light."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +114,7 @@ class BrightnessReport:
     unexplained_share
         Share of the energy of all changes that exposures do not explain; NaN where brightness does not change.
     unexplained_drift_log
-        Most that unexplained changes add up to within about forty frames.
+        Most that unexplained changes add up to within :data:`DRIFT_FRAMES`.
     stale
         Whether brightness changes while the exposures stay as they are.
     flicker
@@ -121,7 +154,7 @@ def brightness_report(lag: LagEstimate, exposures_ms: FloatArray) -> BrightnessR
     unchanged = unexplained[np.abs(change) < _UNCHANGED]
     drift = _drift(unexplained, lag.frame)
     constant = len(unchanged) == len(unexplained)
-    stale = len(unchanged) >= _MIN_UNCHANGED_PAIRS and _rms(unchanged) > _STALE_RMS_LOG
+    stale = len(unchanged) >= _MIN_UNCHANGED_PAIRS and _rms(unchanged) > NOTABLE_RMS_LOG
     return BrightnessReport(
         _rms(fit.observed),
         _rms(unexplained),
@@ -134,7 +167,7 @@ def brightness_report(lag: LagEstimate, exposures_ms: FloatArray) -> BrightnessR
 
 
 def _reported(lag: LagEstimate, cycle: int | None) -> tuple[Flicker, ...]:
-    """Return the flicker worth telling of: clear lines that the exposures' own cycle does not have."""
+    """Return the flicker to report: clear lines that are not harmonics of the exposures' own cycle."""
     found = lag.flicker
     if not found and lag.fit is not None:
         one = find_flicker(lag.frame, lag.fit.unexplained)
@@ -144,29 +177,28 @@ def _reported(lag: LagEstimate, cycle: int | None) -> tuple[Flicker, ...]:
         if cycle is None:
             return False
         turns = flicker.cycles_per_frame * cycle
-        return abs(turns - round(turns)) < 0.1
+        return abs(turns - round(turns)) < _SAME_TURNS
 
-    told = tuple(f for f in found if f.share >= _REPORTED_SHARE and not own(f))
-    if not told or lag.fit is None:
+    reported = tuple(f for f in found if f.share >= _REPORTED_SHARE and not own(f))
+    if not reported or lag.fit is None:
         return ()
-    # A control loop's slow swings have a strongest frequency, too, but it makes up little of them.
-    left = without_waves(lag.frame, lag.fit.unexplained, [f.cycles_per_frame for f in told])
-    return told if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(lag.fit.unexplained) else ()
+    left = without_waves(lag.frame, lag.fit.unexplained, [f.cycles_per_frame for f in reported])
+    return reported if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(lag.fit.unexplained) else ()
 
 
 def _rms(values: FloatArray) -> float:
-    """Return the root mean square without the largest fiftieth: a scene cut is no change of brightness."""
+    """Return the root mean square without the largest values."""
     squared = np.sort(values**2)
-    kept = squared[: max(1, int(0.98 * len(squared)))]
+    kept = squared[: max(1, int(_KEPT_SHARE * len(squared)))]
     return float(np.sqrt(kept.mean())) if len(kept) else 0.0
 
 
 def _drift(change: FloatArray, frame: IntArray) -> float:
-    """Return the largest extent of the sum of changes over consecutive frames, within about forty of them."""
+    """Return the largest range of the sum of changes over consecutive frames, within :data:`DRIFT_FRAMES`."""
     pieces = np.split(change, np.flatnonzero(np.diff(frame) != 1) + 1)
     largest = 0.0
     for piece in pieces:
         total = np.concatenate([[0.0], np.cumsum(piece)])
-        for start in range(0, max(1, len(total) - _RUN), _RUN // 4):
-            largest = max(largest, float(np.ptp(total[start : start + _RUN + 1])))
+        for start in range(0, max(1, len(total) - DRIFT_FRAMES), _DRIFT_STEP):
+            largest = max(largest, float(np.ptp(total[start : start + DRIFT_FRAMES + 1])))
     return largest

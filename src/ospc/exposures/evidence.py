@@ -11,13 +11,15 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, PixelSamples
 
 CAPACITY = 1200
-"""Most changes of brightness kept: the likelihood of a lag takes a tenth of a second then."""
+"""Most changes of brightness kept: the likelihood of a lag then takes a tenth of a second."""
 
 MOST_SAMPLED = 160
-"""Changes of brightness whose single places are kept: local tone mapping shows in fewer, and they take most room."""
+"""Changes of brightness whose single places are kept: local tone mapping shows in fewer, and they take most
+memory."""
 
 MOST_REPEATED = 1000
-"""Most repeated frames whose numbers are kept."""
+"""Most repeated frames whose numbers are kept: enough for a list to look through; bounds the memory of endless
+runs."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the images say about the exposures: the lag, what exposures leave unexplained, and whether to rely on them."""
+"""What the images show about the exposures: the lag, what is left unexplained, and whether to rely on them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,16 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import SettingError
-from ospc.exposures.course import BrightnessReport, ExposureReport, brightness_report
+from ospc.exposures.brightness_changes import BrightnessChanges
+from ospc.exposures.course import (
+    DRIFT_FRAMES,
+    NOTABLE_RMS_LOG,
+    BrightnessReport,
+    ExposureReport,
+    brightness_report,
+)
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.lag import MAX_LAG, LagEstimate, estimate_lag
-from ospc.exposures.lag_likelihood import BrightnessChanges
 from ospc.photometry.verdict import Verdict
 
 LagChoice = int | Literal["auto", "never", "trusted"]
@@ -21,13 +27,11 @@ LagChoice = int | Literal["auto", "never", "trusted"]
 is for exposures that were estimated from the images, which cannot disagree with them."""
 
 _UNEXPLAINED_SHARE = 0.25
-"""Share of the energy of brightness changes that exposures may leave unexplained before they are doubted."""
-
-_NOTABLE_RMS_LOG = 0.006
-"""Unexplained change of ln brightness a frame below which nothing is doubted: registration alone leaves as much."""
+"""Share of the energy of brightness changes that exposures may leave unexplained before they are doubted: the rest is
+then half as large as the changes themselves."""
 
 _FEW_FRAMES = 40
-"""Recordings with fewer frames, such as a series of photographs, cannot be checked and are not doubted for it."""
+"""Recordings with fewer frames, such as a series of photographs, are not doubted for being too short to check."""
 
 CHANGE_IRREGULARLY = (
     "record a minute in which the exposure changes abruptly and irregularly: cover the lens for a moment, point at a "
@@ -43,7 +47,7 @@ _MORE_FRAMES = "record sixty consecutive frames or more"
 
 @dataclass(frozen=True)
 class ExposureFindings:
-    """What the images say about the exposures.
+    """What the images show about the exposures.
 
     Attributes
     ----------
@@ -60,7 +64,7 @@ class ExposureFindings:
     notes
         What was found and done.
     warnings
-        Why the exposures, as they are used, cannot be relied on; empty where nothing speaks against them.
+        Why the exposures, as they are used, cannot be relied on; empty if they can.
     """
 
     course: ExposureReport
@@ -213,7 +217,7 @@ def _unlike(brightness: BrightnessReport | None, lag: LagEstimate) -> bool:
     """Return whether exposures that do belong to their frames leave much of the brightness unexplained."""
     if brightness is None or lag.frames is None:
         return False
-    return brightness.unexplained_share > _UNEXPLAINED_SHARE and brightness.unexplained_rms_log > _NOTABLE_RMS_LOG
+    return brightness.unexplained_share > _UNEXPLAINED_SHARE and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
 
 
 def _verdicts(
@@ -233,8 +237,8 @@ def _verdicts(
         yield Verdict(
             "not identifiable",
             f"the exposures written {course_of} while the same things change in brightness, by "
-            f"{_percent(brightness.unexplained_drift_log)} within 40 frames: the metadata are stale, or a gain is "
-            f"missing in them",
+            f"{_percent(brightness.unexplained_drift_log)} within {DRIFT_FRAMES} frames: the metadata are stale, or "
+            f"a gain is missing in them",
             FIX_METADATA,
         )
     if lag.state == "constant exposure":
@@ -282,4 +286,5 @@ def lag_in_words(lag: int) -> str:
 
 
 def _percent(log_change: float) -> str:
+    """Return a change in per cent, with a decimal below ten."""
     return f"{np.expm1(log_change):.1%}" if log_change < 0.1 else f"{np.expm1(log_change):.0%}"

@@ -9,15 +9,46 @@ from itertools import pairwise
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.estimation.robust import robust_scale
 
 _MIN_VALUES = 24
-_LOWEST_CYCLES = 4
+"""Fewest frames of a run in which a line is looked for: to fewer, a wave of free frequency and phase fits
+anything."""
+
+_FAST_PERIODS = 4
+"""Fewest periods of a fast change within the time seen. Slower ones are those of the scene and of exposure controls,
+not of lamps."""
+
 _LEAST_PERIODS = 2
+"""Fewest periods of any line within the time seen: with fewer it cannot be distinguished from a trend."""
+
 _OVERSAMPLING = 8
+"""Length of the Fourier transform over that of the values: a line between two of its frequencies then loses 1 per
+cent of its power at most, and coarser ones would place it less exactly than the values allow."""
+
 _MIN_SHARE = 0.4
+"""Share of the fast changes that a line makes up at least: where it is less, something else changes brightness
+more."""
+
 _CHANCE = 1e-4
+"""Probability with which noise alone may show such a line. Small, since many lags of each recording are looked at."""
+
+_LARGEST_SHARE = 0.999
+"""Share from which that probability is computed at most; rounding leaves no more even of a pure wave."""
+
 _MIN_AMPLITUDE = 0.003
+"""Least amplitude of a flicker, in ln of the grey level from frame to frame: a shaking camera imitates weaker ones
+through errors of registration."""
+
+_CLIP_SIGMAS = 4
+"""Values further from the median, in robust standard deviations, are clipped before lines are looked for: a scene cut
+or a passing hand has a flat spectrum, which would hide every line."""
+
+_MIN_SCATTER_LOG = 1e-6
+"""Least scatter assumed for that, in ln of the grey level: rounding errors of simulated images are not clipped."""
+
 _LARGEST_GAP = 8
+"""Missing frames, less one, that a run may have between two values: over longer gaps the phase of a wave is lost."""
 
 
 @dataclass(frozen=True)
@@ -50,34 +81,28 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
     Parameters
     ----------
     frame
-        Index of the frame of each value, increasing; where many frames are missing between two, the phase is free to
-        be another after them, shape (n,).
+        Index of the frame of each value, increasing; after a long gap the phase is fitted anew, shape (n,).
     change
         Unexplained change of ln brightness, shape (n,).
 
     Returns
     -------
     Flicker or None
-        None where no frequency stands out (Fisher's test of the largest share of a periodogram). Changes slower than
-        a few periods in the time seen are none of flicker.
+        None where no frequency stands out (Fisher's test of the largest share of a periodogram), or only a slow one
+        with less than four periods in the time seen.
     """
     runs = _runs(frame)
     if not runs or max(run.stop - run.start for run in runs) < _MIN_VALUES:
         return None
-    # Single large values (a scene cut, a passing hand) have a flat spectrum, which would hide every line.
-    middle = np.median(change)
-    spread = 4 * (1.4826 * float(np.median(np.abs(change - middle))) + 1e-6)
-    value = np.clip(change - middle, -spread, spread)
-    grids = [_on_grid(frame[run], value[run]) for run in runs]
-    length = _OVERSAMPLING * max(len(grid) for grid in grids)
-    power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))
-    frequency = np.fft.rfftfreq(length)
-    line = float(frequency[np.argmax(np.where(frequency >= _lowest(grids), power, 0.0))])
+    value = change - np.median(change)
+    limit = _CLIP_SIGMAS * (robust_scale(value) + _MIN_SCATTER_LOG)
+    value = np.clip(value, -limit, limit)
+    line = _strongest([_on_grid(frame[run], value[run]) for run in runs], _FAST_PERIODS)
     fitted = value - without_waves(frame, value, [line])
     share = min(float(np.var(fitted)) / max(float(np.var(fast_part(frame, value))), 1e-12), 1.0)
     # Chance that the largest of so many independent lines of white noise has this share of the power.
     lines = len(value) // 2
-    chance = lines * (1 - min(share, 0.999)) ** max(lines / len(runs) - 1, 1.0)
+    chance = lines * (1 - min(share, _LARGEST_SHARE)) ** max(lines / len(runs) - 1, 1.0)
     amplitude = float(np.sqrt(2) * np.std(fitted))
     if amplitude < _MIN_AMPLITUDE or share < _MIN_SHARE or chance > _CHANCE:
         return None
@@ -85,7 +110,7 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
 
 
 def main_line(frame: IntArray, change: FloatArray) -> tuple[float, float] | None:
-    """Return the frequency that changes have most of, in cycles per frame, and its share of their energy.
+    """Return the strongest frequency of changes, in cycles per frame, and its share of their energy.
 
     Parameters
     ----------
@@ -97,23 +122,19 @@ def main_line(frame: IntArray, change: FloatArray) -> tuple[float, float] | None
     Returns
     -------
     tuple of float or None
-        None where no run of frames is long enough. Frequencies with less than two periods in a run count for nothing.
+        None where no run of frames is long enough. Frequencies with less than two periods in a run are ignored.
     """
     runs = _runs(frame)
     energy = float(np.sum(change**2))
     if not runs or max(run.stop - run.start for run in runs) < _MIN_VALUES or energy <= 0:
         return None
-    grids = [_on_grid(frame[run], change[run]) for run in runs]
-    length = _OVERSAMPLING * max(len(grid) for grid in grids)
-    power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))
-    frequency = np.fft.rfftfreq(length)
-    line = float(frequency[np.argmax(np.where(frequency >= _LEAST_PERIODS / max(map(len, grids)), power, 0.0))])
+    line = _strongest([_on_grid(frame[run], change[run]) for run in runs], _LEAST_PERIODS)
     left = without_waves(frame, change, [line])
     return line, 1 - float(np.sum(left**2)) / energy
 
 
 def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:
-    """Return a cosine and a sine of each frequency, of its own phase in each run of frames, shape (n, columns)."""
+    """Return a cosine and a sine of each frequency for each run of frames, zero outside it, shape (n, columns)."""
     columns = []
     for run in _runs(frame):
         angle = 2 * np.pi * np.outer(frame, cycles_per_frame)
@@ -154,24 +175,29 @@ def fast_part(frame: IntArray, change: FloatArray) -> FloatArray:
     for run in _runs(frame):
         grid = _on_grid(frame[run], change[run] - change[run].mean())
         spectrum = np.fft.rfft(grid)
-        spectrum[np.fft.rfftfreq(len(grid)) < _lowest([grid])] = 0
+        spectrum[np.fft.rfftfreq(len(grid)) < _FAST_PERIODS / len(grid)] = 0
         fast[run] = np.fft.irfft(spectrum, len(grid))[frame[run] - frame[run.start]]
     return fast
 
 
-def _lowest(grids: Sequence[FloatArray]) -> float:
-    """Return the lowest frequency that is fast, in cycles per frame."""
-    return _LOWEST_CYCLES / max(len(grid) for grid in grids)
+def _strongest(grids: Sequence[FloatArray], periods: int) -> float:
+    """Return the strongest frequency with so many periods in the longest run at least, in cycles per frame."""
+    longest = max(len(grid) for grid in grids)
+    length = _OVERSAMPLING * longest
+    power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))
+    frequency = np.fft.rfftfreq(length)
+    return float(frequency[np.argmax(np.where(frequency >= periods / longest, power, 0.0))])
 
 
 def _on_grid(frame: IntArray, values: FloatArray) -> FloatArray:
+    """Return the values with zeros for missing frames between them."""
     grid = np.zeros(int(frame[-1] - frame[0]) + 1)
     grid[frame - frame[0]] = values
     return grid
 
 
 def _runs(frame: IntArray) -> list[slice]:
-    """Return where frames follow one another with small gaps at most."""
+    """Return the stretches of frames without large gaps."""
     if not len(frame):
         return []
     cuts = [0, *(np.flatnonzero(np.diff(frame) > _LARGEST_GAP) + 1).tolist(), len(frame)]

@@ -1,4 +1,4 @@
-"""Brightness that jumps and stays while the exposure does not: a gain that the metadata do not hold."""
+"""Lasting jumps of brightness that the exposure does not explain: a gain that is missing in the metadata."""
 
 from __future__ import annotations
 
@@ -7,12 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.robust import robust_scale
 
 _SIGMAS = 10.0
+"""Least size of a jump, in robust standard deviations of the unexplained changes. Their tails are heavy, from failed
+registrations and moving objects, so that a few times the standard deviation is common."""
+
 _SMALLEST_LOG = 0.04
+"""Least size of a jump, in ln of the grey level: 4 per cent. Recordings without noise have scatter next to none, and
+smaller jumps are not worth a note."""
+
 _AROUND = 4
+"""Frames before and after a jump in which it must not be taken back: a hand that passes by takes longer than one."""
+
 _LASTING_SHARE = 0.6
+"""Share of a jump that must remain for these frames: noise and drift of a few frames take away less than the rest."""
+
 _MOST_SHARE = 0.1
+"""Share of the pairs above which jumps are the rule, and none is reported: the exposures do not fit at all."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +44,7 @@ class Jump:
 
 
 def find_jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
-    """Find changes far beyond the usual ones that are not taken back within a few frames.
+    """Find changes far beyond the usual ones that last for some frames.
 
     Parameters
     ----------
@@ -48,7 +60,7 @@ def find_jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
     """
     if len(unexplained) < 2 * _AROUND:
         return ()
-    usual = 1.4826 * float(np.median(np.abs(unexplained - np.median(unexplained))))
+    usual = robust_scale(unexplained - np.median(unexplained))
     large = np.flatnonzero(np.abs(unexplained) > max(_SIGMAS * usual, _SMALLEST_LOG))
     lasting = [int(at) for at in large if _lasts(frame, unexplained, int(at))]
     if len(lasting) > _MOST_SHARE * len(unexplained):

@@ -1,4 +1,4 @@
-"""Which frame an exposure belongs to: by how many frames the metadata come late."""
+"""The lag of the exposures: by how many frames the metadata come late."""
 
 from __future__ import annotations
 
@@ -7,36 +7,64 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.flicker import Flicker, find_flicker, in_long_runs, main_line, without_waves
-from ospc.exposures.lag_decision import (
-    SILENT,
-    LagEstimate,
-    LagState,
-    Trial,
-    decide,
-    exposure_cycle,
-)
-from ospc.exposures.lag_likelihood import BrightnessChanges, LagFit, fit_exposures
+from ospc.exposures.lag_decision import MIN_LOG_CHANGE, Trial, decide, exposure_cycle
+from ospc.exposures.lag_estimate import SILENT, LagEstimate, LagState
+from ospc.exposures.lag_likelihood import LagFit, fit_exposures
 
 __all__ = ["MAX_LAG", "LagEstimate", "LagState", "estimate_lag"]
 
 MAX_LAG = 5
-"""Largest lag tried, either way: one to three frames are common."""
+"""Largest lag tried, either way, in frames: one to three are common, and each more costs a fit and a rival."""
 
 _MIN_PAIRS = 20
-_MIN_LOG_CHANGE = 0.005
+"""Fewest pairs of frames that lags are fitted to: a fit has about twelve unknowns, and to fewer pairs any lag
+fits."""
+
+_MIN_PAIR_LOG_CHANGE = MIN_LOG_CHANGE / 10
+"""Change of ln exposure that some pair compared must exceed; otherwise the exposure was constant where it counts."""
+
 _MAX_FLICKERS = 2
+"""Most periodic changes fitted beside the exposures: a lamp's frequency and its harmonic. More would fit anything."""
+
 _MAX_LINES = 3
+"""Most frequencies tried for each of them; every one costs a fit of all lags."""
+
 _SAME_LINE = 0.01
+"""Difference, in cycles per frame, up to which two frequencies are the same line: what a hundred frames resolve."""
+
 _MIN_FLICKER_LEAD = 15.0
+"""Gain of log likelihood that a periodic change must bring. The best of 500 frequencies gains about ln 500 = 6 by
+chance, more if the noise is not quite as modelled."""
+
 _LONGER_STEPS = (4, 8)
+"""Frames over which changes are compared where those from frame to frame settle nothing: an error of a single
+exposure counts that much less against a steady change. Over more frames the scene is lost."""
+
 _AGREED_SIGMAS = 2.4
 _OPPOSED_SIGMAS = 4.0
+"""Standard deviations by which longer changes must prefer a lag: if those from frame to frame prefer it too, and if
+they prefer another. More than for a single answer, since longer changes overlap and slow errors weigh more in
+them."""
+
 _SMALL_LEAD = 3.0
-_WEAK_SLOPE = 0.25
+"""Log likelihood by which that lag may be behind in changes from frame to frame: twenty times less likely."""
+
+_DOUBTFUL_SLOPE = 0.25
+"""Median d ln M/d ln e below which a settled lag is tried again with inexact exposures. A gamma of 2.2 has 0.45;
+errors of the exposures, like a wrong lag, make it look smaller."""
+
 _SCATTERS = (2.0, 8.0)
-_CHASING_SHARE = 0.5
-_LARGEST_CHASE_LOG = 0.1
+"""Errors of single exposures that are tried, over what else drives the noise: two clearly different sizes, so that an
+answer which depends on the size is not believed."""
+
+_FOLLOWING_SHARE = 0.5
+"""Share of the energy of the exposures' changes from which one period is their main one."""
+
+_LARGEST_FOLLOWING_LOG = 0.1
+"""Standard deviation of ln exposure up to which exposures may follow a swinging light: they swing no more than it
+does. Chosen by hand: a higher limit would doubt programmed exposures, which vary more."""
 
 
 def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
@@ -59,11 +87,11 @@ def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int
     log_exposure = np.log(exposures_ms)
     last = len(exposures_ms) - 1
     inner = seen.where((seen.frame - max_lag >= 0) & (seen.frame + 1 + max_lag <= last))
-    constant = float(np.ptp(log_exposure)) < _MIN_LOG_CHANGE
+    constant = float(np.ptp(log_exposure)) < MIN_LOG_CHANGE
     if len(inner.driven) < _MIN_PAIRS:
         return _unknown("constant exposure" if constant else "too few pairs", lags, inner)
     changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
-    if constant or np.abs(changes).max() < _MIN_LOG_CHANGE / 10:
+    if constant or np.abs(changes).max() < _MIN_PAIR_LOG_CHANGE:
         trial = _with_flicker(Trial.of(inner, log_exposure, np.zeros(1, np.int64)))
         steady = fit_exposures(inner, changes[max_lag])
         return _unknown("constant exposure", lags, inner, steady, trial.flickers)
@@ -72,12 +100,16 @@ def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int
 
 
 def _decide(trial: Trial, seen: BrightnessChanges) -> LagEstimate:
-    """Return the lag that changes from frame to frame show, or else those that errors of exposures hide less."""
+    """Return the lag from changes from frame to frame, or else from fits that suffer less from wrong exposures."""
     first = decide(trial)
-    doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _WEAK_SLOPE
+    doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _DOUBTFUL_SLOPE
     settled = first.state not in ("ambiguous", *SILENT)
     if settled and not doubtful:
-        return first if _survives_chasing(first, trial) else replace(first, state="follows flicker", frames=None)
+        return (
+            first
+            if _holds_beside_a_swinging_light(first, trial)
+            else replace(first, state="follows flicker", frames=None)
+        )
     scattered = None if trial.flickers else _with_scatter(trial)
     if scattered is not None:
         return replace(scattered, fit=trial.fits[int(np.flatnonzero(trial.lags == scattered.frames)[0])])
@@ -92,11 +124,11 @@ def _of_all_pairs(found: LagEstimate, trial: Trial, seen: BrightnessChanges) -> 
     return replace(found, fit=fit_exposures(seen, change), frame=seen.frame, pairs=len(seen))
 
 
-def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
+def _holds_beside_a_swinging_light(first: LagEstimate, trial: Trial) -> bool:
     """Return whether a lag holds even if the light swings with the main period of the exposures.
 
-    An exposure control that chases a swinging light leaves swings of brightness, which exposures of another time fit
-    as well as their own. Its exposures swing a little, and with one period; none that are programmed are so small.
+    An exposure control that follows a swinging light leaves swings of brightness, which exposures at a wrong lag fit
+    as well. Its exposures swing with one period, and little.
     """
     if first.frames is None or trial.flickers or exposure_cycle(trial.log_exposure) is not None:
         return True
@@ -105,14 +137,14 @@ def _survives_chasing(first: LagEstimate, trial: Trial) -> bool:
     if found is None:
         return True
     line, share = found
-    if share < _CHASING_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > _LARGEST_CHASE_LOG:
+    if share < _FOLLOWING_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > _LARGEST_FOLLOWING_LOG:
         return True
     flicker = (Flicker(line, float(np.sqrt(2) * np.std(change)), share),)
     return decide(Trial.of(trial.seen, trial.log_exposure, trial.lags, flicker)).frames == first.frames
 
 
 def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> LagEstimate:
-    """Return what changes over several frames say where those from frame to frame settle nothing."""
+    """Return the estimate from changes over several frames where those from frame to frame settle nothing."""
     pairs = seen.where(in_long_runs(seen.frame)) if trial.flickers else seen
     tried = (_over(step, pairs, trial) for step in _LONGER_STEPS)
     overs = [over for over in tried if over is not None]
@@ -120,7 +152,7 @@ def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> L
     chosen = agreed or (next((over for over in overs if over.state not in SILENT), None) if first.silent else None)
     if chosen is None:
         return first
-    # Pictures and figures stay those of changes from frame to frame.
+    # The fit that is reported stays the one to changes from frame to frame.
     at = int(np.flatnonzero(trial.lags == chosen.candidates[0])[0])
     shown = replace(chosen, pairs=first.pairs, fit=trial.fits[at], frame=trial.seen.frame)
     return shown if agreed else replace(shown, state="ambiguous", frames=None)
@@ -140,10 +172,7 @@ def _unknown(
 
 
 def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
-    """Return whether changes over several frames settle what those from frame to frame leave open.
-
-    They overlap, and slow errors weigh more in them. So what they say must be clearer the less the others agree.
-    """
+    """Return whether changes over several frames settle what those from frame to frame leave open."""
     if longer.frames is None or longer.frames not in first.candidates:
         return False
     at = int(np.flatnonzero(longer.lags == longer.frames)[0])
@@ -153,10 +182,10 @@ def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
 
 
 def _with_scatter(trial: Trial) -> LagEstimate | None:
-    """Return the estimate that takes single exposures to be inexact; None where it is not clear, however inexact.
+    """Return the estimate that allows for errors of single exposures; None unless all sizes of errors agree on it.
 
     Where errors of the metadata outweigh most changes of exposure, a model without them finds that brightness hardly
-    follows, and prefers whatever lag has nothing to say.
+    follows the exposure, and its preferred lag means nothing.
     """
     found = [
         decide(Trial.of(replace(trial.seen, scatter=scatter), trial.log_exposure, trial.lags))
@@ -168,10 +197,7 @@ def _with_scatter(trial: Trial) -> LagEstimate | None:
 
 
 def _over(step: int, seen: BrightnessChanges, trial: Trial) -> LagEstimate | None:
-    """Return the estimate from changes over several frames; None where there are too few.
-
-    Errors of single exposures (they are often rounded) weigh less against a change over several frames.
-    """
+    """Return the estimate from changes over several frames; None where there are too few."""
     longer = seen.summed(step)
     fits_in = (longer.frame + trial.lags[0] >= 0) & (longer.frame + step + trial.lags[-1] < len(trial.log_exposure))
     longer = longer.where(fits_in)
@@ -181,11 +207,11 @@ def _over(step: int, seen: BrightnessChanges, trial: Trial) -> LagEstimate | Non
 
 
 def _with_flicker(trial: Trial) -> Trial:
-    """Return the trial beside periodic changes, where these make some lag much more likely.
+    """Return the trial with periodic changes fitted too, where these make some lag much more likely.
 
-    An exposure control that follows the flicker of a lamp is as periodic as the lamp, and a frame late. What it does
-    at that frequency says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the
-    lines that any lag leaves are tried. Only long runs of frames can tell: in a short one a wave fits anything.
+    An exposure control that follows the flicker of a lamp is as periodic as the lamp. What it does at that frequency
+    says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the frequencies that
+    any lag leaves unexplained are tried, in long runs of frames only.
     """
     long = trial.seen.where(in_long_runs(trial.seen.frame))
     if len(long.driven) < _MIN_PAIRS:

@@ -1,115 +1,82 @@
-"""Which of several lags the images speak for, and whether they speak for it clearly enough."""
+"""The decision between several lags, and whether the images support it clearly enough."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.flicker import Flicker, fast_part, waves, without_waves
-from ospc.exposures.lag_likelihood import BrightnessChanges, LagFit, fit_exposures
-
-LagState = Literal[
-    "determined",
-    "constant exposure",
-    "too few pairs",
-    "changes too small",
-    "no response to exposure",
-    "ambiguous",
-    "follows flicker",
-    "between frames",
-    "changing",
-    "out of range",
-]
-
-SILENT: tuple[LagState, ...] = ("no response to exposure", "changes too small")
-"""States in which exposures do not show in the images at all."""
+from ospc.exposures.lag_estimate import SILENT, LagEstimate, LagState
+from ospc.exposures.lag_likelihood import LagFit, fit_exposures
 
 USUAL_LAG = 3
-"""Largest lag that is common; larger ones are believed only where nothing else fits."""
+"""Largest lag that is common, in frames; larger ones are believed only where nothing else fits."""
+
+MIN_LOG_CHANGE = 0.005
+"""Range of ln exposure below which it is constant: a change of half a per cent is lost in the noise of
+registration."""
 
 _MIN_LEAD = 10.0
+"""Log likelihood by which the best lag must lead. Taken literally that is 22000 to 1; the noise is not quite as
+modelled, and a wrong lag spoils a calibration while an open one only leaves it marginal."""
+
 _MIN_SIGMAS = 2.0
+"""The same lead over its standard error from pair to pair (Vuong 1989): few pairs with large leads do not decide."""
+
 _FLICKER_CAUTION = 1.5
+"""Factor on both where flicker is fitted too: it takes away most of what exposures of the same period could show."""
+
 _UNUSUAL_CAUTION = 1.75
-_MIN_TELLING_PAIRS = 5
+"""Factor on the standard deviations, and squared on the lead, by which an unusually large lag must beat a usual
+one."""
+
+_MIN_DISTINCT_PAIRS = 5
+_DISTINCT_SCALES = 0.5
+"""Fewest pairs in which two lags must predict different changes of brightness, and by how much, over the scale of the
+noise: a single change of exposure, or a single wrong one, does not decide."""
+
 _MIN_EXPLAINED_SHARE = 0.05
-_WEAK_SLOPE = 0.2
+"""Share of the energy of brightness changes that exposures must explain to be said to show in the images at all."""
+
+_FLAT_SLOPE = 0.2
+"""d ln M/d ln e of a flat response. If changes of brightness by this times the changes of exposure would be lost in
+the noise, exposures that do not show have changed too little; otherwise images do not respond to them."""
+
 _CORRELATED_PAIRS = 4
+"""Pairs of frames over which leads are taken to depend on each other: they share frames and objects."""
+
+_LEAST_OWN_VARIANCE = 0.5
+"""The variance of a mean is at least this share of what independent pairs would give: correlations are estimated from
+few pairs, and must not make the mean look more certain than that."""
+
 _FRACTIONS = np.array([-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6])
+"""Places between a lag and its neighbours at which the fit is tried, in frames: beyond the middle, to see the
+maximum."""
+
 _LARGEST_FRACTION = 0.45
+"""Largest distance of the best place from the lag, in frames: nearer to the middle, neither of the two is right."""
+
+_MIN_FRACTION_LEAD = _MIN_LEAD / 2
+"""Log likelihood by which a place between frames must lead: half of what a lag needs, for it only raises a doubt."""
+
 _PERIODIC_SHARE = 0.87
-_MIN_LOG_CHANGE = 0.005
+"""Share of the energy of fast changes of exposure that has the period of the flicker if they follow it. An exposure
+control's own noise keeps it below one; changes that share the period by chance have less."""
+
 _LONGEST_CYCLE = 60
+"""Longest cycle of exposures looked for, in frames: brackets have less than ten, programmed sweeps some tens."""
+
+_LEAST_CYCLES = 3
+"""Fewest repetitions of a cycle within the recording: two may be alike by chance."""
+
 _SAME_LOG_EXPOSURE = 1e-3
+"""Difference of ln exposure up to which two exposures are the same: rounding in files, and jitter of sensors."""
+
 _CYCLE_SHARE = 0.97
-
-
-@dataclass(frozen=True)
-class LagEstimate:
-    """By how many frames the exposures come late.
-
-    Attributes
-    ----------
-    state
-        ``"determined"``, or why the lag is not.
-    frames
-        The lag L: the exposure written beside frame i is the one that frame i − L was taken with. None where it is
-        not determined.
-    candidates
-        Lags that fit too well to be excluded, best first.
-    lags
-        Lags tried, shape (m,).
-    score
-        Log likelihood of each, relative to the best, shape (m,).
-    sigmas
-        By how many standard deviations the best fits better than each; 0 for itself, shape (m,).
-    fraction_frames
-        Where between the best lag and its neighbours the fit is best, in frames.
-    pairs
-        Number of pairs of consecutive frames behind it.
-    fit
-        The fit at the best lag, or without exposures where they do not change; None without pairs.
-    frame
-        Index of the first frame of each pair of the fit, shape (pairs,).
-    flicker
-        Periodic changes of brightness that the exposures do not explain, strongest first.
-    """
-
-    state: LagState
-    frames: int | None
-    candidates: tuple[int, ...]
-    lags: IntArray
-    score: FloatArray
-    sigmas: FloatArray
-    fraction_frames: float = 0.0
-    pairs: int = 0
-    fit: LagFit | None = field(default=None, repr=False)
-    frame: IntArray = field(default_factory=lambda: np.empty(0, np.int64), repr=False)
-    flicker: tuple[Flicker, ...] = ()
-
-    def correction(self, cycle_frames: int | None) -> int | None:
-        """Return the lag to correct exposures by; None where that is not certain.
-
-        Exposures that repeat are corrected alike by all lags that differ by whole cycles, so which of them it is
-        need not be known.
-
-        Parameters
-        ----------
-        cycle_frames
-            After how many frames the exposures repeat; None if they do not.
-        """
-        if self.frames is not None or self.state != "ambiguous" or cycle_frames is None:
-            return self.frames
-        smallest = min(self.candidates, key=abs)
-        return None if any((lag - smallest) % cycle_frames for lag in self.candidates) else smallest
-
-    @property
-    def silent(self) -> bool:
-        """Whether the exposures change but do not show in the images."""
-        return self.state in SILENT
+"""Share of the frames that must repeat a cycle: a few dropped frames do not break it."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +96,7 @@ class Trial:
     fits
         The fit of each lag.
     flickers
-        Periodic changes that were fitted beside.
+        Periodic changes that were fitted too.
     """
 
     seen: BrightnessChanges
@@ -152,7 +119,7 @@ class Trial:
         lags: IntArray,
         flickers: tuple[Flicker, ...] = (),
     ) -> Trial:
-        """Fit lags to changes of brightness, beside flicker if there is any."""
+        """Fit lags to changes of brightness, together with flicker if there is any."""
         changes = np.stack([seen.log_change(log_exposure, lag) for lag in lags.tolist()])
         nuisance = flicker_columns(seen, flickers)
         fits = tuple(fit_exposures(seen, change, nuisance) for change in changes)
@@ -181,13 +148,12 @@ def decide(trial: Trial) -> LagEstimate:
     reach = _CORRELATED_PAIRS + trial.seen.step - 1
     sigmas = np.array([_sigmas(trial.fits[best].log_likelihood - fit.log_likelihood, reach) for fit in trial.fits])
     sigmas[best] = 0.0
-    telling = np.array([_telling(trial, best, other) for other in range(len(trial.lags))])
-    # Changes over several frames overlap, so what looks like many pairs is fewer. Flicker leaves little to go by.
+    distinct = np.array([_distinct_pairs(trial, best, other) for other in range(len(trial.lags))])
+    # Changes over several frames overlap, so they count as fewer pairs.
     caution = _FLICKER_CAUTION if trial.flickers else 1.0
     enough = _MIN_LEAD * np.sqrt(trial.seen.step) * caution
-    # A large lag is rare, so it takes more to believe that it is none of the usual ones.
     doubt = np.where((abs(trial.lags[best]) > USUAL_LAG) & (abs(trial.lags) <= USUAL_LAG), _UNUSUAL_CAUTION, 1.0)
-    few = telling < _MIN_TELLING_PAIRS
+    few = distinct < _MIN_DISTINCT_PAIRS
     open_ = (lead < enough * doubt**2) | (sigmas < _MIN_SIGMAS * caution * doubt) | few
     rivals = [int(trial.lags[i]) for i in np.argsort(lead, kind="stable") if open_[i] and i != best]
     best, rivals, state = _settled(trial, best, rivals)
@@ -195,7 +161,7 @@ def decide(trial: Trial) -> LagEstimate:
     advantage = trial.fits[best].log_likelihood - steady.log_likelihood
     if advantage.sum() < enough or (not trial.flickers and _explained_share(trial.fits[best]) < _MIN_EXPLAINED_SHARE):
         state, rivals = "no response to exposure", []
-        if _WEAK_SLOPE * float(np.sqrt(np.mean(trial.changes**2, axis=1)).min()) < steady.scale:
+        if _FLAT_SLOPE * float(np.sqrt(np.mean(trial.changes**2, axis=1)).min()) < steady.scale:
             state = "changes too small"
     fraction = _fraction(trial, best)
     if state == "determined" and _follows_flicker(trial, best):
@@ -247,15 +213,15 @@ def _sigmas(lead: FloatArray, reach: int) -> float:
     variance = own
     for step in range(1, min(reach, len(lead) - 1) + 1):
         variance += 2 * (1 - step / (reach + 1)) * float(np.mean(centred[step:] * centred[:-step]))
-    variance = max(variance, own / 2)
+    variance = max(variance, own * _LEAST_OWN_VARIANCE)
     return float(lead.mean() * np.sqrt(len(lead) / variance)) if variance > 0 else 0.0
 
 
 def _at_the_end(trial: Trial, best: int) -> bool:
-    """Return whether a lag is the largest tried, and no usual one: the best may be a larger one that means nothing.
+    """Return whether a lag is the largest tried and unusual: the likelihood may go on rising beyond it.
 
-    An exposure control that chases a slowly swinging light leaves swings of brightness that exposures of another
-    time fit, however far away.
+    An exposure control that follows a slowly swinging light leaves swings of brightness that exposures at a distant,
+    meaningless lag fit.
     """
     lag = abs(int(trial.lags[best]))
     return lag > USUAL_LAG and lag == int(np.abs(trial.lags).max())
@@ -267,11 +233,11 @@ def _explained_share(fit: LagFit) -> float:
     return 1 - float(np.sum(fit.unexplained**2)) / energy if energy > 0 else 0.0
 
 
-def _telling(trial: Trial, first: int, second: int) -> int:
-    """Return for how many pairs two lags mean different changes of brightness, beyond the noise."""
+def _distinct_pairs(trial: Trial, first: int, second: int) -> int:
+    """Return for how many pairs two lags predict clearly different changes of brightness."""
     slope = float(np.median(trial.fits[first].slopes))
     apart = slope * np.abs(trial.changes[first] - trial.changes[second])
-    return int(np.count_nonzero(apart > 0.5 * trial.fits[first].scale))
+    return int(np.count_nonzero(apart > _DISTINCT_SCALES * trial.fits[first].scale))
 
 
 def _fraction(trial: Trial, best: int) -> float:
@@ -284,7 +250,7 @@ def _fraction(trial: Trial, best: int) -> float:
         change = (1 - abs(part)) * trial.changes[best] + abs(part) * neighbour
         totals.append(fit_exposures(trial.seen, change, trial.nuisance).total)
     top = int(np.argmax(totals))
-    if totals[top] - totals[len(totals) // 2] < _MIN_LEAD / 2:
+    if totals[top] - totals[len(totals) // 2] < _MIN_FRACTION_LEAD:
         return 0.0
     return float(_FRACTIONS[top])
 
@@ -292,8 +258,8 @@ def _fraction(trial: Trial, best: int) -> float:
 def _follows_flicker(trial: Trial, best: int) -> bool:
     """Return whether nearly all fast changes of exposure have the period of unexplained changes of brightness.
 
-    A control loop that chases a flickering lamp is as periodic as the lamp, and what is the lamp's and what the
-    exposure's cannot be told apart. A programmed cycle of exposures repeats exactly; no control loop does.
+    A control loop that follows a flickering lamp is as periodic as the lamp, and the effects of lamp and exposure
+    cannot be separated. A programmed cycle of exposures repeats exactly; no control loop does.
     """
     if not trial.flickers or exposure_cycle(trial.log_exposure) is not None:
         return False
@@ -310,9 +276,9 @@ def exposure_cycle(log_exposure: FloatArray) -> int | None:
     log_exposure
         ln of the exposure of every frame, shape (frames,).
     """
-    if np.ptp(log_exposure) < _MIN_LOG_CHANGE:
+    if np.ptp(log_exposure) < MIN_LOG_CHANGE:
         return None
-    for period in range(2, min(_LONGEST_CYCLE, len(log_exposure) // 3) + 1):
+    for period in range(2, min(_LONGEST_CYCLE, len(log_exposure) // _LEAST_CYCLES) + 1):
         same = np.abs(log_exposure[period:] - log_exposure[:-period]) < _SAME_LOG_EXPOSURE
         if same.mean() >= _CYCLE_SHARE:
             return period

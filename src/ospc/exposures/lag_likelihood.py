@@ -1,4 +1,4 @@
-"""How well a course of exposures explains observed changes of brightness.
+"""How well given exposures explain observed changes of brightness.
 
 The observed change of pair i is the weighted mean over grey bins b of ln M₁/M₀, and the model is
 
@@ -6,152 +6,56 @@ The observed change of pair i is the weighted mean over grey bins b of ln M₁/M
 
 with x_i the change of ln exposure, q_ib the mean changes of R² and R⁴, of which ln of a vignette is about a linear
 combination, and β_b = d ln M/d ln e, the slope of whatever response there is. The noise has a slow part (no scene is
-registered perfectly) and heavy tails: it is an autoregressive process of second order driven by Student's t.
+registered perfectly) and heavy tails: it is an autoregressive process driven by Student's t.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
-from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.exposures.brightness import BrightnessChange
+from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.robust import robust_scale
+from ospc.exposures.brightness_changes import ORDER, BrightnessChanges
 
-ORDER = 2
 _FREEDOM = 4.0
+"""Degrees of freedom of Student's t that drives the noise: its tails are heavy, and its variance is still finite."""
+
 _ROUNDS = 10
+"""Rounds of iterated reweighting, of either kind; by then the weights hardly change."""
+
 _SMALLEST_SCALE = 1e-4
-_MIN_PAIR_WEIGHT = 100.0
+"""Least scale of the noise, in ln of the grey level: rounding errors of images without noise must not decide."""
+
 _POOLING = 0.05
+"""Weight of the common slope in each bin, over the mean weight of the bins: bins that were hardly seen follow the
+others, and those that were seen hardly notice."""
+
 _SLOPE_ERROR = 0.1
-_UNLIKE = 0.02
-_UNLIKE_SHARE = 3.0
+"""Relative error of the slopes that is allowed for when outliers are weighted down: otherwise slopes that are
+slightly wrong would make outliers of the largest changes of exposure, the most informative ones."""
+
 _FACTOR_LIMITS = (0.8, 1.25)
+"""Limits of the factor on the slopes that is fitted with the noise model: the bins know them to a quarter, and a
+smooth noise would explain smooth exposures itself."""
+
 _SCATTERED_FACTOR_LIMITS = (0.8, 8.0)
+"""The same where single exposures are inexact: their errors make the bins give slopes that are too small."""
+
 _SCATTERED_OUTLIER = 4.0
+"""Residuals up to this times their mean are no outliers then: most changes may be errors alone, and the few real ones
+must not seem to be the outliers."""
+
 _LARGEST_MEMORY = 0.98
+"""Largest sum of the magnitudes of the autoregressive coefficients: below one, so that the noise is stationary."""
 
+_MEMORY_RIDGE = 1e-3
+"""Ridge on these coefficients, over the mean diagonal of the normal matrix: recordings without noise leave them
+open."""
 
-@dataclass(frozen=True)
-class BrightnessChanges:
-    """Changes of brightness between consecutive frames.
-
-    Attributes
-    ----------
-    frame
-        Index of the first frame of each pair, shape (n,).
-    log_ratio, weight, moved
-        As of :class:`~ospc.exposures.brightness.BrightnessChange`, shapes (n, bins), (n, bins) and (n, bins, terms).
-    step
-        How many frames later the second frame of each pair is.
-    scatter
-        Independent errors of single exposures, as changes of brightness, relative to what else drives the noise.
-    """
-
-    frame: IntArray
-    log_ratio: FloatArray
-    weight: FloatArray
-    moved: FloatArray
-    step: int = 1
-    scatter: float = 0.0
-
-    @classmethod
-    def of(cls, changes: Sequence[BrightnessChange]) -> BrightnessChanges:
-        """Collect the changes that rest on enough places."""
-        nearest = [c for c in changes if c.frame1 == c.frame0 + 1]
-        if not nearest:
-            return cls(np.empty(0, np.int64), np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)))
-        all_of_them = cls(
-            np.array([c.frame0 for c in nearest], np.int64),
-            np.stack([c.log_ratio for c in nearest]),
-            np.stack([_coherent(c) for c in nearest]),
-            np.stack([c.moved for c in nearest]),
-        )
-        return all_of_them.where(all_of_them.weight.sum(axis=1) >= _MIN_PAIR_WEIGHT)
-
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return len(self.frame)
-
-    def where(self, mask: BoolArray) -> BrightnessChanges:
-        """Return the pairs where a mask, shape (n,), is true."""
-        return replace(
-            self,
-            frame=self.frame[mask],
-            log_ratio=self.log_ratio[mask],
-            weight=self.weight[mask],
-            moved=self.moved[mask],
-        )
-
-    def whitened(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return values without the correlation that errors of single exposures have, and each pair's scale.
-
-        Parameters
-        ----------
-        values
-            Shape (n, columns).
-
-        Returns
-        -------
-        tuple of FloatArray
-            C^(−1/2) values within each run of consecutive pairs, C = 1 + scatter² · tridiag(−1, 2, −1), and the
-            diagonal of the Cholesky factor of C, shape (n,).
-        """
-        if self.scatter <= 0:
-            return values, np.ones(len(values))
-        # The factor of a tridiagonal matrix is bidiagonal, so runs are told apart by zeros beside its diagonal.
-        joined = np.diff(self.frame, append=self.frame[-1:] + 2) == 1
-        bands = np.stack([np.full(len(values), 1 + 2 * self.scatter**2), -(self.scatter**2) * joined])
-        factor = scipy.linalg.cholesky_banded(bands, lower=True)
-        return np.asarray(scipy.linalg.solve_banded((1, 0), factor, values)), np.asarray(factor[0])
-
-    def summed(self, step: int) -> BrightnessChanges:
-        """Return changes over several frames, as the sum of those from each to the next."""
-        start = np.arange(max(len(self) - step + 1, 0))
-        start = start[self.frame[start + step - 1] - self.frame[start] == step - 1]
-        parts = start[:, None] + np.arange(step)
-        weight = self.weight[parts].min(axis=1)
-        # What is not seen all the way is not seen at all.
-        seen = weight > 0
-        log_ratio = np.where(seen, self.log_ratio[parts].sum(axis=1), 0.0)
-        moved = np.where(seen[..., None], self.moved[parts].sum(axis=1), 0.0)
-        summed = BrightnessChanges(self.frame[start], log_ratio, weight, moved, step)
-        return summed.where(weight.sum(axis=1) >= _MIN_PAIR_WEIGHT)
-
-    def log_change(self, log_exposure: FloatArray, lag: int = 0) -> FloatArray:
-        """Return the change of ln exposure of each pair if metadata are late by a lag, shape (n,)."""
-        return np.asarray(log_exposure[self.frame + self.step + lag] - log_exposure[self.frame + lag])
-
-    @property
-    def share(self) -> FloatArray:
-        """Weights that sum to one in each pair, shape (n, bins)."""
-        return np.asarray(self.weight / self.weight.sum(axis=1, keepdims=True))
-
-    @property
-    def driven(self) -> IntArray:
-        """Positions of the pairs that come right after :data:`ORDER` others, shape (m,)."""
-        consecutive = np.diff(self.frame, prepend=self.frame[:1] - 2) == 1
-        known = consecutive.copy()
-        for step in range(1, ORDER):
-            known[step:] &= consecutive[:-step]
-            known[:step] = False
-        return np.flatnonzero(known)
-
-
-def _coherent(change: BrightnessChange) -> FloatArray:
-    """Return the weights of the grey bins without those that change quite unlike the others, shape (bins,).
-
-    No response makes one grey level change by a tenth while the others stay. A shaded wall without texture does, for
-    the registration cannot see it move, and so does whatever moves by itself.
-    """
-    order = np.argsort(change.log_ratio)
-    total = np.cumsum(change.weight[order])
-    middle = float(change.log_ratio[order[np.searchsorted(total, total[-1] / 2)]]) if total[-1] > 0 else 0.0
-    apart = np.abs(change.log_ratio - middle)
-    return np.where(apart <= _UNLIKE + _UNLIKE_SHARE * abs(middle), change.weight, 0.0)
+_LEAST_LOG_CHANGE = 1e-9
+"""Change of ln exposure up to which it is only rounding, and no slope is fitted."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +73,7 @@ class LagFit:
     explained
         What the exposure explains of it, shape (n,).
     scale
-        Scale of what drives the noise: what cannot be foreseen of one pair from those before.
+        Scale of what drives the noise: the part of one pair that those before do not predict.
     """
 
     log_likelihood: FloatArray
@@ -190,7 +94,7 @@ class LagFit:
 
 
 def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: FloatArray | None = None) -> LagFit:
-    """LagFit changes of ln exposure to observed changes of brightness.
+    """Fit changes of ln exposure to observed changes of brightness.
 
     Parameters
     ----------
@@ -201,12 +105,12 @@ def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: Flo
     nuisance
         Further causes of change, whose size is fitted too, shape (n, causes).
     """
-    changing = bool(np.any(np.abs(log_change) > 1e-9))
+    changing = bool(np.any(np.abs(log_change) > _LEAST_LOG_CHANGE))
     slopes, vignette = _slopes(seen, log_change)
     observed = np.sum(seen.share * (seen.log_ratio - seen.moved @ vignette), axis=1)
-    foreseen = np.sum(seen.share * slopes, axis=1) * log_change
+    predicted = np.sum(seen.share * slopes, axis=1) * log_change
     causes = np.empty((len(seen), 0)) if nuisance is None else nuisance
-    columns = np.column_stack([foreseen, causes]) if changing else causes
+    columns = np.column_stack([predicted, causes]) if changing else causes
     driven = seen.driven
     white, unit = seen.whitened(np.column_stack([observed, columns]))
     limits = _FACTOR_LIMITS if seen.scatter == 0 else _SCATTERED_FACTOR_LIMITS
@@ -216,7 +120,7 @@ def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: Flo
         _log_density(innovation, scale) - np.log(unit[driven]),
         slopes * (size[0] if changing else 0.0),
         observed,
-        foreseen * size[0] if changing else np.zeros(len(seen)),
+        predicted * size[0] if changing else np.zeros(len(seen)),
         scale,
     )
 
@@ -232,7 +136,6 @@ def _slopes(seen: BrightnessChanges, log_change: FloatArray) -> tuple[FloatArray
         weight = seen.weight * robust[:, None]
         xx = (weight * x**2).sum(axis=0)
         xd = (weight * x * seen.log_ratio).sum(axis=0)
-        # Bins that were hardly seen lean on the others.
         pool = _POOLING * xx.mean() + 1e-9
         normal[:bins, :bins] = np.diag(xx + pool)
         normal[:bins, bins:] = np.einsum("nb,nbk->bk", weight * x, seen.moved)
@@ -247,11 +150,9 @@ def _slopes(seen: BrightnessChanges, log_change: FloatArray) -> tuple[FloatArray
         solution = np.linalg.solve(normal, target)
         slopes, vignette = np.maximum(solution[:bins], 0.0), solution[bins:]
         left = np.sum(seen.share * (seen.log_ratio - slopes * x - seen.moved @ vignette), axis=1)
-        scale = max(1.4826 * float(np.median(np.abs(left))), _SMALLEST_SCALE)
-        # Where the exposure changes much, a slope that is a little wrong is no outlier.
+        scale = max(robust_scale(left), _SMALLEST_SCALE)
         allowed = np.hypot(scale, _SLOPE_ERROR * np.abs(np.sum(seen.share * slopes, axis=1) * log_change))
         if seen.scatter > 0:
-            # Most changes may be errors alone, and the few real ones must not seem to be the outliers.
             allowed = np.maximum(allowed, _SCATTERED_OUTLIER * np.abs(left).mean())
         robust = (_FREEDOM + 1) / (_FREEDOM + (left / allowed) ** 2)
     return slopes, vignette
@@ -262,8 +163,7 @@ def _regress(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the size of each column, what drives the noise, and its scale.
 
-    The first column's size, where limits are given, stays near the one that the bins gave: a smooth noise model would
-    gladly explain smooth exposures itself. Errors of single exposures make the bins give too small a one.
+    The first column's size stays within the limits, where there are any.
     """
     memory = np.zeros(ORDER)
     size = np.zeros(columns.shape[1])
@@ -271,15 +171,15 @@ def _regress(
     innovation, scale = observed[driven], _SMALLEST_SCALE
     for _ in range(_ROUNDS):
         if columns.shape[1]:
-            whitened = _unforeseen(columns, driven, memory)
-            size = _least_squares(whitened, _unforeseen(observed, driven, memory), weight)
+            whitened = _innovation(columns, driven, memory)
+            size = _least_squares(whitened, _innovation(observed, driven, memory), weight)
             if limits and not limits[0] <= size[0] <= limits[1]:
                 size[0] = np.clip(size[0], *limits)
-                rest = _unforeseen(observed - columns[:, 0] * size[0], driven, memory)
+                rest = _innovation(observed - columns[:, 0] * size[0], driven, memory)
                 size[1:] = _least_squares(whitened[:, 1:], rest, weight)
         noise = observed - columns @ size
         earlier = np.column_stack([noise[driven - step] for step in range(1, ORDER + 1)])
-        memory = _least_squares(earlier, noise[driven], weight, ridge=1e-3)
+        memory = _least_squares(earlier, noise[driven], weight, ridge=_MEMORY_RIDGE)
         memory *= min(1.0, most / max(float(np.abs(memory).sum()), 1e-12))
         innovation = noise[driven] - earlier @ memory
         scale = _scale(innovation)
@@ -287,8 +187,8 @@ def _regress(
     return size, innovation, scale
 
 
-def _unforeseen(values: FloatArray, driven: IntArray, memory: FloatArray) -> FloatArray:
-    """Return what is left of the driven values after foreseeing them from those before."""
+def _innovation(values: FloatArray, driven: IntArray, memory: FloatArray) -> FloatArray:
+    """Return the driven values less their prediction from those before."""
     return np.asarray(values[driven] - sum(memory[k] * values[driven - 1 - k] for k in range(ORDER)))
 
 
@@ -303,7 +203,7 @@ def _least_squares(columns: FloatArray, target: FloatArray, weight: FloatArray, 
 
 def _scale(values: FloatArray) -> float:
     """Return the scale of Student's t that makes the values most likely."""
-    scale = max(1.4826 * float(np.median(np.abs(values))), _SMALLEST_SCALE) if len(values) else _SMALLEST_SCALE
+    scale = max(robust_scale(values), _SMALLEST_SCALE)
     for _ in range(2 * _ROUNDS):
         weight = (_FREEDOM + 1) / (_FREEDOM + (values / scale) ** 2)
         scale = max(float(np.sqrt(np.mean(weight * values**2))) if len(values) else 0.0, _SMALLEST_SCALE)

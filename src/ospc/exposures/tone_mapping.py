@@ -12,18 +12,42 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.estimation.robust import robust_scale
 from ospc.exposures.brightness import GREY_BINS, BrightnessChange
 
 _MIN_PAIRS = 10
+"""Fewest pairs of frames behind a result: samples of one pair err together, so that pairs are what counts."""
+
 _MAX_PAIRS = 120
+"""Most pairs used, spread over the recording: more take longer, and what depends on the camera shows in fewer."""
+
 _MIN_SAMPLES = 2000
+"""Fewest places of all pairs together: some fifteen unknowns are fitted to them before places are compared."""
+
 _MAX_LOG_CHANGE = 1.5
-_TELLING_LOG_CHANGE = 0.1
+"""Largest change of ln exposure used: beyond, most places are clipped in one of the frames, and the rest is chosen by
+its brightness."""
+
+_MIN_LOG_CHANGE = 0.1
+"""Least change of ln exposure of pairs that show an effect of the surroundings, which is proportional to it."""
+
 _CELLS = (4, 3)
+"""Cells of the image, across and down, that are compared: about square, and large enough for several samples each."""
+
 _MIN_CELL_SAMPLES = 8
+"""Fewest samples that a cell's median is taken of: an outlier or two do not move it far."""
+
+_MIN_CELLS = 3
+"""Fewest cells of a pair that are compared: of two, both are equally far from their median."""
+
 _ROUNDS = 4
-_TUNING = 2.0
+"""Rounds of iterated reweighting; a linear fit with so many samples settles quickly."""
+
+_HUBER_SIGMAS = 2.0
+"""Residual, in robust standard deviations, from which on weights decrease (Huber): moving objects, wrong matches."""
+
 _MIN_SLOPE = 0.05
+"""Least mean d ln M/d ln e that an effect is given relative to: brightness must follow the exposure at all."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +58,10 @@ class LocalTone:
     ----------
     place_spread_log
         By how much, in ln of the grey level, parts of the image (twelve cells) change differently from the rest
-        within one frame: 1.48 times the median, beyond what grey level, exposure and vignette explain.
+        within one frame, beyond what grey level, exposure and vignette explain: a robust standard deviation.
     surround_effect
         Change of d ln M/d ln e, relative to its mean, from a place one standard deviation darker than its
-        surroundings to one as much brighter; None where exposures change too little to tell.
+        surroundings to one as much brighter; None where exposures change too little.
     surround_sigmas
         The same over its standard error.
     pairs
@@ -81,7 +105,7 @@ def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> L
     place = np.concatenate([changes[i].samples.position0 for i in usable])
     surround = np.concatenate([changes[i].samples.log_surround for i in usable])
     exposure = np.repeat(log_change[usable], counts)
-    effect = _surround_effect(expected, target, surround * exposure, pair, np.abs(exposure) >= _TELLING_LOG_CHANGE)
+    effect = _surround_effect(expected, target, surround * exposure, pair, np.abs(exposure) >= _MIN_LOG_CHANGE)
     return LocalTone(
         _spread_over_places(left, place, pair),
         None if effect is None else 2 * float(surround.std()) * effect[0],
@@ -101,7 +125,7 @@ def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
 
 
 def _fit(columns: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """LagFit robustly; return the solution, the normal matrix and the weights."""
+    """Fit robustly; return the solution, the normal matrix and the weights."""
     weight = np.ones(len(target))
     size: FloatArray = np.zeros(columns.shape[1])
     normal: FloatArray = np.eye(columns.shape[1])
@@ -110,7 +134,7 @@ def _fit(columns: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArra
         normal[np.diag_indices_from(normal)] += 1e-6 * np.trace(normal) / len(normal) + 1e-12
         size = np.asarray(np.linalg.solve(normal, columns.T @ (weight * target)))
         left = np.abs(target - columns @ size)
-        weight = 1 / np.maximum(left / (_TUNING * 1.4826 * float(np.median(left)) + 1e-6), 1)
+        weight = 1 / np.maximum(left / (_HUBER_SIGMAS * robust_scale(left) + 1e-6), 1)
     return size, normal, weight
 
 
@@ -126,28 +150,28 @@ def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> 
     middle = np.array([np.median(left[order[s : s + c]]) for s, c in zip(start[full], count[full], strict=True)])
     of_pair = number[full] // (across * down)
     apart = [middle[of_pair == p] - np.median(middle[of_pair == p]) for p in np.unique(of_pair)]
-    different = np.concatenate([np.abs(values) for values in apart if len(values) >= 3] or [np.zeros(1)])
-    return float(1.4826 * np.median(different))
+    different = np.concatenate([np.abs(values) for values in apart if len(values) >= _MIN_CELLS] or [np.zeros(1)])
+    return robust_scale(different)
 
 
 def _surround_effect(
-    expected: FloatArray, target: FloatArray, surround: FloatArray, pair: IntArray, telling: BoolArray
+    expected: FloatArray, target: FloatArray, surround: FloatArray, pair: IntArray, changing: BoolArray
 ) -> tuple[float, float] | None:
     """Return the relative effect of ln surround on d ln M/d ln e, and the same over its standard error.
 
     Samples of one pair may err together (Liang, Zeger 1986).
     """
-    if len(np.unique(pair[telling])) < _MIN_PAIRS or np.count_nonzero(telling) < _MIN_SAMPLES:
+    if len(np.unique(pair[changing])) < _MIN_PAIRS or np.count_nonzero(changing) < _MIN_SAMPLES:
         return None
-    columns = np.column_stack([expected, surround])[telling]
-    size, normal, weight = _fit(columns, target[telling])
+    columns = np.column_stack([expected, surround])[changing]
+    size, normal, weight = _fit(columns, target[changing])
     knots = len(GREY_BINS)
     often = np.abs(columns[:, :knots]).sum(axis=0)
     slope = float(size[:knots] @ often / max(often.sum(), 1e-12))
     if slope < _MIN_SLOPE:
         return None
-    score = columns * (weight * (target[telling] - columns @ size))[:, None]
-    by_pair = np.stack([np.bincount(pair[telling], weights=column) for column in score.T], axis=1)
+    score = columns * (weight * (target[changing] - columns @ size))[:, None]
+    by_pair = np.stack([np.bincount(pair[changing], weights=column) for column in score.T], axis=1)
     inverse = np.linalg.inv(normal)
     sigma = float(np.sqrt(max((inverse @ (by_pair.T @ by_pair) @ inverse)[-1, -1], 1e-18)))
     return float(size[-1]) / slope, float(abs(size[-1])) / sigma

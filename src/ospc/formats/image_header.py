@@ -73,6 +73,7 @@ class _DamagedError(Exception):
 
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
 _PNG_BITS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
+"""Channels, and bits allowed, of each colour type of the PNG specification; a palette (3) is decoded to colour."""
 
 
 def _png(data: bytes) -> ImageHeader:
@@ -93,7 +94,8 @@ def _png(data: bytes) -> ImageHeader:
 
 _JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 _JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
+_JPEG_END = 0xD9
+"""Markers of the segments that state the size (SOF0 to SOF15, without tables), and of the end of the image."""
 
 
 def _jpeg(data: bytes) -> ImageHeader:
@@ -147,10 +149,16 @@ def _bmp(data: bytes) -> ImageHeader:
 
 
 _TIFF_FORMATS = {1: "B", 3: "H", 4: "I"}
+"""Format of the numbers of each field type that is read, for :mod:`struct`."""
+
 _TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_BITS, _TIFF_CHANNELS = 256, 257, 258, 277
 _TIFF_STRIPS, _TIFF_STRIP_BYTES = 273, 279
 _TIFF_TILE_WIDTH, _TIFF_TILE_HEIGHT, _TIFF_TILES, _TIFF_TILE_BYTES = 322, 323, 324, 325
+"""Tags of the TIFF specification, of images in strips and in tiles."""
+
 _TIFF_TAGS = frozenset({256, 257, 258, 273, 277, 279, 322, 323, 324, 325})
+"""All of them: other tags are skipped."""
+
 _TIFF_MAX_VALUES = 2**20
 """Values of one tag; a strip for each row of the largest image takes fewer."""
 

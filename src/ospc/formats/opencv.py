@@ -21,7 +21,8 @@ from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 
-_LEVELS = 256  # OpenCV merges 8-bit images only
+_LEVELS = 256
+"""Grey values of a response: OpenCV merges 8-bit images only."""
 
 _LARGEST_VALUE = 1e30
 """Larger values would overflow the 32-bit floats in which a vignette is kept."""

@@ -32,7 +32,11 @@ _WORDS: tuple[tuple[str, Kind], ...] = (
 )
 _PNG = b"\x89PNG"
 _LARGEST_FILE = 2**30
-_FEWEST_TABLE_VALUES = 16  # more than any line of a camera.txt or times.txt holds
+"""Most bytes of a file that is validated: bounds memory, and exceeds any table or map of a vignette."""
+
+_FEWEST_TABLE_VALUES = 16
+"""Values on its first line beyond which a file holds a response: no line of a camera.txt or times.txt has as many."""
+
 _CAMERA_NAME = re.compile(r"\s*(FOV|Pinhole|RadTan|KannalaBrandt|EquiDistant)\s")
 
 

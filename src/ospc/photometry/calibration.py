@@ -30,7 +30,7 @@ __all__ = ["PROFILE_RADII", "SCHEMA", "Calibration", "ExposureRatios", "State", 
 
 SCHEMA = "ospc-calibration/1"
 PROFILE_RADII = np.linspace(0.0, 1.0, 51)
-"""Radii, in half diagonals, at which the vignette's uncertainty is given: 0, 0.02, … 1."""
+"""Radii, in half diagonals, at which the vignette's uncertainty is given: 0, 0.02, … 1, finer than it changes."""
 
 PROFILE_RADII.setflags(write=False)
 _MAX_BYTES = 100_000_000
@@ -79,7 +79,7 @@ class Calibration:
     notes
         What was found and done about the exposures.
     warnings
-        Why the exposures cannot be relied on; empty where nothing speaks against them.
+        Why the exposures cannot be relied on; empty if they can.
     coverage
         What the observations cover, and their residuals; None if the method keeps no tables.
     exponent_sigma
@@ -260,7 +260,7 @@ class Calibration:
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Calibration:
-        """Return the calibration that :meth:`as_dict` made a content of."""
+        """Return the calibration whose content :meth:`as_dict` returned."""
         from ospc.photometry.calibration_content import from_dict
 
         return from_dict(content, Path())

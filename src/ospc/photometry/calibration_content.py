@@ -27,23 +27,24 @@ from ospc.photometry.vignette import (
 )
 
 LARGEST_GREY = 65535
-"""Images have at most 16 bits."""
+"""Largest grey value of any image: 16 bits."""
 
 _LARGEST = 1e12
-"""No number of a calibration comes near this; larger ones would overflow where they are used."""
+"""Largest number that is read: no calibration comes near it, and larger ones would overflow where they are used."""
 
 _SMALLEST_RATIO = 1e-12
-"""Exposure ratios are positive; logarithms of smaller ones mean damage."""
+"""Smallest exposure ratio that is read: smaller ones, and zero, mean a damaged file."""
 
 _MOST_COEFFICIENTS = 32
-"""No model of a vignette has nearly as many."""
+"""Most coefficients of a vignette that are read: no model has nearly as many."""
 
 _PROBES_PER_SIDE = 33
-"""Places per side of the image at which a vignette model is evaluated to check it."""
+"""Places per side of the image at which a vignette model is evaluated to check it: a polynomial cannot hide
+between."""
 
 
 def to_dict(calibration: Calibration) -> dict[str, Any]:
-    """Return everything that is in a calibration; see :meth:`Calibration.as_dict`."""
+    """Return the content of a calibration; see :meth:`Calibration.as_dict`."""
     ratios = calibration.exposure_ratios
     return {
         "schema": SCHEMA,
@@ -99,7 +100,7 @@ def _vignette_as_dict(vignette: Vignette | None, sigma: FloatArray | None) -> di
 
 
 def from_dict(content: dict[str, Any], place: Path) -> Calibration:
-    """Return the calibration of which :func:`to_dict` gave the content.
+    """Return the calibration whose content :func:`to_dict` returned.
 
     Everything is checked here, so that a damaged or hostile file fails when it is loaded and not when it is used.
 
@@ -108,7 +109,7 @@ def from_dict(content: dict[str, Any], place: Path) -> Calibration:
     content
         The content.
     place
-        The file it is from; the map of a raster vignette lies beside it.
+        The file it was read from; the map of a raster vignette is beside it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Applying a calibration: from grey values to the light that reached the lens.
+"""Applies a calibration: from grey values to the light that reached the lens.
 
 **Correct first; undistort, rectify, scale or crop afterwards.** Response and vignette hold for single pixels of the
 sensor. An interpolated pixel is a mean of grey values, which the inverse response does not invert, at another place,
@@ -21,7 +21,8 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
 LEAST_ATTENUATION = 1e-3
-"""Attenuation below which there is no image, as outside a fisheye's image circle."""
+"""Attenuation below which there is no image, as outside a fisheye's image circle: dividing by less shows noise
+only."""
 
 _EXPOSURE_RANGE_MS = (1e-9, 1e9)
 """Exposures accepted, in milliseconds: no camera is near either limit, and results stay finite in float32."""
@@ -201,7 +202,7 @@ class Corrector:
 
     @cached_property
     def _inverse_columns(self) -> FloatArray:
-        """G at all grey levels, shape (max_grey + 1, channels or 1)."""
+        """Values of g at all grey levels, shape (max_grey + 1, channels or 1)."""
         return np.stack([self._curve(response)[1] for response in self._responses], axis=-1)
 
     def _filled(self, columns: FloatArray, saturated: float, pixels: Image) -> FloatArray:

@@ -9,14 +9,18 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray
 
+DARKEST_EXPOSED = 1.5 / 255
+BRIGHTEST_EXPOSED = 253.5 / 255
+"""Grey levels between which a single pixel counts as exposed: of 8-bit values, the two at either end are left out, to
+which cameras clip and which lossy compression mixes."""
+
 
 @dataclass(frozen=True)
 class NoiseModel:
     """Variance of a grey level in [0, 1]: read noise, shot noise and quantisation.
 
-    Without a table it is affine in the grey level, ``var(M) = read_variance + shot_variance · M``. A response that is
-    not linear makes the noise of a sensor anything but affine in the grey level; ``table`` then holds the measured
-    variances.
+    Without a table it is affine in the grey level, ``var(M) = read_variance + shot_variance · M``. With a response
+    that is not linear the noise is not affine either; ``table`` then holds the measured variances.
 
     Attributes
     ----------

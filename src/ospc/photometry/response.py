@@ -11,6 +11,9 @@ import numpy.typing as npt
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError
 
+_END_TOLERANCE = 1e-9
+"""Largest distance of g(0) from 0 and of g(1) from 1: rounding in files that keep ten digits."""
+
 
 def _read_only(values: npt.ArrayLike) -> FloatArray:
     array = np.array(values, dtype=np.float64)
@@ -55,7 +58,7 @@ class Response:
         if not np.all(np.diff(table) > 0):
             worst = int(np.argmin(np.diff(table)))
             raise FormatError(f"an inverse response must increase strictly; it does not after grey level {worst}")
-        if abs(table[0]) > 1e-9 or abs(table[-1] - 1) > 1e-9:
+        if abs(table[0]) > _END_TOLERANCE or abs(table[-1] - 1) > _END_TOLERANCE:
             raise FormatError(
                 "an inverse response must begin at 0 and end at 1; use Response.from_values to normalise"
             )

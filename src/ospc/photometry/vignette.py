@@ -19,7 +19,10 @@ from ospc.errors import FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
 
 LARGEST_ATTENUATION = 1e3
-"""Models that exceed this anywhere in the image are refused: the centre, or the maximum, is 1."""
+"""Models that exceed this anywhere in the image are refused: at the centre, or at most, V is 1."""
+
+_CENTRE_BINS = 3
+"""Bins around the centre whose mean is 1 in a profile: the first one alone holds few pixels."""
 
 _MAP_NAME = "vignette.npy"
 _MAP_HEADER_BYTES = 4096
@@ -84,7 +87,8 @@ class PolynomialVignette:
 
 
 LARGEST_LOG = 50.0
-"""Largest |ln V| that is told from others: a fit to exposures that belong to no frame may reach any value."""
+"""Largest |ln V| that is evaluated, so that the exponential stays finite: a fit to wrong exposures may reach any
+value."""
 
 
 def _exp(log_v: FloatArray) -> FloatArray:
@@ -212,7 +216,7 @@ class RasterVignette:
         return self.values
 
     def as_dict(self) -> dict[str, Any]:
-        """Return where the map came from; :meth:`write_map` stores the map itself."""
+        """Return the size and the source; :meth:`write_map` stores the values."""
         return {"name": "raster", "size": list(self.size), "source": self.source}
 
     def write_map(self, path: str | Path) -> None:
@@ -267,7 +271,7 @@ def diagonal_profile(vignette: Vignette, radii: FloatArray) -> FloatArray:
 
 
 def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:
-    """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the first three bins, shape (bins,).
+    """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the first three, shape (bins,).
 
     Bins without a pixel hold NaN.
     """
@@ -278,4 +282,4 @@ def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:
     total = np.bincount(index, weights=vignette.image().ravel().astype(np.float64), minlength=bins)
     with np.errstate(invalid="ignore"):
         profile = total / np.where(count > 0, count, np.nan)
-    return np.asarray(profile / np.nanmean(profile[:3]))
+    return np.asarray(profile / np.nanmean(profile[:_CENTRE_BINS]))

@@ -1,7 +1,7 @@
-"""Whether recordings tell of the same camera, and if one does not, in what it differs.
+"""Whether recordings are of the same camera in the same state, and in what one that is not differs.
 
-Each recording's own curves are compared with those that the others give together, at places that matter, in units of
-the standard deviations of both and of what the recordings of one camera differ by anyway.
+Each recording's own curves are compared with those that the others give together, at a few places, in units of the
+standard deviations of both and of the usual differences between recordings of one camera.
 """
 
 from __future__ import annotations
@@ -21,19 +21,30 @@ from ospc.pooling.summary import RESPONSE, RESPONSE_PART, VIGNETTE_PART, Summary
 Part = Literal["response", "vignette"]
 
 GREYS = np.array([0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9])
-"""Grey levels at which ln g is compared, against that at :data:`_MIDDLE`."""
+"""Grey levels at which ln g is compared, relative to :data:`_MIDDLE`: without the ends, which follow the prior."""
 
 _MIDDLE = 0.5
-_RADII = (0.4, 0.7, 1.0)
-_DIRECTIONS = 8
-_ALLOWED = {"response": 0.02, "vignette": 0.01}
-"""Standard deviation, in ln, by which recordings of one camera differ beyond what they state."""
+"""Grey level at which the curves are made equal, since the scale of g is a convention: a level that most recordings
+cover."""
 
-_LIMIT = 5.0
-_SUSPICIOUS = 4.0
+_RADII = (0.4, 0.7, 1.0)
+"""Radii at which ln V is compared, in half diagonals: nearer to the centre it is next to zero in any lens."""
+
+_DIRECTIONS = 8
+"""Directions in which ln V is compared at each radius, so that a shifted centre is noticed."""
+
+_ALLOWED = {"response": 0.02, "vignette": 0.01}
+"""Standard deviation, in ln, by which recordings of one camera differ beyond what they state: another scene and
+another light have other errors of registration."""
+
+_LIMIT_SIGMAS = 5.0
+"""Difference from which a recording differs: the largest of 32 values is compared, with errors not quite normal."""
+
+_SUSPICIOUS_FACTOR = 4.0
+"""How many times the usual share of exposure changes must stay unexplained for exposures to be suspected."""
+
 _LEAST_UNEXPLAINED = 0.005
-"""So many times more than usual of the changes of exposure may stay unexplained before exposures are suspected, and
-what is usual at least."""
+"""Least share that counts as usual: among recordings with nearly perfect exposures nothing would be usual."""
 
 _MEANING: dict[tuple[Part, ...], str] = {
     ("vignette",): "another lens, or its focus, aperture or zoom changed",
@@ -42,7 +53,12 @@ _MEANING: dict[tuple[Part, ...], str] = {
 }
 
 _MOST_ROUNDS = 10
+"""Most rounds of comparing with those that agree; it ends when the same recordings differ, usually after two or
+three, and may alternate between two choices."""
+
 _FEWEST_FOR_SCATTER = 4
+"""Fewest recordings that agree whose scatter is measured: of fewer it is too uncertain to weaken their
+information."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +74,7 @@ class Difference:
     sigmas
         The largest difference in standard deviations.
     text
-        What differs by how much, and what that usually means, as one sentence.
+        What differs by how much, and the usual cause, as one sentence.
     """
 
     key: str
@@ -101,7 +117,7 @@ class _Curves:
 
 
 def agreement(summaries: Sequence[Summary]) -> Agreement:
-    """Return which recordings differ from what most of them say; it does not depend on their order.
+    """Return which recordings differ from what most of them agree on, whatever their order.
 
     Parameters
     ----------
@@ -133,7 +149,7 @@ def agreement(summaries: Sequence[Summary]) -> Agreement:
 
 
 def difference_of(one: Summary, other: Summary) -> Difference | None:
-    """Return in what one recording differs from what is known otherwise; None where it does not."""
+    """Return in what one recording differs from another, or from earlier ones; None where it does not."""
     curves, known = (_curves(solve(Information.of([s]))) for s in (one, other))
     found = _apart(curves, known)
     if not found:
@@ -142,7 +158,7 @@ def difference_of(one: Summary, other: Summary) -> Difference | None:
 
 
 def _from_the_middle(own: list[_Curves]) -> list[dict[Part, float]]:
-    """Return in what each recording is far from the median over all: a beginning that outliers do not spoil."""
+    """Return in what each recording is far from the median of all: a start that outliers do not spoil."""
     values, sigmas = np.stack([c.value for c in own]), np.stack([c.sigma for c in own])
     middle = np.median(values, axis=0)
     of_middle = np.median(sigmas, axis=0) / np.sqrt(len(own))
@@ -152,7 +168,7 @@ def _from_the_middle(own: list[_Curves]) -> list[dict[Part, float]]:
 def _rest_of_each(summaries: list[Summary], apart: list[dict[Part, float]]) -> list[_Curves]:
     """Return for each recording the curves of all others that did not differ."""
     agreeing = [s for s, found in zip(summaries, apart, strict=True) if not found]
-    # Where nobody agrees, or nobody else does, all the others are what there is to compare with.
+    # Where none agree, or only one does, the comparison is with all others.
     inside = {s.key for s in (agreeing if len(agreeing) > 1 else summaries)}
     information = Information.of([s for s in summaries if s.key in inside])
     together = solve(information)
@@ -165,7 +181,7 @@ def _apart(one: _Curves, other: _Curves) -> dict[Part, float]:
     score = np.abs(_scores(one, other))
     split = len(GREYS)
     found: dict[Part, float] = {"response": float(score[:split].max()), "vignette": float(score[split:].max())}
-    return {part: sigmas for part, sigmas in found.items() if sigmas > _LIMIT}
+    return {part: sigmas for part, sigmas in found.items() if sigmas > _LIMIT_SIGMAS}
 
 
 def _scores(one: _Curves, other: _Curves) -> FloatArray:
@@ -199,7 +215,7 @@ def _response_rows() -> FloatArray:
 
 def _curves(fit: Fit) -> _Curves:
     places, vignette = _places(), fit.vignette_parameters
-    # At the image centre V is 1 by convention; a centre of its own moves it by a constant that nobody can see.
+    # V is 1 at the image centre by convention; a free centre adds a constant, which cannot be observed.
     centre = np.zeros((1, 2))
     value = fit.vignette_basis.log_value(vignette, places) - fit.vignette_basis.log_value(vignette, centre)
     rows = fit.vignette_basis.jacobian(vignette, places) - fit.vignette_basis.jacobian(vignette, centre)
@@ -238,8 +254,8 @@ def _described(
         said.append(
             f"V at radius {radius:.1f} is {difference[at]:+.0%} off {whose} ({score[at]:.0f} standard deviations)"
         )
-    # Exposures that are wrong spoil both parts, whichever shows it more.
-    suspicious = summary.unexplained > _SUSPICIOUS * max(typical_unexplained, _LEAST_UNEXPLAINED)
+    # Wrong exposures spoil both parts, even where only one of them shows it.
+    suspicious = summary.unexplained > _SUSPICIOUS_FACTOR * max(typical_unexplained, _LEAST_UNEXPLAINED)
     parts: tuple[Part, ...] = ("response", "vignette") if suspicious else tuple(found)
     meaning = _MEANING[parts]
     if suspicious:

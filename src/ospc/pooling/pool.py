@@ -1,7 +1,7 @@
 """All that is known of one camera, from however many recordings: a set of summaries, one of each recording.
 
-Pools are added by taking the union. So addition is associative and commutative, a recording added twice counts once,
-and whatever is computed of a pool takes its recordings in the order of their keys: the same bits in any order.
+Pools are added by taking the union, so that the order does not matter and a recording added twice counts once.
+Results are computed in the order of the recordings' keys, which makes them the same to the last bit.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Pool:
         return cls(ordered)
 
     def __add__(self, other: Pool) -> Pool:
-        """Return what both know together.
+        """Return the union of both.
 
         Raises
         ------

@@ -20,12 +20,16 @@ from ospc.settings import DefaultSettings
 from ospc.versions import versions
 
 _FREE = 1e-4
-"""Precision that keeps a part that is left free from being singular."""
+"""Precision of a part that is left free, in each parameter: a standard deviation of 100, far beyond any value, and
+yet not singular."""
+
+_MOST_NAMED = 5
+"""Most recordings named in a reason; all are listed in the calibration's ``source``."""
 
 
 @dataclass(frozen=True)
 class Merged:
-    """What became of a pool.
+    """The calibration of a pool.
 
     Attributes
     ----------
@@ -42,7 +46,7 @@ class Merged:
 def merge(pool: Pool) -> Merged:
     """Return the calibration of a pool; recordings that differ from most are left out and named, not averaged.
 
-    Of a recording whose vignette alone differs, what it says of the response is used.
+    A recording of which only the vignette differs still contributes to the response.
 
     Raises
     ------
@@ -103,7 +107,7 @@ def fit_of(pool: Pool, agreed: Agreement) -> Fit:
 
 
 def _response_alone(summary: Summary) -> Summary:
-    """Return what a recording says of the response when its vignette is one of its own."""
+    """Return a recording's information on the response, given that its vignette is a different one."""
     free = np.zeros_like(summary.matrix)
     free[VIGNETTE_PART, VIGNETTE_PART] = _FREE * np.eye(VIGNETTE_PART.stop - VIGNETTE_PART.start)
     return without_part(summary, VIGNETTE_PART, free)
@@ -125,7 +129,7 @@ def _vignette_verdict(fit: Fit, used: Sequence[Summary], agreed: Agreement) -> V
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:
     """Return the verdict with what the recordings' agreement adds to it."""
     differing = [found.name for found in agreed.differing.values() if part in found.parts]
-    names = ", ".join(sorted(differing)[:5]) + (", …" if len(differing) > 5 else "")
+    names = ", ".join(sorted(differing)[:_MOST_NAMED]) + (", …" if len(differing) > _MOST_NAMED else "")
     if not agreed.majority[part]:
         return Verdict(
             "not identifiable",

@@ -1,4 +1,4 @@
-"""A calibration that starts from an earlier one of the camera, and notices when that does not hold any more."""
+"""A calibration that starts from an earlier one of the camera, and notices when that no longer holds."""
 
 from __future__ import annotations
 
@@ -31,8 +31,15 @@ from ospc.pooling.summary import (
 from ospc.state.container import STATE_NAME
 
 _LEAST_INFORMATION = 1e-9
+"""Least information in any direction, over that in the best known one: subtracting a prior may round it below
+zero."""
+
 _GIVEN_UP_SIGMA = 0.005
-"""Standard deviation of the vignette's parameters that a calibration went without: they were not seen to be there."""
+"""Standard deviation, about zero, of vignette parameters that a calibration does without: an asymmetry larger than
+this would have been found."""
+
+_USUAL_NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
+"""Noise of a calibration that states none: half an 8-bit grey level, as of a good camera."""
 
 
 @dataclass(frozen=True)
@@ -113,14 +120,14 @@ class PriorCalibration:
             )
 
     def difference(self, today: Summary | None) -> Difference | None:
-        """Return how what is seen today differs from what was known before; None where it does not."""
+        """Return how today's recording differs from the earlier ones; None where it does not."""
         return None if today is None else difference_of(today, self.summary)
 
     def continued(self, own: Calibration, today: Summary | None) -> Calibration:
-        """Return the calibration from what was known before and what is seen today.
+        """Return the calibration from the earlier recordings and today's together.
 
-        A part that changed meanwhile is as today's frames alone have it; that it changed is said in its verdict, and
-        in ``source["started_from"]``.
+        A part that has changed since is taken from today's frames alone. Its verdict and ``source["started_from"]``
+        say so.
 
         Parameters
         ----------
@@ -164,13 +171,13 @@ def _changed(own: Calibration, difference: Difference, name: str) -> Calibration
     for part in difference.parts:
         verdict = verdicts[part]
         verdicts[part] = Verdict(
-            verdict.state, f"{verdict.reason}; it is not that of {name} any more: {difference.text}", verdict.remedy
+            verdict.state, f"{verdict.reason}; it is no longer that of {name}: {difference.text}", verdict.remedy
         )
     return replace(own, verdicts=verdicts)
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
-    """Return a calibration as a summary: what is in its covariance, without the prior that is in it too.
+    """Return a calibration as a summary: the information in its covariance, less that of the prior.
 
     Raises
     ------
@@ -210,7 +217,7 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
         standing_still=calibration.vignette is None,
         support=(0.0, 1.0) if calibration.response is None else calibration.response.support,
         unexplained=0.0,
-        noise=calibration.noise or NoiseModel((0.5 / 255) ** 2, 0.0),
+        noise=calibration.noise or _USUAL_NOISE,
     )
 
 
@@ -247,7 +254,7 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
 
 
 def _positive(matrix: FloatArray) -> FloatArray:
-    """Return the nearest matrix that is information: rounding must not make any direction known less than not."""
+    """Return the nearest positive definite matrix: rounding may leave negative information in some direction."""
     value, vector = np.linalg.eigh((matrix + matrix.T) / 2)
     if value.max() <= 0:
         raise ValueError("no information")

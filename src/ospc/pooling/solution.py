@@ -1,4 +1,4 @@
-"""Response and vignette that summaries together call for: the sum of their information, and the prior once."""
+"""Response and vignette from the sum of the summaries' information, with the prior added once."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import asked_for
+from ospc.estimation.vignette_choice import supported
 from ospc.pooling.summary import PARAMETERS, RESPONSE, RESPONSE_PART, VIGNETTE, Summary
 from ospc.settings.estimation import MAX_GAMMA_CHANGE, MIN_GAMMA
 
 _MOST_ROUNDS = 12
+"""Most rounds of linearising the prior; a few are usual, and only information that contradicts itself takes more."""
+
 _SETTLED = 1e-3
-"""The rounds end when the squared change, in standard deviations, is less than this, or after so many."""
+"""Squared change of all parameters together, in standard deviations, at which the rounds end: far below their
+errors."""
 
 _SIMPLER = (
     VignetteBasis(VIGNETTE.radial, free_centre=True),
@@ -116,10 +119,10 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
 
 
 def solve_with_chosen_vignette(information: Information) -> Fit:
-    """Return the most probable parameters with only as many of the vignette's as the information asks for."""
+    """Return the most probable parameters with no more of the vignette's than the information supports."""
     fit = solve(information)
     for simpler in _SIMPLER:
-        if asked_for(fit, len(fit.vignette_basis) - len(simpler)):
+        if supported(fit, len(fit.vignette_basis) - len(simpler)):
             break
         fit = solve(information, simpler)
     return fit

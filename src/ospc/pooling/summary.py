@@ -1,4 +1,4 @@
-"""What one recording says about its camera, small and additive: the information of its likelihood, without any prior.
+"""What one recording says about its camera, small and additive: the information of its likelihood without a prior.
 
 Near its maximum a log likelihood is a parabola, -½ θᵀAθ + bᵀθ + const. Independent recordings multiply their
 likelihoods, so A and b add up; the prior comes in once, when the sum is solved.
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.estimation.fit import Fit
+from ospc.estimation.fit import SUPPORT_QUANTILES, Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -27,7 +27,8 @@ from ospc.photometry.noise import NoiseModel
 
 RESPONSE = ResponseBasis(32)
 VIGNETTE = VignetteBasis(5, free_centre=True, non_radial=True)
-"""The models whose parameters all summaries share, whatever the settings their recordings were calibrated with."""
+"""The models whose parameters all summaries share, whatever the settings of their recordings: those of the default
+settings at their richest, so that nothing is lost in the usual case."""
 
 RESPONSE_PART = slice(0, len(RESPONSE))
 VIGNETTE_PART = slice(len(RESPONSE), len(RESPONSE) + len(VIGNETTE))
@@ -38,7 +39,8 @@ PARAMETERS = VIGNETTE_PART.stop
 
 _TRIANGLE = np.tril_indices(PARAMETERS)
 
-_REACH_OF_SUPPORT = (0.002, 0.998)
+_RADII = np.linspace(0, 1, 101)
+"""Radii, in half diagonals, at which radial terms of another number are fitted: many more than there are terms."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Summary:
     Attributes
     ----------
     key
-        Tells recordings apart: the same for all runs over the same one.
+        Identifies the recording: the same for all runs over the same one.
     name
         What to call it.
     size, max_grey
@@ -56,7 +58,7 @@ class Summary:
     frames, pairs, points, groups
         Frames pushed, pairs of them compared, scene points and groups of these used.
     estimate
-        Its own estimate of the common parameters, at which the likelihood was approximated, shape (p,).
+        Estimate of the common parameters, at which the likelihood was approximated, shape (p,).
     triangle, vector
         Lower triangle of A, row by row, and b of the approximation, shapes (p (p + 1) / 2,) and (p,), scaled for
         errors that samples have in common.
@@ -67,7 +69,7 @@ class Summary:
     standing_still
         Whether the camera did not move.
     support
-        Grey levels that were seen, but for the last few in a thousand.
+        Lowest and highest grey level observed, without the last two in a thousand.
     unexplained
         Share of a typical change of exposure that does not show in the images.
     noise
@@ -121,7 +123,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
     inputs
         What was observed and the fit to it.
     first_frames
-        Hash that tells its stream of frames from others, used where ``source`` does not.
+        Hash that identifies the stream of frames, used where ``source`` does not.
     source
         Identification of the recording; empty for a live stream.
     frames
@@ -131,7 +133,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
     if fit is None or observations is None:
         return None
     matrix, vector, estimate = _information(inputs, fit, observations)
-    support = np.quantile(observations.grey, _REACH_OF_SUPPORT)
+    support = np.quantile(observations.grey, SUPPORT_QUANTILES)
     return Summary(
         key=_key(first_frames, source),
         name=str(source.get("name", "live")),
@@ -193,7 +195,7 @@ def _vignette_in_common(fit: Fit) -> FloatArray:
     if own.non_radial:
         common[-4:] = given[-4:]
     if own.radial:
-        squared = np.linspace(0, 1, 101) ** 2
+        squared = _RADII**2
         value = (squared[:, None] ** np.arange(1, own.radial + 1)) @ given[: own.radial]
         common[: VIGNETTE.radial] = np.linalg.lstsq(
             squared[:, None] ** np.arange(1, VIGNETTE.radial + 1), value, rcond=None
@@ -202,9 +204,7 @@ def _vignette_in_common(fit: Fit) -> FloatArray:
 
 
 def without_part(summary: Summary, part: slice, prior_precision: FloatArray) -> Summary:
-    """Return the summary with one part (response or vignette) made its own: it then says nothing about it.
-
-    What it says about the other part is what remains when its own part is integrated out.
+    """Return the summary with one part (response or vignette) integrated out: it then says nothing about that part.
 
     Parameters
     ----------

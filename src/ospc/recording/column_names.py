@@ -10,6 +10,8 @@ from ospc.errors import ExposureError, listed, quoted
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 
 _STAMP_UNITS_S = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+"""Units of time stamps, in seconds."""
+
 _UNITS = {unit.value: unit for unit in ExposureUnit} | {
     "sec": ExposureUnit.S,
     "µs": ExposureUnit.US,

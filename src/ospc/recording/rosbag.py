@@ -28,6 +28,7 @@ from ospc.recording.pixel_layout import PixelLayout, find_layout
 from ospc.recording.recording import StoredRecording
 
 _NS_PER_S, _NS_PER_MS = 1e9, 1e6
+"""Nanoseconds, the unit of stamps in bags, in a second and in a millisecond."""
 
 
 @dataclass(frozen=True)

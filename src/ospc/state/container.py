@@ -44,7 +44,9 @@ _COMPRESSION = 1
 _CHECKSUM_BYTES = 64
 _BEGINNING = re.compile(rb"PK\x03\x04.{26}(?P<kind>[a-z-]{1,40})\.json", re.DOTALL)
 """A zip archive's first local header, whose 30 bytes end where the entry's name begins."""
+
 _BEGINNING_BYTES = 30 + 40 + len(".json")
+"""Most bytes that it takes: the header, the longest kind, and the ending."""
 
 _ARRAY_NAME = re.compile(r"[\w.-]{1,200}", re.ASCII)
 _UNREADABLE = (

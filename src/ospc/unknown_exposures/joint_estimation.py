@@ -25,23 +25,39 @@ from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learne
 from ospc.unknown_exposures.tracking import TrackObservations
 
 _HUBER = 0.015
-"""Grey difference, of full scale, from which residuals count less than quadratically."""
+"""Residual, of full scale, from which Huber's function grows linearly: four 8-bit grey levels, a few times the
+noise."""
 
 _RADIAL = 2 * np.arange(1, 4)
+"""Powers of R in the vignette, as in the paper: R², R⁴ and R⁶."""
+
 _FEWEST = 200
 """Observations needed: a few for each of about ten parameters and for the radiances."""
 
 _LEAST_V, _MOST_LOG = 0.05, 12.0
-"""Bounds on V and on |ln| of the irradiance that keep the optimisation finite."""
+"""Least V, and largest |ln| of the irradiance: far beyond any camera, they keep the optimisation finite."""
 
 _SETTLED = 1e-5
-"""Relative decrease of the cost at which the alternation ends."""
+"""Relative decrease of the cost at which the alternation ends: further rounds move nothing that the data
+determine."""
 
 _LEAST_IRRADIANCE = 1e-4
-"""Smallest irradiance whose logarithm the first exposures are computed from."""
+"""Smallest irradiance whose logarithm the first exposures are computed from: darker samples are noise."""
 
 _MOST_DAMPED, _LARGEST_STEP = 6, 0.5
-"""Attempts with stronger damping, and the largest change of ln e or ln L, in a step."""
+"""Attempts with stronger damping, and the largest change of ln e or ln L, in a step: the linearisation holds no
+further."""
+
+_START_DAMPING, _LEAST_DAMPING = 1e-3, 1e-7
+_DAMPING_UP, _DAMPING_DOWN = 8, 4
+"""Damping of Levenberg and Marquardt, relative to the diagonal: at the beginning, at least, and its factors after a
+step that failed and one that succeeded."""
+
+_SOLVER_TOLERANCE = 1e-8
+"""Relative accuracy of the linear system for the first exposures, far below their errors."""
+
+_MOST_SOLVER_STEPS = 400
+"""Most steps of its solver, which propagates exposures along chains of tracks about one frame a step."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +179,7 @@ class _Problem:
         irradiance = np.interp(tracks.grey, model.curve(c), np.linspace(0, 1, SAMPLES))
         first_log = np.log(np.maximum(irradiance, _LEAST_IRRADIANCE)) - np.log(self._attenuation(v))
         self._log_e, self._log_l = _first_exposures(tracks, first_log, log_e)
-        self._damping = 1e-3
+        self._damping = _START_DAMPING
         self._centre()
 
     def estimate(self, cost: float) -> JointEstimate:
@@ -201,9 +217,9 @@ class _Problem:
             c, v, log_e = self._c + step[:k], self._v + step[k:], self._log_e + step_e
             if self._cost_of(c, v, log_e, self._log_l) < before:
                 self._c, self._v, self._log_e = c, v, log_e
-                self._damping = max(self._damping / 4, 1e-7)
+                self._damping = max(self._damping / _DAMPING_DOWN, _LEAST_DAMPING)
                 return
-            self._damping *= 8
+            self._damping *= _DAMPING_UP
 
     def fit_radiances(self) -> None:
         """Take one Gauss-Newton step in the radiance of every point."""
@@ -246,7 +262,7 @@ class _Problem:
 
     @staticmethod
     def _at(curves: FloatArray, x: FloatArray) -> FloatArray:
-        """Return curves over equidistant irradiances at others, shape (m, 1024), (n,) -> (n, m)."""
+        """Return curves, given at equidistant irradiances, at irradiances x, shape (m, 1024), (n,) -> (n, m)."""
         place = np.clip(x, 0, 1) * (SAMPLES - 1)
         low = np.minimum(place.astype(np.int64), SAMPLES - 2)
         share = (place - low)[:, None]
@@ -257,10 +273,10 @@ class _Problem:
 def _first_exposures(
     tracks: TrackObservations, log_irradiance: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ln e of frames and ln L of points whose sums are nearest to observed ln irradiances.
+    """Return ln e of frames and ln L of points whose sums fit observed ln irradiances best.
 
-    The alternation propagates a change of exposure along a chain of tracks only slowly; this linear system does so at
-    once. Bergmann et al. solve it from frame to frame.
+    The alternation carries a change of exposure along a chain of tracks slowly; this linear system does so at once.
+    Bergmann et al. solve it from frame to frame.
     """
     frames, points = tracks.frames.size, int(tracks.point.max()) + 1
     rows = np.arange(tracks.grey.size)
@@ -273,7 +289,12 @@ def _first_exposures(
         shape=(tracks.grey.size, frames + points),
     )
     found = lsqr(
-        matrix, root * log_irradiance, atol=1e-8, btol=1e-8, iter_lim=400, x0=np.append(start, np.zeros(points))
+        matrix,
+        root * log_irradiance,
+        atol=_SOLVER_TOLERANCE,
+        btol=_SOLVER_TOLERANCE,
+        iter_lim=_MOST_SOLVER_STEPS,
+        x0=np.append(start, np.zeros(points)),
     )[0]
     return np.asarray(found[:frames]), np.asarray(found[frames:])
 

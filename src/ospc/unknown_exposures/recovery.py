@@ -33,10 +33,10 @@ EXPONENT_SIGMA = 0.34
 response functions (Grossberg and Nayar 2004); its mean is 0.05."""
 
 MOST_FRAMES = 1500
-"""Exposures are estimated for the first so many frames; memory and time grow with their number."""
+"""Most frames, from the first, whose exposures are estimated: memory and time grow with their number."""
 
 _LEVELS = np.linspace(0.1, 0.9, 81)
-"""Grey levels at which a response is compared with the mean; the ends are noise and saturation."""
+"""Grey levels at which a response is compared with the mean one; noise and saturation spoil the ends."""
 
 _REMEDY = "give the exposure of every frame, or of a second recording of the same camera"
 

@@ -25,6 +25,34 @@ SAMPLES = EMOR_SAMPLES
 _LEAST_SLOPE = 1e-4
 """Least growth of an estimated response over the whole range: a curve must increase to have an inverse."""
 
+# The families of curves that a model is learned from, chosen by hand to span what measured responses look like. Three
+# numbers are the least, the largest and the number of a parameter, in equal ratios.
+
+_GAMMAS = (0.6, 4.5, 14)
+"""Exponents g of the powers x^(1/g)."""
+
+_TOE_GAMMAS = (1.2, 3.5, 6)
+"""Exponents of the powers that begin with a straight line, as video curves do."""
+
+_TOES = (0.002, 0.01, 0.03)
+"""Irradiances at which this line ends."""
+
+_LOGARITHMS = (1.5, 400.0, 12)
+"""Factors a of the logarithms ln(1 + a x)."""
+
+_SIGMOID_POWERS = (1.0, 1.2, 1.5, 1.9)
+"""Powers p of the sigmoids x^p / (x^p + c)."""
+
+_SIGMOID_MIDDLES = (0.05, 2.0, 5)
+"""Their values of c: x^p at half of the limit."""
+
+_KNEES = ((0.05, 0.3), (0.1, 0.45), (0.3, 0.6), (0.5, 0.8), (0.6, 0.75))
+"""Irradiance and grey level of the knee of curves of two straight lines."""
+
+_EVERY_WITH_KNEE = 5
+"""One in so many of the curves without a knee is averaged with each of these: all of them would outweigh the
+others."""
+
 
 @dataclass(frozen=True)
 class ResponseModel:
@@ -91,22 +119,22 @@ def family_of_inverses(levels: int) -> FloatArray:
 def _family() -> list[FloatArray]:
     """Return curves from 0 to 1 over equidistant irradiances, shape (1024,) each."""
     x = np.linspace(0, 1, SAMPLES)
-    curves = [x ** (1 / g) for g in np.geomspace(0.6, 4.5, 14)]
-    for g in np.geomspace(1.2, 3.5, 6):
-        for toe in (0.002, 0.01, 0.03):
+    curves = [x ** (1 / g) for g in np.geomspace(*_GAMMAS)]
+    for g in np.geomspace(*_TOE_GAMMAS):
+        for toe in _TOES:
             # a straight line up to the toe, and a power that continues it with the same value and slope
             offset = toe * (g - 1)
             power = (np.maximum(x, toe) + offset) ** (1 / g)
             at_toe = (toe + offset) ** (1 / g)
             curves.append(_unit(np.where(x < toe, at_toe * x / toe, power)))
-    curves += [np.log1p(a * x) / np.log1p(a) for a in np.geomspace(1.5, 400, 12)]
-    for p in (1.0, 1.2, 1.5, 1.9):
-        curves += [(1 + c) * x**p / (x**p + c) for c in np.geomspace(0.05, 2, 5)]
+    curves += [np.log1p(a * x) / np.log1p(a) for a in np.geomspace(*_LOGARITHMS)]
+    for p in _SIGMOID_POWERS:
+        curves += [(1 + c) * x**p / (x**p + c) for c in np.geomspace(*_SIGMOID_MIDDLES)]
     bases = list(curves)
-    for knee_x, knee_y in ((0.05, 0.3), (0.1, 0.45), (0.3, 0.6), (0.5, 0.8), (0.6, 0.75)):
+    for knee_x, knee_y in _KNEES:
         knee = np.interp(x, [0, knee_x, 1], [0, knee_y, 1])
         curves.append(knee)
-        curves += [_unit(0.5 * knee + 0.5 * base) for base in bases[::5]]
+        curves += [_unit(0.5 * knee + 0.5 * base) for base in bases[::_EVERY_WITH_KNEE]]
     return curves
 
 

@@ -19,33 +19,54 @@ from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
 
 _PATTERN = np.array([(0, 0), (3, 0), (-3, 0), (0, 3), (0, -3)], dtype=np.float32)
-"""Offsets in pixels of the scene points that are observed around each feature."""
+"""Offsets in pixels of the scene points that are observed around each feature: other grey levels than its own, still
+within the window that is tracked."""
 
 _RIGHT, _DOWN = np.array([1, 0], dtype=np.float32), np.array([0, 1], dtype=np.float32)
+"""Steps of one pixel, (x, y), by which gradients are taken."""
 
 _ROUNDS, _GAIN_CHANGE = 2, 0.02
-"""Most turns of tracking and gain, and the change of ln gain at which they end."""
+"""Most turns of tracking and gain, and the change of ln gain at which they end: a gain wrong by less is within the
+range that the tracking tolerates."""
 
 _FEATURES = 250
 """Features tracked at a time; the published program follows more, and takes longer."""
 
 _WINDOW_PX, _LEVELS = 21, 4
-"""Side of the windows that are compared, and levels of the image pyramid above the image itself."""
+"""Side in pixels of the windows that are compared, and levels of the pyramid above the image: motion of some hundred
+pixels is followed."""
 
 _BACK_PX = 0.7
-"""Largest forward-backward error of a track in pixels."""
+"""Largest forward-backward error of a track in pixels: tracks that do not return are on another feature."""
 
 _MARGIN_PX = 6
-"""Distance from the border that the observed points need."""
+"""Least distance of a feature from the border in pixels: the points around it and their gradients lie inside."""
 
 _REFILL = 0.7
-"""Share of the features below which new ones are detected."""
+"""Share of the features below which new ones are detected: detection takes time, and long tracks are the most
+informative."""
 
 _QUALITY, _SPACING_PX = 0.005, 14
-"""Detection: least corner strength over that of the strongest, and least distance of corners."""
+"""Detection: least corner strength over that of the strongest, low so that weak texture counts, and least distance of
+corners in pixels, so that they cover the image."""
 
 _OCCUPIED_PX = 12
-"""Radius around a feature within which no new one is detected."""
+"""Radius in pixels around a feature within which no new one is detected: it would be the same."""
+
+_SMOOTHING_PX = 0.8
+"""Standard deviation of the smoothing of sampled grey levels: less noise, and hardly any blur."""
+
+_DARKEST, _BRIGHTEST = 1.5, 254.0
+"""Grey levels, of 255, between which a sample is exposed; the brightest of its neighbours counts at the upper end."""
+
+_GAIN_SIDE_PX = 7
+"""Side of the squares around features whose mean brightness gives the gain: their noise and motion blur cancel."""
+
+_GAIN_DARKEST, _GAIN_BRIGHTEST = 3, 245
+"""Grey levels, of 255, between which these means are used: beyond, part of their pixels is clipped."""
+
+_MEDIAN_STEP = 4
+"""One in so many rows and columns is enough for the median of an image."""
 
 _GRADIENT_SCALE = 12.0
 """Gradient, in grey levels per pixel, at which a sample has half its weight: there, displacement errors dominate."""
@@ -100,7 +121,7 @@ class TrackObservations:
 
 
 class GainRobustTracker:
-    """Tracks features from frame to frame, and keeps observations of one in so many frames."""
+    """Tracks features from frame to frame, and keeps observations of every ``every``-th frame."""
 
     def __init__(self, every: int = 2) -> None:
         self._every = every
@@ -183,12 +204,13 @@ class GainRobustTracker:
     def _keep(self, index: int, image: Image) -> None:
         places = (self._points[:, None] + _PATTERN).reshape(-1, 2)
         point = (self._track[:, None] * len(_PATTERN) + np.arange(len(_PATTERN))).ravel()
-        smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32)
+        smooth = cv2.GaussianBlur(image, (0, 0), _SMOOTHING_PX).astype(np.float32)
         grey = sampled(smooth, places)
         across = sampled(smooth, places + _RIGHT) - sampled(smooth, places - _RIGHT)
         down = sampled(smooth, places + _DOWN) - sampled(smooth, places - _DOWN)
         steep = (across**2 + down**2) / 4
-        exposed = (sampled(cv2.dilate(image, None).astype(np.float32), places) < 254) & (grey > 1.5)
+        brightest = sampled(cv2.dilate(image, None).astype(np.float32), places)
+        exposed = (brightest < _BRIGHTEST) & (grey > _DARKEST)
         radius = np.linalg.norm(normalised(places.astype(np.float64), self._size), axis=-1)
         weight = _GRADIENT_SCALE**2 / (_GRADIENT_SCALE**2 + steep)
         self._rows.append(
@@ -207,7 +229,7 @@ def sampled(image: Float32Array, places: npt.ArrayLike) -> FloatArray:
 
 def log_brightness(image: Image) -> float:
     """Return ln of the median grey level."""
-    return float(np.log(max(float(np.median(image[::4, ::4])), 1.0)))
+    return float(np.log(max(float(np.median(image[::_MEDIAN_STEP, ::_MEDIAN_STEP])), 1.0)))
 
 
 def equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Image]:
@@ -220,7 +242,8 @@ def equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Imag
 def _gain(before: Image, after: Image, places: Float32Array, moved: Float32Array) -> float:
     """Return the median over features of ln of their brightness after over before."""
     first, second = (
-        sampled(cv2.blur(image, (7, 7)).astype(np.float32), p) for image, p in ((before, places), (after, moved))
+        sampled(cv2.blur(image, (_GAIN_SIDE_PX, _GAIN_SIDE_PX)).astype(np.float32), p)
+        for image, p in ((before, places), (after, moved))
     )
-    exposed = (first > 3) & (second > 3) & (first < 245) & (second < 245)
+    exposed = (np.minimum(first, second) > _GAIN_DARKEST) & (np.maximum(first, second) < _GAIN_BRIGHTEST)
     return float(np.median(np.log(second[exposed] / first[exposed]))) if exposed.any() else 0.0

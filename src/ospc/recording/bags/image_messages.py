@@ -57,6 +57,7 @@ _ENCODINGS = {
     "nv21": _Layout(1, 8),
     "nv24": _Layout(1, 8),
 } | {f"bayer_{pattern}{bits}": _Layout(1, bits) for pattern in Mosaic.PATTERNS for bits in (8, 16)}
+"""Layout of every encoding of ROS that is read."""
 
 
 def read_stamp_ns(data: bytes, kind: str, encoding: Encoding) -> int:

@@ -1,0 +1,142 @@
+"""The changes of brightness of a recording as arrays, which lags are fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+
+from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.exposures.brightness import BrightnessChange
+
+ORDER = 2
+"""Order of the autoregressive noise: neighbouring pairs share a frame, and errors of registration swing back."""
+
+_MIN_PAIR_WEIGHT = 100.0
+"""Fewest places that a pair of frames is used with: fewer are often wrong together, on one object that moves."""
+
+_UNLIKE = 0.02
+_UNLIKE_SHARE = 3.0
+"""Difference from the middle bin, in ln of the grey level, up to which a bin is used: a constant for errors of
+registration, and a multiple of the middle change, since the slope of a response differs by as much between bins."""
+
+
+@dataclass(frozen=True)
+class BrightnessChanges:
+    """Changes of brightness between consecutive frames.
+
+    Attributes
+    ----------
+    frame
+        Index of the first frame of each pair, shape (n,).
+    log_ratio, weight, moved
+        As of :class:`~ospc.exposures.brightness.BrightnessChange`, shapes (n, bins), (n, bins) and (n, bins, terms).
+    step
+        How many frames later the second frame of each pair is.
+    scatter
+        Standard deviation of the errors of single exposures, as changes of brightness, over the scale of the noise.
+    """
+
+    frame: IntArray
+    log_ratio: FloatArray
+    weight: FloatArray
+    moved: FloatArray
+    step: int = 1
+    scatter: float = 0.0
+
+    @classmethod
+    def of(cls, changes: Sequence[BrightnessChange]) -> BrightnessChanges:
+        """Collect the changes that rest on enough places."""
+        nearest = [c for c in changes if c.frame1 == c.frame0 + 1]
+        if not nearest:
+            return cls(np.empty(0, np.int64), np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)))
+        all_of_them = cls(
+            np.array([c.frame0 for c in nearest], np.int64),
+            np.stack([c.log_ratio for c in nearest]),
+            np.stack([_coherent(c) for c in nearest]),
+            np.stack([c.moved for c in nearest]),
+        )
+        return all_of_them.where(all_of_them.weight.sum(axis=1) >= _MIN_PAIR_WEIGHT)
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+        return len(self.frame)
+
+    def where(self, mask: BoolArray) -> BrightnessChanges:
+        """Return the pairs where a mask, shape (n,), is true."""
+        return replace(
+            self,
+            frame=self.frame[mask],
+            log_ratio=self.log_ratio[mask],
+            weight=self.weight[mask],
+            moved=self.moved[mask],
+        )
+
+    def whitened(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return values without the correlation that errors of single exposures have, and each pair's scale.
+
+        Parameters
+        ----------
+        values
+            Shape (n, columns).
+
+        Returns
+        -------
+        tuple of FloatArray
+            C^(−1/2) values within each run of consecutive pairs, C = 1 + scatter² · tridiag(−1, 2, −1), and the
+            diagonal of the Cholesky factor of C, shape (n,).
+        """
+        if self.scatter <= 0:
+            return values, np.ones(len(values))
+        # The factor of a tridiagonal matrix is bidiagonal; zeros beside the diagonal separate the runs.
+        joined = np.diff(self.frame, append=self.frame[-1:] + 2) == 1
+        bands = np.stack([np.full(len(values), 1 + 2 * self.scatter**2), -(self.scatter**2) * joined])
+        factor = scipy.linalg.cholesky_banded(bands, lower=True)
+        return np.asarray(scipy.linalg.solve_banded((1, 0), factor, values)), np.asarray(factor[0])
+
+    def summed(self, step: int) -> BrightnessChanges:
+        """Return changes over several frames, as the sum of those from each to the next."""
+        start = np.arange(max(len(self) - step + 1, 0))
+        start = start[self.frame[start + step - 1] - self.frame[start] == step - 1]
+        parts = start[:, None] + np.arange(step)
+        weight = self.weight[parts].min(axis=1)
+        # A bin counts only if all the frames show it.
+        seen = weight > 0
+        log_ratio = np.where(seen, self.log_ratio[parts].sum(axis=1), 0.0)
+        moved = np.where(seen[..., None], self.moved[parts].sum(axis=1), 0.0)
+        summed = BrightnessChanges(self.frame[start], log_ratio, weight, moved, step)
+        return summed.where(weight.sum(axis=1) >= _MIN_PAIR_WEIGHT)
+
+    def log_change(self, log_exposure: FloatArray, lag: int = 0) -> FloatArray:
+        """Return the change of ln exposure of each pair if metadata are late by a lag, shape (n,)."""
+        return np.asarray(log_exposure[self.frame + self.step + lag] - log_exposure[self.frame + lag])
+
+    @property
+    def share(self) -> FloatArray:
+        """Weights that sum to one in each pair, shape (n, bins)."""
+        return np.asarray(self.weight / self.weight.sum(axis=1, keepdims=True))
+
+    @property
+    def driven(self) -> IntArray:
+        """Positions of the pairs that come right after :data:`ORDER` others, shape (m,)."""
+        consecutive = np.diff(self.frame, prepend=self.frame[:1] - 2) == 1
+        known = consecutive.copy()
+        for step in range(1, ORDER):
+            known[step:] &= consecutive[:-step]
+            known[:step] = False
+        return np.flatnonzero(known)
+
+
+def _coherent(change: BrightnessChange) -> FloatArray:
+    """Return the weights of the grey bins, zero for those that change quite unlike the others, shape (bins,).
+
+    No response makes one grey level change by a tenth while the others stay. Shaded walls without texture, whose
+    motion registration cannot see, and moving objects do.
+    """
+    order = np.argsort(change.log_ratio)
+    total = np.cumsum(change.weight[order])
+    middle = float(change.log_ratio[order[np.searchsorted(total, total[-1] / 2)]]) if total[-1] > 0 else 0.0
+    apart = np.abs(change.log_ratio - middle)
+    return np.where(apart <= _UNLIKE + _UNLIKE_SHARE * abs(middle), change.weight, 0.0)
