@@ -175,17 +175,20 @@ class ExplainedChange:
         return float(np.sqrt(self.parameters @ np.linalg.solve(self.covariance, self.parameters)))
 
     @property
-    def effect(self) -> float:
-        """Largest change of ln V, or of ln g relative to its median over the grey levels, signed."""
+    def curve(self) -> FloatArray:
+        """The change of ln V over the radii seen, or that of ln g over the grey levels seen, less its median."""
         found = self.parameters
         if self.part == "vignette":
             squared = (self.reach * _STEPS) ** 2
-            values = found[0] * squared + found[1] * squared**2
-        else:
-            grey = np.interp(_STEPS, (0, 1), self.greys)
-            values = found[0] * np.log(grey) + np.interp(grey, GREY_KNOTS, found[1:])
-            values = values - np.median(values)
-        return float(values[np.argmax(np.abs(values))])
+            return np.asarray(found[0] * squared + found[1] * squared**2)
+        grey = np.interp(_STEPS, (0, 1), self.greys)
+        values = found[0] * np.log(grey) + np.interp(grey, GREY_KNOTS, found[1:])
+        return np.asarray(values - np.median(values))
+
+    @property
+    def effect(self) -> float:
+        """Largest value of the curve, signed."""
+        return float(self.curve[np.argmax(np.abs(self.curve))])
 
 
 def _second_less_first(values: FloatArray) -> FloatArray:
