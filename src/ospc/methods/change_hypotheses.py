@@ -22,8 +22,8 @@ MIN_EFFECT_LOG = 0.04
 """Smallest change, in ln of irradiance, that counts: a refocused lens changes the corners by more, drift by less."""
 
 MIN_EXPLAINED_LOG = 0.0035
-"""Root mean square error within pairs, in ln, that a change must explain. Corners that lose a fifth explain 0.0065 and
-more in simulated film; light and wrong registration, where half the pairs agreed by chance, explained 0.002."""
+"""Root mean square error within pairs, in ln, that a change must explain. Corners that lose a fifth explained 0.0065
+and more in simulated film; what light and registration did there, and what looked like a change, was 0.002."""
 
 MIN_CORRELATION = 0.7
 """Correlation of the curves that both halves show; those of real changes had 0.87 and more."""
