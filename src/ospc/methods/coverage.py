@@ -9,11 +9,16 @@ from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import QUANTILES, Coverage
 from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 
 _GREYS, _RADII, _MOST_EXPOSURES = 32, 20, 16
+"""Classes of grey level, of radius, and at most of ln exposure, in the tables: some pixels of a chart each."""
+
 _COLUMNS = 16
+"""Columns of cells into which the image is divided; cells are squares."""
+
 _FEWEST = 10
-_BLACK, _WHITE = 1.5 / 255, 253.5 / 255
+"""Residuals of a class below which their quantiles say nothing."""
 
 
 def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageSize) -> Coverage:
@@ -72,7 +77,7 @@ def _residuals(observations: ExposedObservations, fit: Fit) -> FloatArray:
         - fit.vignette_basis.log_value(fit.vignette_parameters, observations.position)
         - observations.log_exposure
     )
-    exposed = (observations.grey > _BLACK) & (observations.grey < _WHITE)
+    exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
     count = np.add.reduceat(exposed.astype(np.float64), observations.starts)
     total = np.add.reduceat(np.where(exposed, log_radiance, 0.0), observations.starts)
     mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)

@@ -8,13 +8,23 @@ from ospc.estimation.fit import Fit
 from ospc.photometry.calibration import ExposureRatios, Verdict
 from ospc.settings import DefaultSettings
 
-_SURE = 0.03
-_VAGUE = 0.2
+_SURE, _VAGUE = 0.03, 0.2
+"""Standard deviations of ln g(0.75)/g(0.25), or of ln V at the corner, up to which a curve is identifiable and
+beyond which it is not: errors of 3 % disappear in direct odometry, those of a fifth are as large as what is corrected."""
+
 _SYSTEMATIC = 0.002
-_EXPLAINED = 0.15
-_CONTRADICTED = 0.5
+"""Error of ln V common to all pairs, for a radial reach of one half diagonal; it adds up in steps of the reach."""
+
+_EXPLAINED, _CONTRADICTED = 0.15, 0.5
+"""Shares of a typical change of exposure that may be missing in the images: beyond the first the exposures are
+doubted, beyond the second the response rests on nothing. Noise alone leaves less than a tenth."""
 
 _WIDE_RANGE = 8.0
+"""Longest over shortest exposure from which on a wider range is no longer the first thing to ask for."""
+
+_NOTABLE_LOG_K = 0.05
+"""Change of ln exposure of a pair from which on its misfit is compared with it; below, noise is as large."""
+
 _SEE_MORE = (
     "record more frames, of a scene with even surfaces of all brightnesses: the exposure changes enough, "
     "but too little of the scene is well exposed in two frames"
@@ -24,7 +34,7 @@ _CHANGE_EXPOSURE = (
     "four or more"
 )
 _MOVE_RADIALLY = (
-    "pan and roll the camera so that the same objects cross the image between centre and corners, by a fifth of the "
+    "pan and tilt the camera so that the same objects cross the image between centre and corners, by a fifth of the "
     "half diagonal or more"
 )
 
@@ -79,11 +89,9 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
     if unexplained > _CONTRADICTED:
         return Verdict("not identifiable", contradiction, check_exposures)
     remedy = _CHANGE_EXPOSURE if high < _WIDE_RANGE * low else _SEE_MORE
-    if sigma > _VAGUE:
-        return Verdict("not identifiable", figure, remedy)
-    if unexplained > _EXPLAINED:
+    if sigma <= _VAGUE and unexplained > _EXPLAINED:
         return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
-    return Verdict("marginal", figure, remedy) if sigma > _SURE else Verdict("identifiable", figure)
+    return _graded(sigma, figure, remedy)
 
 
 def vignette_verdict(
@@ -119,18 +127,20 @@ def vignette_verdict(
     sigma = float(np.hypot(fit.log_vignette_sigma(np.array([usable_radius]))[0], _SYSTEMATIC / reach))
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
     figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
-    if sigma > _VAGUE:
-        return Verdict("not identifiable", figure, _MOVE_RADIALLY)
-    if sigma > _SURE:
-        return Verdict("marginal", figure, _MOVE_RADIALLY)
-    return Verdict("identifiable", figure)
+    return _graded(sigma, figure, _MOVE_RADIALLY)
+
+
+def _graded(sigma: float, figure: str, remedy: str) -> Verdict:
+    if sigma <= _SURE:
+        return Verdict("identifiable", figure)
+    return Verdict("not identifiable" if sigma > _VAGUE else "marginal", figure, remedy)
 
 
 def unexplained_share(ratios: ExposureRatios) -> float:
     """Return the median misfit of ln k over its median size, where the exposure changes."""
     # Every scene point counts, not every pair: one whose registration failed has hardly any left, and wrong ones.
     log_k, residual = (np.repeat(values, ratios.samples) for values in (np.log(ratios.metadata), ratios.log_residual))
-    changing = np.abs(log_k) > 0.05
+    changing = np.abs(log_k) > _NOTABLE_LOG_K
     if not changing.any():
         return 0.0
     return float(np.median(np.abs(residual[changing])) / np.median(np.abs(log_k[changing])))

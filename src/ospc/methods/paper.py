@@ -667,7 +667,7 @@ def vignette_verdict(settings: PaperSettings, estimates: Estimates, reach: float
         if reach < needed
         else _why_none(estimates, "large radial displacement")
     )
-    remedy = "pan and roll the camera so that the same objects cross the image between centre and corners"
+    remedy = "pan and tilt the camera so that the same objects cross the image between centre and corners"
     return Verdict("not identifiable", reason, remedy)
 
 

@@ -11,9 +11,8 @@ from ospc.methods.identifiability import response_verdict, vignette_verdict
 from ospc.methods.inputs import FitInputs
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
+from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.settings import DefaultSettings
-
-_BLACK, _WHITE = 1.5 / 255, 253.5 / 255
 
 
 def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
@@ -56,7 +55,7 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     log_g = np.interp(
         observations.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters)
     ) - fit.vignette_basis.log_value(fit.vignette_parameters, observations.position)
-    exposed = (observations.grey > _BLACK) & (observations.grey < _WHITE)
+    exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
     # Each observation against the one before of the same point: a pair, or neighbours in a static series.
     later = np.flatnonzero((np.diff(observations.point) == 0) & exposed[1:] & exposed[:-1]) + 1
     if not len(later):
