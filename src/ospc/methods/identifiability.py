@@ -9,8 +9,8 @@ from ospc.photometry.calibration import ExposureRatios, Verdict
 from ospc.settings import DefaultSettings
 
 _SURE, _VAGUE = 0.03, 0.2
-"""Standard deviations of ln g(0.75)/g(0.25), or of ln V at the corner, up to which a curve is identifiable and
-beyond which it is not: errors of 3 % disappear in direct odometry, those of a fifth are as large as what is corrected."""
+"""Standard deviations of ln g(0.75)/g(0.25), or of ln V at the corner, up to which a curve is identifiable and beyond
+which it is not. Errors of 3 % disappear in direct odometry; those of a fifth are as large as what is corrected."""
 
 _SYSTEMATIC = 0.002
 """Error of ln V common to all pairs, for a radial reach of one half diagonal; it adds up in steps of the reach."""
