@@ -21,7 +21,7 @@ from ospc.simulation.responses import make_response
 from synthetic_observations import POLYNOMIAL, SIZE, Camera
 
 USUAL_ERROR = 0.001
-FRAMES = 64
+FRAMES = 72
 CAMERA = Camera(make_response("srgb"), POLYNOMIAL)
 DARKER_CORNERS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.8, 0.05, -0.2)))
 ANOTHER_RESPONSE = replace(CAMERA, response=make_response("filmic"))

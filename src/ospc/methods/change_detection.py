@@ -40,9 +40,8 @@ SURPRISE = 4.0
 USUAL_FLOOR_LOG = 0.001
 """Least usual error, in ln: registration leaves as much."""
 
-SHORTEST_WATCH_FRAMES, LONGEST_WATCH_FRAMES = 64, 192
-"""Frames for which a suspicion is followed: light that changes is often over before the first, which at 20 frames/s
-is after three seconds."""
+LONGEST_WATCH_FRAMES = 192
+"""Frames for which a suspicion is followed at most: ten seconds at 20 frames/s."""
 
 JUDGED_FRAMES = 112
 """Latest frames of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
@@ -135,7 +134,7 @@ class ChangeDetector:
             return None
         first = max(self.since, pair.frame1 - JUDGED_FRAMES)
         self.pairs = [old for old in (*self.pairs, pair) if old.frame0 >= first]
-        change = self._proven(exposures) if pair.frame1 >= self.since + SHORTEST_WATCH_FRAMES else None
+        change = self._proven(exposures)
         if change is None:
             self._end_suspicion(pair.frame1)
         return change

@@ -15,6 +15,9 @@ Halves = tuple[list[PairErrors], list[PairErrors]]
 Finding = tuple[str, str]
 """What changed, and how, as a part of a sentence."""
 
+MIN_SPAN_FRAMES = 60
+"""Frames that the pairs must span, three seconds at 20 frames/s: light that changes is often steady again by then."""
+
 FEWEST_PAIRS = 12
 """Pairs of each half of those watched by which a change is judged: what happens once is no change."""
 
@@ -74,7 +77,7 @@ def explain(pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_e
     usual_error
         Usual absolute error of a whole pair, in ln.
     """
-    if len(pairs) < 2 * FEWEST_PAIRS:
+    if len(pairs) < 2 * FEWEST_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < MIN_SPAN_FRAMES:
         return None
     halves = (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
     return (
