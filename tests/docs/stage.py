@@ -23,7 +23,7 @@ from ospc.simulation import SimulationSettings, simulate
 
 _SMALL = SimulationSettings(
     size=(256, 192),
-    frames=40,
+    frames=28,
     exposure="sweep",
     exposure_min_ms=2.0,
     exposure_max_ms=24.0,
@@ -99,12 +99,12 @@ def _calibrated(recording: str) -> Callable[[Stage, Path], None]:
     return make
 
 
-def _frames(stage: Stage, count: int) -> list[tuple[Image, float]]:
-    return [(frame.image, frame.exposure_ms) for frame in open_recording(stage.recording())][:count]
+def _frames(stage: Stage) -> list[tuple[Image, float]]:
+    return [(frame.image, frame.exposure_ms) for frame in open_recording(stage.recording())]
 
 
 def _video(stage: Stage, to: Path) -> None:
-    frames = _frames(stage, 40)
+    frames = _frames(stage)
     height, width = frames[0][0].shape
     code = cv2.VideoWriter.fourcc(*"MJPG")
     writer = cv2.VideoWriter(str(to), cv2.CAP_FFMPEG, code, 20.0, (width, height))
@@ -124,7 +124,7 @@ def _bag(stage: Stage, to: Path) -> None:
     with Writer(to, version=9) as writer:
         images = writer.add_connection("/camera/infra1/image_rect_raw", _MESSAGES[2], typestore=store)
         texts = writer.add_connection("/camera/infra1/metadata", kind, typestore=store)
-        for i, (grey, ms) in enumerate(_frames(stage, 40)):
+        for i, (grey, ms) in enumerate(_frames(stage)):
             ns = 1_700_000_000_000_000_000 + i * 50_000_000
             head = header(stamp(ns // 10**9, ns % 10**9), "camera")
             height, width = grey.shape
@@ -137,7 +137,7 @@ def _bag(stage: Stage, to: Path) -> None:
 def _listed_images(stage: Stage, to: Path) -> None:
     to.mkdir()
     rows = ["file,timestamp_s,exposure_us,gain_db"]
-    for i, (image, ms) in enumerate(_frames(stage, 40)):
+    for i, (image, ms) in enumerate(_frames(stage)):
         cv2.imwrite(str(to / f"{i:04d}.png"), image)
         rows.append(f"{i:04d}.png,{i / 20:.3f},{ms * 1000:.1f},0")
     (to / "exposures.csv").write_text("\n".join(rows) + "\n")
@@ -145,7 +145,7 @@ def _listed_images(stage: Stage, to: Path) -> None:
 
 def _photographs(stage: Stage, to: Path) -> None:
     to.mkdir()
-    for i, (image, ms) in enumerate(_frames(stage, 40)[::3]):
+    for i, (image, ms) in enumerate(_frames(stage)[::2]):
         jpeg = cv2.imencode(".jpg", image)[1].tobytes()
         (to / f"DSC_{i:04d}.JPG").write_bytes(jpeg[:2] + _exif(ms, second=i) + jpeg[2:])
 
@@ -201,9 +201,9 @@ MAKERS: dict[str, Callable[[Stage, Path], None]] = {
     "second_recording": _simulated(seed=2),
     "other_camera": _calibrated("second_recording"),
     "late_recording": _simulated(exposure="auto", lag=1, seed=3),
-    "tripod_series": _simulated(frames=30, motion="static"),
+    "tripod_series": _simulated(motion="static"),
     "brackets": _brackets,
-    "constant_exposure": _simulated(frames=30, exposure="constant", exposures_ms=(8.0,)),
+    "constant_exposure": _simulated(exposure="constant", exposures_ms=(8.0,)),
     "webcam.avi": _video,
     "robot_bag": _bag,
     "listed_images": _listed_images,

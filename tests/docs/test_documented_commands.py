@@ -54,10 +54,12 @@ def test_what_a_page_tells_to_type_works(
     page: Path, stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     to_run = [block for block in blocks(page) if not block.not_run]
-    stage.set_for("\n".join(block.text for block in to_run), tmp_path)
     monkeypatch.chdir(tmp_path)
-    # Pictures take most of the time, and have tests of their own.
+    # Pictures and reports take most of the time, and have tests of their own.
     monkeypatch.setattr(OutputFolder, "draw", lambda *_, **__: Written(()))
+    if not any(words[0] == "report" for block in to_run for words in block.commands):
+        monkeypatch.setattr(OutputFolder, "report", lambda *_, **__: Written(()))
+    stage.set_for("\n".join(block.text for block in to_run), tmp_path)
     names: dict[str, object] = {"__name__": "page"}
     for block in to_run:
         try:
