@@ -83,6 +83,7 @@ def method(monkeypatch):
         pass
 
     monkeypatch.setattr(DefaultSettings, "build", lambda *_arguments: OfThisTest())
+    monkeypatch.setattr(DefaultSettings, "keeps_state", False)
     monkeypatch.setattr("ospc.output.PICTURES", ())
     return OfThisTest
 

@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from ospc.exposures.evidence import ExposureEvidence
+from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures
 from ospc.recording import ArrayRecording
+from ospc.settings import DefaultSettings
 
 SIZE = (160, 120)
 _WALL_PX = 700
@@ -90,6 +93,15 @@ class Film:
         wide = np.stack([60 * np.sin(angle) + 25 * np.sin(2.3 * angle), 50 * np.cos(0.8 * angle)], axis=1)
         shake = np.stack([np.sin(0.9 * time), np.cos(0.7 * time)], axis=1) * min(1.0, self.speed_px)
         return _WALL_PX / 2 + wide * (self.speed_px > 0) + shake
+
+
+def found(film: Film, choice: LagChoice = "auto") -> ExposureFindings:
+    """Return what a run finds out about the exposures, without the rest of the run."""
+    recording, evidence = film.recording(), ExposureEvidence(SIZE)
+    preprocess = DefaultSettings().preprocessor()
+    for frame in recording:
+        evidence.observe(preprocess.thumbnail(frame))
+    return assess_exposures(evidence, np.log(recording.exposures_ms), choice)
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:

@@ -12,10 +12,11 @@ from filmed import SIZE, Film, jumping, wandering
 from ospc.calibrator import calibrate
 from ospc.diagnosis import RecordingReport, check_recording
 from ospc.errors import RecordingError
+from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.recording import ArrayRecording
 from ospc.recording.masking import masked
 
-FRAMES = 90
+FRAMES = 60
 
 
 def check(**film) -> RecordingReport:
@@ -30,7 +31,13 @@ def good() -> RecordingReport:
 
 @pytest.fixture(scope="module")
 def still() -> RecordingReport:
-    return check(speed_px=0.0)
+    return check(speed_px=0.0, log_exposure=wandering(40))
+
+
+@pytest.fixture
+def no_pairs(monkeypatch) -> None:
+    """Leave out the pairs of frames that response and vignette rest on, which is most of the work."""
+    monkeypatch.setattr(MaximumLikelihoodMethod, "push", lambda *_: None)
 
 
 def states(report: RecordingReport) -> dict[str, str]:
@@ -59,9 +66,9 @@ def test_a_slope_of_the_response_is_found_without_knowing_it(good: RecordingRepo
     assert np.median(good.exposures.lag.fit.slopes) == pytest.approx(1 / 2.2, rel=0.1)
 
 
-@pytest.mark.parametrize("lag", [-3, -2, -1, 1, 2, 3])
+@pytest.mark.parametrize("lag", [-2, 3])
 def test_a_lag_is_found_and_said(lag: int) -> None:
-    report = check(lag=lag, seed=lag + 3, log_exposure=wandering(60))
+    report = check(lag=lag, seed=lag + 3)
     assert (report.exposure_lag_frames, report.exposures.corrected_frames) == (lag, lag)
     assert said(report, f"{abs(lag)} frame", "late" if lag > 0 else "early")
     assert report.exposures.warnings == ()
@@ -84,15 +91,13 @@ def test_constant_metadata_of_a_camera_that_adapts_are_stale() -> None:
 
 
 def test_exposures_of_another_recording_are_never_given_a_lag() -> None:
-    for seed in (0,):
-        report = check(
-            log_exposure=wandering(FRAMES, seed), hidden_log_gain=wandering(FRAMES, 50) - wandering(FRAMES, seed)
-        )
-        assert report.exposure_lag_frames is None
-        assert states(report)["exposures"] != "identifiable"
-        assert states(report)["response"] != "identifiable"
+    report = check(hidden_log_gain=wandering(FRAMES, 50) - wandering(FRAMES))
+    assert report.exposure_lag_frames is None
+    assert states(report)["exposures"] != "identifiable"
+    assert states(report)["response"] != "identifiable"
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_jumps_of_a_hidden_gain_are_told() -> None:
     gain = np.where(np.arange(FRAMES) < 40, 0.0, np.log(1.5))
     report = check(hidden_log_gain=gain)
@@ -107,6 +112,7 @@ def test_a_camera_that_stands_still_shows_no_vignette(still: RecordingReport) ->
     assert states(still)["response"] == "identifiable"
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_flicker_is_found_with_its_frequency() -> None:
     cycles = 0.23
     flicker = 0.05 * np.sin(2 * np.pi * cycles * np.arange(FRAMES))
@@ -118,11 +124,13 @@ def test_flicker_is_found_with_its_frequency() -> None:
     assert said(report, "flickers")
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_local_tone_mapping_is_suspected() -> None:
     report = check(local_tone=3.0, log_exposure=wandering(FRAMES, step=0.1))
     assert said(report, "local tone mapping")
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_saturation_and_darkness_are_told() -> None:
     bright = check(log_exposure=wandering(FRAMES) + 1.4)
     assert said(bright, "saturated")
@@ -136,6 +144,7 @@ def test_grey_levels_that_hardly_vary_leave_the_response_unknown() -> None:
     assert states(report)["response"] != "identifiable"
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_a_disc_and_a_border_are_told_apart() -> None:
     y, x = np.mgrid[: SIZE[1], : SIZE[0]]
     disc = np.hypot(x - SIZE[0] / 2, y - SIZE[1] / 2) > SIZE[1] * 0.48
@@ -147,6 +156,7 @@ def test_a_disc_and_a_border_are_told_apart() -> None:
     assert report.pixels.surround_share == pytest.approx(9 / SIZE[1], abs=0.02)
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_what_is_masked_is_not_looked_at() -> None:
     recording = Film(wandering(50)).recording()
     lamp = np.broadcast_to(np.arange(SIZE[0]) > SIZE[0] * 0.7, SIZE[::-1])
@@ -158,6 +168,7 @@ def test_what_is_masked_is_not_looked_at() -> None:
     assert report.exposure_lag_frames == 0
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_repeated_and_missing_frames_are_counted() -> None:
     recording = Film(wandering(60)).recording()
     images = [frame.image for frame in recording]
@@ -170,6 +181,7 @@ def test_repeated_and_missing_frames_are_counted() -> None:
     assert said(report, "2 frames missing in 1 gap", "20 frames a second")
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_padded_bits_are_told() -> None:
     recording = Film(wandering(40), max_grey=1023).recording()
     padded = ArrayRecording([frame.image << 2 for frame in recording], recording.exposures_ms, max_grey=4095)
@@ -187,6 +199,7 @@ def test_few_frames_cannot_be_checked_and_do_not_speak_against_the_response() ->
     assert states(report)["response"] == "identifiable"
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_frames_that_cannot_be_read_are_passed_over() -> None:
     recording = Film(wandering(50)).recording()
     broken = _WithHoles(recording, frozenset({3, 17}))
@@ -219,6 +232,7 @@ class _WithHoles:
             yield replace(frame, load=fail) if frame.index in self._damaged else frame
 
 
+@pytest.mark.usefixtures("no_pairs")
 def test_only_as_many_frames_are_taken_as_allowed() -> None:
     recording = Film(wandering(200)).recording()
     seen: list[tuple[int, int]] = []
@@ -228,9 +242,9 @@ def test_only_as_many_frames_are_taken_as_allowed() -> None:
     assert report.exposure_lag_frames == 0
 
 
-@pytest.mark.parametrize("film", [{}, {"lag": 2}, {"speed_px": 0.0}, {"hidden_log_gain": wandering(FRAMES, 9)}])
+@pytest.mark.parametrize("film", [{"lag": 2}, {"hidden_log_gain": wandering(45, 9)}])
 def test_it_never_says_anything_else_than_a_calibration(film: dict) -> None:
-    recording = Film(**{"log_exposure": wandering(FRAMES), **film}).recording()
+    recording = Film(wandering(45), **film).recording()
     report, calibration = check_recording(recording), calibrate(recording)
     assert report.verdicts == calibration.verdicts
     assert report.exposures.warnings == calibration.warnings

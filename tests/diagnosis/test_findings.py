@@ -3,41 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from filmed import Film, wandering
+from filmed import Film, found, wandering
 
 from ospc.calibrator import OnlineCalibrator, calibrate
-from ospc.recording import ArrayRecording, Frame
+from ospc.recording import Frame
 
 FRAMES = 70
-
-
-@pytest.fixture(scope="module")
-def late() -> ArrayRecording:
-    return Film(wandering(FRAMES), lag=2).recording()
-
-
-def found(recording, correct_lag="auto"):
-    calibrator = OnlineCalibrator(correct_lag=correct_lag)
-    for frame in recording:
-        calibrator.push(frame)
-    return calibrator.exposure_findings()
+LATE = Film(wandering(FRAMES), lag=2)
 
 
 def test_where_all_is_well_nothing_is_said() -> None:
-    findings = found(Film(wandering(FRAMES)).recording())
+    findings = found(Film(wandering(FRAMES)))
     assert (findings.lag_frames, findings.corrected_frames, findings.notes, findings.warnings) == (0, 0, (), ())
     assert findings.verdict.state == "identifiable"
 
 
-def test_a_lag_is_corrected_and_told(late: ArrayRecording) -> None:
-    findings = found(late)
+def test_a_lag_is_corrected_and_told() -> None:
+    findings = found(LATE)
     assert (findings.lag_frames, findings.corrected_frames, findings.warnings) == (2, 2, ())
     assert "2 frames late" in findings.notes[0]
 
 
-def test_a_lag_that_is_not_to_be_corrected_is_a_warning(late: ArrayRecording) -> None:
-    calibration = calibrate(late, correct_lag="never")
+def test_a_lag_that_is_not_to_be_corrected_is_a_warning() -> None:
+    calibration = calibrate(LATE.recording(), correct_lag="never")
     assert "2 frames late" in calibration.warnings[0]
     response = calibration.verdicts["response"]
     assert response.state == "not identifiable" or "2 frames late" in response.reason
@@ -45,8 +33,8 @@ def test_a_lag_that_is_not_to_be_corrected_is_a_warning(late: ArrayRecording) ->
     assert "exposure_lag_corrected_frames" not in calibration.source
 
 
-def test_a_number_is_obeyed_and_checked(late: ArrayRecording) -> None:
-    right, wrong = found(late, 2), found(late, -1)
+def test_a_number_is_obeyed_and_checked() -> None:
+    right, wrong = found(LATE, 2), found(LATE, -1)
     assert (right.lag_frames, right.corrected_frames, right.warnings) == (2, 2, ())
     assert (wrong.lag_frames, wrong.corrected_frames) == (2, -1)
     assert "3 frames late" in wrong.warnings[0]
@@ -54,24 +42,24 @@ def test_a_number_is_obeyed_and_checked(late: ArrayRecording) -> None:
 
 def test_a_short_cycle_is_corrected_whichever_lag_it_is() -> None:
     exposures = np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1
-    findings = found(Film(exposures, lag=1).recording())
+    findings = found(Film(exposures, lag=1))
     assert (findings.lag_frames, findings.corrected_frames) == (None, 1)
 
 
 def test_stale_exposures_are_a_warning() -> None:
-    findings = found(Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES)).recording())
+    findings = found(Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES)))
     assert "stale" in findings.warnings[0]
     assert findings.verdict.remedy
     assert findings.corrected_frames == 0
 
 
 def test_constant_exposures_that_are_true_are_none() -> None:
-    findings = found(Film(np.zeros(60)).recording())
+    findings = found(Film(np.zeros(60)))
     assert (findings.lag_frames, findings.notes, findings.warnings) == (None, (), ())
 
 
 def test_what_is_open_is_said_without_alarm() -> None:
-    findings = found(Film(np.linspace(-0.6, 0.6, 60)).recording())
+    findings = found(Film(np.linspace(-0.6, 0.6, 60)))
     assert findings.lag_frames is None
     assert findings.warnings == ()
     assert "not certain" in findings.notes[0]
@@ -79,7 +67,7 @@ def test_what_is_open_is_said_without_alarm() -> None:
 
 def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:
     """The exposures stay the same for a while, so that nothing tells the lag at first."""
-    course = np.concatenate([np.zeros(60), wandering(110, 3, step=0.12)])
+    course = np.concatenate([np.zeros(40), wandering(70, 3, step=0.12)])
     true, late = (calibrate(Film(course, lag=lag).recording()) for lag in (0, 2))
     assert late.source["exposure_lag_corrected_frames"] == 2
     levels = np.linspace(0.2, 0.8, 13)

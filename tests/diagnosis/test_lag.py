@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from filmed import Film, jumping, wandering
+from filmed import Film, found, jumping, wandering
 
-from ospc.diagnosis import RecordingReport, check_recording
 from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.lag_likelihood import fit_exposures
 
 FRAMES = 80
-
-
-def check(**film) -> RecordingReport:
-    return check_recording(Film(**film).recording())
 
 
 @pytest.mark.parametrize(
@@ -27,29 +22,29 @@ def check(**film) -> RecordingReport:
     ],
 )
 def test_it_is_found_in_spite_of_noise_motion_and_inexact_metadata(lag: int, film: dict) -> None:
-    assert check(lag=lag, **film).exposure_lag_frames == lag
+    assert found(Film(lag=lag, **film)).lag_frames == lag
 
 
 def test_a_cycle_leaves_what_differs_by_whole_cycles() -> None:
-    report = check(log_exposure=np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1, lag=1)
-    assert report.exposure_lag_frames is None
-    assert set(report.exposures.lag.candidates) == {-5, -2, 1, 4}
+    exposures = found(Film(log_exposure=np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1, lag=1))
+    assert exposures.lag_frames is None
+    assert set(exposures.lag.candidates) == {-5, -2, 1, 4}
     # Whichever of them it is, correcting by one corrects by all.
-    assert report.exposures.lag.correction(report.exposures.course.cycle_frames) == 1
-    assert report.exposures.lag.correction(None) is None
+    assert exposures.lag.correction(exposures.course.cycle_frames) == 1
+    assert exposures.lag.correction(None) is None
 
 
 def test_a_long_cycle_leaves_one_usual_lag() -> None:
     cycle = np.log([1, 3, 2, 5, 2.5, 4, 1.5, 6])
-    report = check(log_exposure=cycle[np.arange(FRAMES) % 8] - 1, lag=-2)
-    assert report.exposures.course.cycle_frames == 8
-    assert report.exposure_lag_frames == -2
+    exposures = found(Film(log_exposure=cycle[np.arange(FRAMES) % 8] - 1, lag=-2))
+    assert exposures.course.cycle_frames == 8
+    assert exposures.lag_frames == -2
 
 
 def test_a_steady_change_says_nothing() -> None:
-    report = check(log_exposure=np.linspace(-0.6, 0.6, FRAMES), lag=2)
-    assert report.exposure_lag_frames is None
-    assert report.exposures.lag.correction(report.exposures.course.cycle_frames) is None
+    exposures = found(Film(log_exposure=np.linspace(-0.6, 0.6, FRAMES), lag=2))
+    assert exposures.lag_frames is None
+    assert exposures.lag.correction(exposures.course.cycle_frames) is None
 
 
 @pytest.mark.parametrize(("gain", "lag"), [(0.2, 2), (0.5, -1)])
@@ -59,8 +54,8 @@ def test_exposures_that_chase_a_swinging_light_are_never_given_a_wrong_lag(gain:
     exposure = np.zeros(frames)
     for i in range(1, frames):
         exposure[i] = exposure[i - 1] - gain * (exposure[i - 1] + light[i - 1])
-    report = check(log_exposure=exposure, hidden_log_gain=light, lag=lag)
-    assert report.exposure_lag_frames in (None, lag)
+    exposures = found(Film(log_exposure=exposure, hidden_log_gain=light, lag=lag))
+    assert exposures.lag_frames in (None, lag)
 
 
 def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> BrightnessChanges:

@@ -49,4 +49,5 @@ def test_it_wants_a_program_or_the_one_built_in(tiny_room, tmp_path, options):
 @pytest.mark.parametrize("text", ["mine", "=x", "mine="])
 def test_a_calibration_has_a_name_and_files(tiny_room, tmp_path, text):
     result = run(tiny_room, "-o", tmp_path, "--builtin", "--calibration", text)
-    assert isinstance(result.exception, SettingError)
+    assert result.exit_code == 2
+    assert "is not NAME=" in result.output
