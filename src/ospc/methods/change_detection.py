@@ -123,6 +123,8 @@ class ChangeDetector:
         """
         if self.reference is None or len(latest.starts) < FEWEST_POINTS:
             return None
+        if self.since is None and latest.frame[1] != latest.frame[0] + 1:
+            return None  # only neighbours raise a suspicion
         exposed = latest.with_exposures(exposures)
         if not len(exposed):
             return None
@@ -149,8 +151,6 @@ class ChangeDetector:
         return Change(first, self.pairs[-1].frame1, part, f"{text}, since about frame {first}")
 
     def _look_for_surprises(self, pair: PairErrors) -> None:
-        if not pair.of_neighbours:
-            return
         if len(self.usual_errors) >= FEWEST_USUAL:
             self.surprises = [*self.surprises, (pair.frame0, self._surprises(pair))][-RECENT_NEIGHBOURS:]
         self.usual_errors = [*self.usual_errors, abs(pair.error)][-MOST_USUAL:]
