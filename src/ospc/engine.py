@@ -13,6 +13,7 @@ import numpy as np
 
 from ospc.arrays import Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
 from ospc.errors import ExposureError, FrameError, OspcError
 from ospc.exposures.evidence import ExposureEvidence
@@ -106,6 +107,7 @@ class Engine:
         self._foresight = (False, replace(self._sampler))
         self._preprocess = self._settings.preprocessor()
         self._pixels = PixelStatistics()
+        self._second = SecondThread()
         self._size: ImageSize = (0, 0)
         self._max_grey = 0
         self._evidence: ExposureEvidence | None = None
@@ -150,9 +152,13 @@ class Engine:
         change = None
         if self._sampler.processes_next:
             prepared = self._preprocess(frame)
-            self._pixels.observe(frame, prepared.thumbnail)
-            brightness = evidence.observe(prepared.thumbnail)
-            change = method.push(frame, prepared, self._exposures)
+            counting = self._second.submit(self._pixels.observe, frame, prepared.thumbnail)
+            comparing = self._second.submit(evidence.observe, prepared.thumbnail)
+            try:
+                change = method.push(frame, prepared, self._exposures)
+            finally:
+                counting.result()
+                brightness = comparing.result()
         elif self._sampler.compares_next or self._exposures_are_open(frame.index):
             brightness = evidence.observe(self._preprocess.thumbnail(frame))
         else:

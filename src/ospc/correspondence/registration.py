@@ -42,6 +42,10 @@ _LARGEST_DISAGREEMENT = 0.4
 """Largest difference, in ln, between the exposure ratio stated and that in the images at which the former is taken.
 With the response still unknown the images are wrong by as much; once it is known, by some hundredths."""
 
+_PLAIN_AGREEMENT = 0.2
+"""Largest difference, in ln, between the exposure ratio stated and that of the quantiles of grey at which the former
+is taken without a closer look. Quantiles are wrong by less where most of a view is shared."""
+
 _LEAST_SHARE = 0.15
 """Share of the places of the thumbnails that two frames must have in common for their brightness to be compared place
 by place; where less is, the quantiles of their grey levels are compared."""
@@ -117,7 +121,7 @@ class ExposureNormalizer:
             ln of the exposure of the second over that of the first, NaN where it is unknown.
         """
         log_ratio = stated_log_ratio
-        if not self._trusts_stated or np.isnan(stated_log_ratio):
+        if not self._trusts_stated and not self._plainly_agrees(frame0, frame1, stated_log_ratio):
             shown, sure = self.log_ratio(frame0, frame1)
             contradicted = sure and abs(stated_log_ratio - shown) > _LARGEST_DISAGREEMENT
             log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
@@ -137,6 +141,9 @@ class ExposureNormalizer:
         middle = np.median(difference)
         spread = 1.4826 * np.median(np.abs(difference - middle))  # the standard deviation of normal errors
         return float(middle), bool(spread < _LARGEST_SPREAD)
+
+    def _plainly_agrees(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame, stated_log_ratio: float) -> bool:
+        return abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < _PLAIN_AGREEMENT
 
     def _log_ratio_of_quantiles(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame) -> float:
         """Return the same for frames that hardly overlap: the median over quantiles of grey exposed in both."""
