@@ -28,7 +28,7 @@ def calibration(*, response: bool = True, vignette: bool = True, max_grey: int =
     known, unknown = Verdict("identifiable", "it was seen"), Verdict("not identifiable", "nothing moved", "move")
     content = {
         "size": SIZE,
-        "response": Response(table, sigma, sigma, (0.03, 0.95)) if response else None,
+        "response": Response(table, sigma, 0.02, (0.03, 0.95)) if response else None,
         "vignette": PolynomialVignette(SIZE, (-0.3, 0.1, -0.1)) if vignette else None,
         "vignette_sigma": 0.02 * PROFILE_RADII if vignette else None,
         "verdicts": {"response": known if response else unknown, "vignette": known if vignette else unknown},

@@ -32,6 +32,12 @@ def fitted(observations, radial=4, intervals=32, **vignette):
     )
 
 
+def chance_step_sigma(fit, low, high):
+    rows = np.diff(fit.response_basis.log_rows(np.array([low, high])), axis=0)[0]
+    n = len(rows)
+    return float(np.sqrt(rows @ fit.chance[:n, :n] @ rows))
+
+
 def log_step(curve, low=0.25, high=0.75):
     """Return ln g(high) − ln g(low) of a fit or a response."""
     if isinstance(curve, Response):
@@ -170,16 +176,27 @@ def test_deviations_stated_are_those_that_happen(camera):
     for fit in fits:
         error = [log_step(fit, *s) - log_step(camera.response, *s) for s in steps]
         error += [log_fall(fit, r) - truly_fallen(camera.vignette, r) for r in radii]
-        sigma = [fit.log_response_step_sigma(*s) for s in steps]
+        sigma = [chance_step_sigma(fit, *s) for s in steps]
         z.append(np.array(error) / [*sigma, *fit.chance_log_vignette_sigma(radii)])
     spread, mean = np.std(z, axis=0), np.mean(z, axis=0)
     assert np.all((spread > 0.5) & (spread < 2))
     assert np.all(np.abs(mean) < 1)
 
 
+def test_what_halves_of_the_observations_disagree_on_is_uncertain():
+    camera = Camera(GAMMA)
+    observations = camera.pairs(0, groups=60)
+    first = fitted(observations, 3, 16)
+    # In the second half of the time exposures are a little wrong, by the same share in every pair.
+    later = observations.group > np.median(observations.group)
+    wrong = replace(observations, log_exposure=np.where(later, 1.04, 1.0) * observations.log_exposure)
+    second = fitted(wrong, 3, 16)
+    assert second.log_response_step_sigma(0.25, 0.75) > 1.5 * first.log_response_step_sigma(0.25, 0.75)
+
+
 def test_more_points_make_smaller_deviations():
     few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), 3, 16) for g in (15, 120))
-    ratio = few.log_response_step_sigma(0.25, 0.75) / many.log_response_step_sigma(0.25, 0.75)
+    ratio = chance_step_sigma(few, 0.25, 0.75) / chance_step_sigma(many, 0.25, 0.75)
     assert 1.7 < ratio < 5
     assert many.log_vignette_sigma(np.array([1.0]))[0] < few.log_vignette_sigma(np.array([1.0]))[0]
 

@@ -72,7 +72,7 @@ def test_steep_curves_survive_large_exponents():
 
 
 def test_stated_uncertainty_is_compared():
-    estimate = Response.from_values(RESPONSE.inverse_table, inverse_sigma=np.full(256, 0.01))
+    estimate = Response.from_values(RESPONSE.inverse_table, log_sigma=np.full(256, 0.01))
     result = compare(Photometry("a", estimate, None), Photometry("b", RESPONSE, None))
     assert result.response_coverage == (1.0, 1.0)
     assert compare(Photometry("a", estimate, None), Photometry("b", RESPONSE, None), 1.1).response_coverage is None

@@ -72,7 +72,8 @@ def test_estimates_are_repeated_and_their_spread_is_stated(run):
     result, progress = run
     assert result.response.inverse_sigma.shape == (256,)
     assert 0 < result.response.inverse_sigma.max() < 0.1
-    assert result.response.inverse_sigma[[0, -1]] == pytest.approx(0, abs=1e-9)
+    # Black is fixed, and the level in the middle is what the others are relative to.
+    assert result.response.inverse_sigma[[0, 127, 128]] == pytest.approx(0, abs=1e-3)
     assert result.vignette_sigma.shape == PROFILE_RADII.shape
     assert 0 < result.vignette_sigma[-1] < 0.3
     assert result.covariance["response"]["parameters"] == ["c0", "c1", "c2"]

@@ -32,8 +32,8 @@ FULL = Calibration(
     size=SIZE,
     response=Response(
         np.linspace(0, 1, 256) ** (7 / 3),
-        inverse_sigma=np.linspace(0, 0.02, 256) / 3,
         log_sigma=np.linspace(0.5, 0, 256) / 7,
+        scale_sigma=0.1 / 3,
         support=(1 / 255, 0.1 + 0.2),
         model={"name": "polynomial", "coefficients": [0.0, 1 / 3, 2 / 3]},
     ),

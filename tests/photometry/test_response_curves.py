@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -104,17 +106,28 @@ def test_values_that_cannot_be_normalised_are_refused(values):
 
 
 def test_deviations_have_the_shape_of_the_table():
-    with pytest.raises(FormatError, match="inverse_sigma"):
-        Response(np.linspace(0, 1, 5), inverse_sigma=np.zeros(4))
     with pytest.raises(FormatError, match="log_sigma"):
         Response(np.linspace(0, 1, 5), log_sigma=np.zeros((5, 1)))
 
 
 def test_a_response_is_a_value_that_nobody_can_change():
     source = np.linspace(0, 1, 5)
-    response = Response(source, inverse_sigma=source)
+    response = Response(source, log_sigma=source)
     source[2] = 0.7
     assert response.inverse_table[2] == 0.5
-    for array in (response.inverse_table, response.inverse_sigma):
+    for array in (response.inverse_table, response.log_sigma):
         with pytest.raises(ValueError, match="read-only"):
             array[1] = 0.3
+
+
+@given(st.floats(0.3, 3.0), st.floats(0.05, 0.95))
+def test_a_curve_in_another_scale_is_matched_exactly(exponent, reference):
+    response = replace(Response.gamma(exponent), support=(reference, reference))
+    # The same shape, as another camera that saturates later would show it.
+    other = Response.from_values(np.append(0.8 * response.inverse_table[:-1], 1.0))
+    np.testing.assert_allclose(response.matched(other)[1:-1], response.inverse_table[1:-1], rtol=1e-9)
+
+
+def test_the_band_is_that_of_the_shape_in_units_of_irradiance():
+    response = Response(np.linspace(0, 1, 5), log_sigma=np.full(5, 0.1), scale_sigma=7.0)
+    np.testing.assert_allclose(response.inverse_sigma, 0.1 * np.linspace(0, 1, 5))

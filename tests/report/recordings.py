@@ -48,7 +48,7 @@ def calibration(**changes):
     sigma = 0.02 * np.sin(np.pi * RESPONSE.levels)
     content = {
         "size": SIZE,
-        "response": replace(RESPONSE, inverse_sigma=sigma, log_sigma=sigma, support=(0.05, 0.9)),
+        "response": replace(RESPONSE, log_sigma=sigma, scale_sigma=0.03, support=(0.05, 0.9)),
         "vignette": VIGNETTE,
         "vignette_sigma": 0.02 * PROFILE_RADII,
         "verdicts": {part: Verdict("identifiable", "it was seen") for part in ("response", "vignette")},

@@ -49,12 +49,12 @@ def test_unknown_uncertainty_is_no_band():
 def test_the_error_panel_contains_the_error_and_two_sigma():
     known, reference = calibration(), Response.gamma(1.7)
     _curve, axes = panels(draw_response, known, reference)
-    error = known.response.inverse_table - reference.inverse(known.response.levels)
+    error = known.response.inverse_table - known.response.matched(reference)
     low, high = axes.get_ylim()
     assert low < error.min()
     assert high > max(error.max(), 2 * known.response.inverse_sigma.max())
-    assert axes.get_ylabel() == "error of g"
-    assert panels(draw_response, known)[1].get_ylabel() == "±σ of g"
+    assert axes.get_ylabel() == "error of shape of g"
+    assert panels(draw_response, known)[1].get_ylabel() == "±σ of shape of g"
 
 
 def test_the_vignette_is_drawn_from_the_centre_to_the_corner():

@@ -50,7 +50,10 @@ def said(**changes):
 
 
 def test_the_middle_grey_is_that_of_the_response():
-    assert "Middle grey (128 of 255) corresponds to 25 ± 2 % of the irradiance that saturates the sensor" in said()
+    assert (
+        "Middle grey (128 of 255) corresponds to 25.0 ± 0.9 % of the irradiance that saturates the sensor" in said()
+    )
+    assert "Between grey levels 13 and 230 the ratio of two irradiances is known to ±2 %" in said()
     assert "linear camera" in said(response=Response.gamma(1.0))
 
 

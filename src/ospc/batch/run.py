@@ -236,14 +236,20 @@ def _with_result(row: Row, store: Store) -> Row:
         samples=int(counts.get("samples", 0)),
         response=states.get("response", ""),
         vignette=states.get("vignette", ""),
-        response_sigma=_largest(found["response"], "inverse_sigma"),
-        vignette_sigma=_largest(found["vignette"], "profile_sigma"),
+        response_sigma=_response_sigma(found["response"]),
+        vignette_sigma=_vignette_sigma(found["vignette"]),
         notes="; ".join(result.notes),
     )
 
 
-def _largest(part: dict[str, Any] | None, name: str) -> float | None:
-    return None if part is None or not part.get(name) else float(max(part[name]))
+def _response_sigma(part: dict[str, Any] | None) -> float | None:
+    if part is None or not part["log_sigma"]:
+        return None
+    return float(max(g * sigma for g, sigma in zip(part["inverse_table"], part["log_sigma"], strict=True)))
+
+
+def _vignette_sigma(part: dict[str, Any] | None) -> float | None:
+    return None if part is None or not part["profile_sigma"] else float(max(part["profile_sigma"]))
 
 
 def _check(place: Path, *, force: bool) -> None:

@@ -14,7 +14,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import Observations
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
-from ospc.settings.estimation import SYSTEMATIC_VIGNETTE_SHARE
+from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 """Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
@@ -44,7 +44,9 @@ class Fit:
     parameters
         Response coefficients, then vignette parameters, shape (p,).
     covariance
-        Their covariance, shape (p, p).
+        Their covariance, disagreement between parts of the observations included, shape (p, p).
+    chance
+        Their covariance by chance alone, which more samples reduce, shape (p, p).
     errors
         Error model of the observations.
     hyperparameters
@@ -62,6 +64,7 @@ class Fit:
     vignette_basis: VignetteBasis
     parameters: FloatArray
     covariance: FloatArray
+    chance: FloatArray
     errors: ErrorModel
     hyperparameters: PriorHyperparameters
     misfit: float
@@ -78,29 +81,26 @@ class Fit:
         """Parameters of the vignette basis, shape (len(vignette_basis),)."""
         return self.parameters[len(self.response_basis) :]
 
-    def response(self, max_grey: int = 255, observations: Observations | None = None) -> Response:
+    def response(self, max_grey: int = 255, support: tuple[float, float] = (0.0, 1.0)) -> Response:
         """Return the response with its standard deviation.
 
         Parameters
         ----------
         max_grey
             Largest grey value of the camera; the response has one level for each grey value up to 12 bits.
-        observations
-            The observations it was fitted to, which show where the response was measured; None for everywhere.
+        support
+            Lowest and highest grey level that was measured, such as :func:`measured_greys`.
         """
         levels = min(max_grey + 1, _MAX_LEVELS)
         grey = np.linspace(0, 1, levels)
         log_g = np.interp(grey, self.response_basis.grid, self.response_basis.log_of(self.response_parameters))
         table = np.exp(log_g)
         table = np.maximum(np.where(grey > 0, table, 0.0), np.arange(levels) * _SMALLEST_STEP)
-        log_sigma = self.log_response_sigma(grey)
-        support = (0.0, 1.0)
-        if observations is not None:
-            support = tuple(np.quantile(observations.grey, SUPPORT_QUANTILES).tolist())
+        reference = sum(support) / 2
         return Response.from_values(
             table,
-            inverse_sigma=table / table[-1] * log_sigma,
-            log_sigma=log_sigma,
+            log_sigma=self.log_response_sigma(grey, reference),
+            scale_sigma=float(self.log_response_sigma(np.array([reference]), 1.0)[0]),
             support=support,
             model={
                 "name": "local gamma",
@@ -116,17 +116,17 @@ class Fit:
         """Return the vignette for images of a size; beyond the usable radius it keeps its last value."""
         return self.vignette_basis.vignette(self.vignette_parameters, size, usable_radius)
 
-    def log_response_sigma(self, grey: FloatArray) -> FloatArray:
-        """Return the standard deviation of ln g at grey levels, given g(1) = 1, shape (n,) -> (n,)."""
+    def log_response_sigma(self, grey: FloatArray, reference: float) -> FloatArray:
+        """Return the standard deviation of ln g(M)/g(reference) at grey levels M, shape (n,) -> (n,)."""
         n = len(self.response_basis)
-        rows = self.response_basis.log_rows(grey)
-        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)))
+        rows = self.response_basis.log_rows(grey) - self.response_basis.log_rows(np.array([reference]))
+        variance = np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)
+        systematic = (SYSTEMATIC_RESPONSE_SHARE * rows @ self.response_parameters) ** 2
+        return np.asarray(np.sqrt(variance + systematic))
 
     def log_response_step_sigma(self, low: float, high: float) -> float:
-        """Return the standard deviation of ln g(high) − ln g(low)."""
-        n = len(self.response_basis)
-        step = np.diff(self.response_basis.log_rows(np.array([low, high])), axis=0)[0]
-        return float(np.sqrt(step @ self.covariance[:n, :n] @ step))
+        """Return the standard deviation of ln g(high)/g(low)."""
+        return float(self.log_response_sigma(np.array([high]), low)[0])
 
     def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,).
@@ -137,14 +137,17 @@ class Fit:
         along = _along_diagonals(radius)
         value = self.vignette_basis.log_value(self.vignette_parameters, along).reshape(len(_DIAGONALS), -1)
         systematic = np.mean((SYSTEMATIC_VIGNETTE_SHARE * value) ** 2, axis=0)
-        return np.asarray(np.sqrt(self.chance_log_vignette_sigma(radius) ** 2 + systematic))
+        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.covariance) + systematic))
 
     def chance_log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the random part of :meth:`log_vignette_sigma`, which more samples reduce, shape (n,) -> (n,)."""
+        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.chance)))
+
+    def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
         n = len(self.response_basis)
         rows = self.vignette_basis.jacobian(self.vignette_parameters, _along_diagonals(radius))
-        variance = np.einsum("ij,jk,ik->i", rows, self.covariance[n:, n:], rows)
-        return np.asarray(np.sqrt(variance.reshape(len(_DIAGONALS), -1).mean(axis=0)))
+        variance = np.einsum("ij,jk,ik->i", rows, covariance[n:, n:], rows)
+        return np.asarray(variance.reshape(len(_DIAGONALS), -1).mean(axis=0))
 
     @property
     def vignette_sigma_at_corner(self) -> float:
@@ -152,6 +155,12 @@ class Fit:
         corner = np.array([[1.0, 1.0]]) / np.sqrt(2)
         value = np.exp(self.vignette_basis.log_value(self.vignette_parameters, corner))[0]
         return float(value * self.log_vignette_sigma(np.array([1.0]))[0])
+
+
+def measured_greys(observations: Observations) -> tuple[float, float]:
+    """Return the lowest and the highest grey level, in [0, 1], at which observations measure the response."""
+    low, high = np.quantile(observations.grey, SUPPORT_QUANTILES).tolist()
+    return low, high
 
 
 def _along_diagonals(radius: FloatArray) -> FloatArray:

@@ -29,6 +29,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
     CHUNK_OBSERVATIONS,
     CLEAR_OF_ENDS_SIGMAS,
+    DISAGREEMENT_SHARE,
     GROUPS_PER_BLOCK,
     MAX_DARK_CLEARANCE,
     MAX_GAMMA_CHANGE,
@@ -106,10 +107,12 @@ class MaximumLikelihoodEstimator:
             change = parameters - previous
             if round_number > 1 and float(change @ precision @ change) < SETTLED_SIGMAS**2 * len(change):
                 break
+        disagreement = self._disagreement(observations, latent, weight, previous, parameters)
         return Fit(
             self.response_basis,
             self.vignette_basis,
             parameters,
+            equations.covariance(prior, hyperparameters, disagreement),
             cho_solve(cho_factor(precision), np.eye(len(parameters))),
             errors,
             hyperparameters,
@@ -220,6 +223,28 @@ class MaximumLikelihoodEstimator:
             scores += csr_matrix((misfit, (block[part][member], np.arange(len(rows)))), shape=shape) @ weighted
         return NormalEquations(matrix, vector, square, scores.T @ scores)
 
+    def _disagreement(
+        self,
+        observations: ExposedObservations,
+        latent: Latent,
+        weight: FloatArray,
+        about: FloatArray,
+        parameters: FloatArray,
+    ) -> FloatArray:
+        """Return the scatter of the scores between the halves of the observations, cut in several ways, (p, p).
+
+        Errors that all groups share, such as registration that is drawn to equal brightness, do not show in the
+        scatter between groups. Most of them depend on something: on time, on the ratio of the exposures, on the place
+        in the image. Then the halves would have the parameters move to opposite sides.
+        """
+        sides = np.repeat(_halves(observations), observations.counts, axis=1)
+        scores = np.zeros((len(sides), len(parameters)))
+        for part in _chunks(observations):
+            rows, target, factor, member = self._free_of_radiance(observations, latent, weight, part, about)
+            misfit = target - rows @ parameters
+            scores += (sides[:, part][:, member] * (factor * misfit)) @ rows
+        return np.asarray(DISAGREEMENT_SHARE * scores.T @ scores)
+
     def _free_of_radiance(
         self,
         observations: ExposedObservations,
@@ -266,6 +291,25 @@ def _blocks_of(group: IntArray) -> IntArray:
     _, number = np.unique(group, return_inverse=True)
     size = int(np.clip((number.max() + 1) // MIN_BLOCKS, 1, GROUPS_PER_BLOCK))
     return np.asarray(number // size)
+
+
+def _halves(observations: ExposedObservations) -> FloatArray:
+    """Return -1 or 1 for every point and each way to cut the observations into halves, shape (ways, points).
+
+    The ways are: early and late, large and small exposure ratios, rising and falling exposure, centre and edge.
+    """
+    first = observations.starts
+    last = first + observations.counts - 1
+    log_ratio = observations.log_exposure[last] - observations.log_exposure[first]
+    squared_radius = np.sum(observations.position**2, axis=1)
+    of_points = (
+        observations.group[first],
+        np.abs(log_ratio),
+        log_ratio,
+        squared_radius[first] + squared_radius[last],
+    )
+    cuts = (np.median(of_points[0]), np.median(of_points[1]), 0.0, np.median(of_points[3]))
+    return np.array([np.where(values > cut, 1.0, -1.0) for values, cut in zip(of_points, cuts, strict=True)])
 
 
 def _chunks(observations: ExposedObservations) -> Iterator[slice]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
@@ -29,6 +29,8 @@ class NormalEquations:
     information_scale
         Factor that turns :attr:`matrix` into information. It is below one because errors within a group have common
         causes and because robust weights discard information.
+    sandwich_factor
+        Mean derivative of the influence function over the mean weight (Huber 1981, asymptotic variance).
     """
 
     matrix: FloatArray
@@ -36,6 +38,7 @@ class NormalEquations:
     square: float
     scatter: FloatArray
     information_scale: float = 1.0
+    sandwich_factor: float = 1.0
 
     def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
         """Return the equations with the information scale that follows from the scatter between groups.
@@ -45,16 +48,35 @@ class NormalEquations:
         prior_precision
             Precision of the prior, which makes directions that the data do not determine count little, shape (p, p).
         sandwich_factor
-            Mean derivative of the influence function over the mean weight (Huber 1981, asymptotic variance).
+            As in the attributes.
         """
         factor = cho_factor(self.matrix + prior_precision)
         spread = np.trace(cho_solve(factor, self.scatter)) / max(np.trace(cho_solve(factor, self.matrix)), 1e-300)
         information_scale = float(sandwich_factor**2 / max(spread, 1e-6))
-        return NormalEquations(self.matrix, self.vector, self.square, self.scatter, information_scale)
+        return replace(self, information_scale=information_scale, sandwich_factor=sandwich_factor)
 
     def posterior_precision(self, prior: Prior, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision of the parameters given data and prior, shape (p, p)."""
         return self.information_scale * self.matrix + prior.precision(hyperparameters)
+
+    def covariance(self, prior: Prior, hyperparameters: PriorHyperparameters, disagreement: FloatArray) -> FloatArray:
+        """Return the covariance of the most probable parameters about the truth, shape (p, p).
+
+        It is the sandwich of Huber (1967): what the parameters do comes from the scatter of the scores, direction by
+        direction, not from the errors assumed.
+
+        Parameters
+        ----------
+        prior, hyperparameters
+            The prior.
+        disagreement
+            What is to be added to the scatter between the groups because parts of the observations disagree in ways
+            that all groups share, shape (p, p).
+        """
+        bread = np.linalg.inv(self.posterior_precision(prior, hyperparameters))
+        # The information scale is the sandwich factor squared over the spread of the scatter.
+        meat = self.information_scale**2 * (self.scatter + disagreement) / self.sandwich_factor**2
+        return np.asarray(bread @ (meat + prior.precision(hyperparameters)) @ bread)
 
     def maximize_evidence(self, prior: Prior) -> PriorHyperparameters:
         """Return the hyperparameters of the prior with the largest marginal likelihood (empirical Bayes)."""

@@ -63,6 +63,6 @@ def fit_with_chosen_vignette(
 def supported(fit: Fit, last: int) -> bool:
     """Return whether the last ``last`` parameters meet the criterion of Schwarz (1978)."""
     value = fit.parameters[-last:]
-    covariance = fit.covariance[-last:, -last:] + ASYMMETRY_SIGMA**2 * np.eye(last)
+    covariance = fit.chance[-last:, -last:] + ASYMMETRY_SIGMA**2 * np.eye(last)
     statistic = float(value @ np.linalg.solve(covariance, value))
     return bool(statistic > last * np.log(max(fit.groups, _FEWEST_GROUPS)))

@@ -82,8 +82,9 @@ def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> C
             log_ratio_error=log_ratio_error(response, truth.response),
         )
         if exponent == 1 and response.inverse_sigma is not None:
-            known = truth.response.inverse(response.levels)
-            shares = coverage(response.inverse_table, response.inverse_sigma, known)
+            known = response.matched(truth.response)
+            seen = (response.levels >= response.support[0]) & (response.levels <= response.support[1])
+            shares = coverage(response.inverse_table[seen], response.inverse_sigma[seen], known[seen])
             found = replace(found, response_coverage=shares)
     if estimate.vignette is not None and truth.vignette is not None:
         vignette = _powered_vignette(estimate.vignette, exponent)

@@ -31,7 +31,8 @@ class Progress:
     samples
         Correspondences kept so far.
     response_sigma
-        Standard deviation of g, its largest over the greys; None before there is an estimate.
+        Standard deviation of g, its scale held, at the grey level where it is largest; None before there is an
+        estimate.
     vignette_sigma
         Standard deviation of V at the corner; None before there is an estimate.
     """

@@ -244,9 +244,12 @@ def solve_response(gram: FloatArray, positivity: str) -> FloatArray | None:
 RESPONSE_LEVELS = np.linspace(0, 1, 256)
 """Grey levels at which g is tabulated: those of 8-bit images."""
 
+_LEAST_IRRADIANCE = 1e-6
+"""Lowest irradiance whose logarithm is taken: below that of the first grey level of any camera."""
+
 
 def polynomial_response(
-    coefficients: FloatArray, sigma: FloatArray | None = None, support: tuple[float, float] = (0.0, 1.0)
+    coefficients: FloatArray, estimates: FloatArray | None = None, support: tuple[float, float] = (0.0, 1.0)
 ) -> Response:
     """Return the response whose inverse is a polynomial.
 
@@ -254,14 +257,21 @@ def polynomial_response(
     ----------
     coefficients
         c₀ … c_d, shape (d+1,), with Σc = 1 and c₀ = 0.
-    sigma
-        Standard deviation of g at :data:`RESPONSE_LEVELS`, shape (256,); None where unknown.
+    estimates
+        The estimates of which these coefficients are the mean, shape (n, d+1): their scatter is the uncertainty.
     support
         Lowest and highest grey level of the samples.
     """
+    log_sigma = scale_sigma = None
+    if estimates is not None and len(estimates) > 1:
+        greys = np.append(RESPONSE_LEVELS, sum(support) / 2)
+        curves = np.log([np.maximum(polyval(greys, c), _LEAST_IRRADIANCE) for c in estimates])
+        log_sigma = standard_error(curves[:, :-1] - curves[:, -1:])
+        scale_sigma = float(np.std(curves[:, -1], ddof=1) / np.sqrt(len(curves)))
     return Response.from_values(
         polyval(RESPONSE_LEVELS, coefficients),
-        inverse_sigma=sigma,
+        log_sigma=log_sigma,
+        scale_sigma=scale_sigma,
         support=support,
         model={"name": "polynomial", "coefficients": coefficients.tolist()},
     )
@@ -481,11 +491,12 @@ class PaperMethod(Method):
     @property
     def progress(self) -> Progress:
         """How far it has come."""
-        response, vignette = standard_error(self._response_curves()), standard_error(self._vignette_curves())
+        response, vignette = self._mean_response(), standard_error(self._vignette_curves())
+        sigma = None if response is None else response.inverse_sigma
         return Progress(
             self._progress.pairs,
             self._progress.samples,
-            None if response is None else float(response.max()),
+            None if sigma is None else float(sigma.max()),
             None if vignette is None else float(vignette[-1]),
         )
 
@@ -603,15 +614,12 @@ class PaperMethod(Method):
             return None
         # No sample is clipped, so that black and white are outside of the support.
         support = (float(RESPONSE_LEVELS[1]), float(RESPONSE_LEVELS[-2]))
-        return polynomial_response(self._responses.mean, standard_error(self._response_curves()), support)
+        return polynomial_response(self._responses.mean, np.array(self._responses.accepted), support)
 
     def _mean_vignette(self) -> PolynomialVignette | None:
         if not self._vignettes.accepted:
             return None
         return PolynomialVignette(self._size, tuple(self._vignettes.mean.tolist()))
-
-    def _response_curves(self) -> FloatArray:
-        return np.array([polyval(RESPONSE_LEVELS, c) for c in self._responses.accepted])
 
     def _vignette_curves(self) -> FloatArray:
         estimates = self._vignettes.accepted

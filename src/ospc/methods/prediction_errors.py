@@ -154,7 +154,7 @@ class ExplainedChange:
         found = inverse @ np.sum([pair.vector[own] for pair in pairs], axis=0)
         scores = np.stack([pair.vector[own] - pair.matrix[own, own] @ found for pair in pairs])
         carried = inverse @ np.sum([pair.carried[own] for pair in pairs], axis=0)
-        covariance = inverse @ (scores.T @ scores) @ inverse + carried @ fit.covariance @ carried.T
+        covariance = inverse @ (scores.T @ scores) @ inverse + carried @ fit.chance @ carried.T
         # Where pairs say nothing, the ridge keeps the change at zero, and so it says nothing about the certainty.
         covariance += systematic_log**2 * np.eye(len(found))
         change = np.zeros(len(pairs[0].vector))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.estimation.fit import Fit
+from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.coverage import coverage_of
 from ospc.methods.summary import vignette_sigma
 from ospc.observations import ExposedObservations
@@ -96,7 +96,7 @@ def preview_of(
     coverage, matches = coverage_of(observations, None, size), matches_of(latest, fit, size)
     if fit is None:
         return Preview(pairs, coverage, matches=matches)
-    response, vignette = fit.response(max_grey, observations), fit.vignette(size)
+    response, vignette = fit.response(max_grey, measured_greys(observations)), fit.vignette(size)
     return Preview(pairs, coverage, response, vignette, vignette_sigma(fit), matches)
 
 

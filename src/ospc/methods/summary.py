@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.fit import Fit
+from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.coverage import coverage_of
 from ospc.methods.identifiability import response_verdict, vignette_verdict
 from ospc.methods.inputs import FitInputs
@@ -21,6 +21,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     ratios = ExposureRatios.none() if fit is None or observations is None else exposure_ratios(fit, observations)
     reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
     points = 0 if observations is None else len(observations.starts)
+    support = (0.0, 1.0) if observations is None else measured_greys(observations)
     verdicts = {
         "response": response_verdict(settings, fit, inputs.exposure_range_ms, points, ratios),
         "vignette": vignette_verdict(settings, fit, reach, inputs.standing_still, inputs.usable_radius),
@@ -28,7 +29,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
     return Calibration(
         size=inputs.size,
-        response=fit.response(inputs.max_grey, observations) if fit is not None and response_known else None,
+        response=None if fit is None or not response_known else fit.response(inputs.max_grey, support),
         vignette=fit.vignette(inputs.size, inputs.usable_radius) if fit is not None and vignette_known else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if fit is not None and vignette_known else None,

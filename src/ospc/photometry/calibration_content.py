@@ -81,8 +81,8 @@ def _response_as_dict(response: Response | None) -> dict[str, Any] | None:
         return None
     return {
         "inverse_table": response.inverse_table.tolist(),
-        "inverse_sigma": None if response.inverse_sigma is None else response.inverse_sigma.tolist(),
         "log_sigma": None if response.log_sigma is None else response.log_sigma.tolist(),
+        "scale_sigma": response.scale_sigma,
         "support": list(response.support),
         "model": response.model,
     }
@@ -150,14 +150,15 @@ def _response_from_dict(content: dict[str, Any]) -> Response:
     table = _array(content["inverse_table"], "inverse_table", (None,))
     if table.size > LARGEST_GREY + 1:
         raise FormatError(f"inverse_table has {table.size} values, more than there are grey levels")
-    inverse_sigma, log_sigma = (
-        None if content[name] is None else _array(content[name], name, table.shape)
-        for name in ("inverse_sigma", "log_sigma")
+    log_sigma, scale_sigma = (
+        None if content[name] is None else _array(content[name], name, shape)
+        for name, shape in (("log_sigma", table.shape), ("scale_sigma", ()))
     )
     low, high = _array(content["support"], "support", (2,), high=1.0).tolist()
     if low > high:
         raise FormatError(f"support ends at {high}, before it begins at {low}")
-    return Response(table, inverse_sigma, log_sigma, (low, high), dict(content["model"].items()))
+    scale = None if scale_sigma is None else float(scale_sigma)
+    return Response(table, log_sigma, scale, (low, high), dict(content["model"].items()))
 
 
 def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> Vignette:

@@ -26,16 +26,20 @@ class Response:
     """Camera response with a strictly increasing inverse, g(0) = 0 and g(1) = 1.
 
     ``M = f(e V L)`` maps irradiance to grey level. ``g = f⁻¹`` is what is estimated, and what the figures of the
-    literature call "CRF". Both map [0, 1] to [0, 1]. The scale of g is not observable: g(1) = 1 is a convention.
+    literature call "CRF". Both map [0, 1] to [0, 1].
+
+    The scale of g cannot be observed: g(1) = 1 is a convention, and few recordings show what happens next to white.
+    So two uncertainties are kept apart: that of the shape, relative to a grey level in the middle of what was
+    observed, and that of the scale which the convention gives to the curve as a whole.
 
     Attributes
     ----------
     inverse_table
         g at the grey levels i/(n-1), shape (n,), strictly increasing from 0 to 1.
-    inverse_sigma
-        Standard deviation of g at the same levels, shape (n,); None if unknown.
     log_sigma
-        Standard deviation of ln g relative to the middle of the supported range, shape (n,); None if unknown.
+        Standard deviation of ln g(M)/g(reference) at the same levels, shape (n,); None if unknown.
+    scale_sigma
+        Standard deviation of ln g(reference), given g(1) = 1; None if unknown.
     support
         Lowest and highest grey level, in [0, 1], that were measured. Outside, the curve follows the prior.
     model
@@ -43,8 +47,8 @@ class Response:
     """
 
     inverse_table: FloatArray
-    inverse_sigma: FloatArray | None = None
     log_sigma: FloatArray | None = None
+    scale_sigma: float | None = None
     support: tuple[float, float] = (0.0, 1.0)
     model: dict[str, Any] = field(default_factory=dict)
 
@@ -63,13 +67,11 @@ class Response:
                 "an inverse response must begin at 0 and end at 1; use Response.from_values to normalise"
             )
         object.__setattr__(self, "inverse_table", table)
-        for name in ("inverse_sigma", "log_sigma"):
-            sigma = getattr(self, name)
-            if sigma is not None:
-                sigma = _read_only(sigma)
-                if sigma.shape != table.shape:
-                    raise FormatError(f"{name} has shape {sigma.shape}, the response {table.shape}")
-                object.__setattr__(self, name, sigma)
+        if self.log_sigma is not None:
+            sigma = _read_only(self.log_sigma)
+            if sigma.shape != table.shape:
+                raise FormatError(f"log_sigma has shape {sigma.shape}, the response {table.shape}")
+            object.__setattr__(self, "log_sigma", sigma)
 
     @classmethod
     def from_values(cls, values: npt.ArrayLike, **attributes: Any) -> Response:
@@ -99,6 +101,16 @@ class Response:
         return cls(np.linspace(0, 1, levels) ** exponent, model={"name": "gamma", "exponent": exponent})
 
     @property
+    def reference(self) -> float:
+        """Grey level in [0, 1] that the uncertainty is relative to: the middle of what was measured."""
+        return sum(self.support) / 2
+
+    @property
+    def inverse_sigma(self) -> FloatArray | None:
+        """Standard deviation of g at the levels of the table, its scale held, shape (n,); None if unknown."""
+        return None if self.log_sigma is None else self.inverse_table * self.log_sigma
+
+    @property
     def levels(self) -> FloatArray:
         """Grey levels in [0, 1] at which the table is given, shape (n,)."""
         return np.linspace(0.0, 1.0, self.inverse_table.size)
@@ -110,6 +122,14 @@ class Response:
     def inverse(self, grey: npt.ArrayLike) -> FloatArray:
         """Return g, the irradiance in [0, 1] that gives a grey level in [0, 1]."""
         return np.interp(np.asarray(grey, dtype=np.float64), self.levels, self.inverse_table)
+
+    def matched(self, other: Response) -> FloatArray:
+        """Return another response's g at the levels of this table, scaled to agree with this one at the reference.
+
+        What remains of a difference is one of shape, which is what can be observed; shape (n,).
+        """
+        factor = float(self.inverse(self.reference) / other.inverse(self.reference))
+        return np.asarray(other.inverse(self.levels) * factor)
 
     def resampled(self, levels: int) -> FloatArray:
         """Return g at ``levels`` equidistant grey levels from 0 to 1, shape (levels,)."""

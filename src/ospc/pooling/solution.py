@@ -105,11 +105,13 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
             precision = equations.posterior_precision(prior, hyperparameters)
             if float(change @ precision @ change) < _SETTLED:
                 break
+        covariance = cho_solve(cho_factor(precision), np.eye(p))
         return Fit(
             RESPONSE,
             vignette,
             parameters,
-            cho_solve(cho_factor(precision), np.eye(p)),
+            covariance,
+            covariance,
             ErrorModel(),
             hyperparameters,
             0.0,

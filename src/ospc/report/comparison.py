@@ -40,7 +40,7 @@ def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> P
                 profile = diagonal_profile(photometry.vignette, PROFILE_RADII)
                 right.plot(PROFILE_RADII, profile, line, color=colour, label=label)
         left.set(
-            title="Inverse response, with ±2σ where known", xlabel="grey level, of 255", ylabel="irradiance g(M)"
+            title="Inverse response, with ±2σ of its shape", xlabel="grey level, of 255", ylabel="irradiance g(M)"
         )
         left.set(xlim=(0, 255), ylim=(0, 1.02))
         right.set(title="Vignette", xlabel=RADIUS_LABEL, ylabel="attenuation V", xlim=(0, 1))

@@ -65,9 +65,10 @@ class _Curve:
 
 
 def draw_response(cell: Any, calibration: Calibration, reference: Response | None = None) -> Any:
-    """Draw g over grey levels, its uncertainty and error enlarged, and the number of observations.
+    """Draw g over grey levels, the uncertainty and error of its shape enlarged, and the number of observations.
 
-    Grey levels outside the range that was measured are shaded.
+    Grey levels outside the range that was measured are shaded. A reference is scaled to agree at the grey level that
+    the uncertainty is relative to.
     """
     response, white = calibration.response, calibration.max_grey
     if response is None:
@@ -77,9 +78,9 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
         x=response.levels[index] * white,
         value=response.inverse_table[index],
         sigma=None if response.inverse_sigma is None else response.inverse_sigma[index],
-        reference=None if reference is None else reference.inverse(response.levels[index]),
+        reference=None if reference is None else response.matched(reference)[index],
         colour=BLUE,
-        name="g",
+        name="shape of g",
         x_label="grey level M",
         x_limits=(0.0, float(white)),
     )

@@ -89,12 +89,29 @@ def gaps(coverage: Coverage | None, max_grey: int) -> list[str]:
 
 def _response_fact(response: Response, max_grey: int) -> str:
     middle, sigma = float(response.inverse(0.5)), None
-    if response.inverse_sigma is not None:
-        sigma = float(np.interp(0.5, response.levels, response.inverse_sigma))
+    if response.log_sigma is not None and response.scale_sigma is not None:
+        sigma = middle * float(np.hypot(np.interp(0.5, response.levels, response.log_sigma), response.scale_sigma))
     return (
         f"Middle grey ({max_grey / 2:.0f} of {max_grey}) corresponds to {_percent(middle, sigma)} of the irradiance "
-        f"that saturates the sensor{_like_curve(middle)}."
+        f"that saturates the sensor{_like_curve(middle)}.{_shape_fact(response, max_grey)}"
     )
+
+
+def _shape_fact(response: Response, max_grey: int) -> str:
+    """Say how well ratios of irradiance are known where grey levels were observed."""
+    if response.log_sigma is None:
+        return ""
+    low, high = response.support
+    seen = (response.levels >= low) & (response.levels <= high)
+    return (
+        f" Between grey levels {low * max_grey:.0f} and {high * max_grey:.0f} the ratio of two irradiances is known "
+        f"to {_spread(float(np.max(response.log_sigma[seen], initial=0.0)))}; the scale, g = 1 at white, does not "
+        "affect it."
+    )
+
+
+def _spread(log_sigma: float) -> str:
+    return f"±{100 * log_sigma:.2g} %"
 
 
 def _like_curve(middle: float) -> str:

@@ -11,7 +11,6 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError
 from ospc.evaluation.metrics import (
-    GREYS,
     coverage,
     log_ratio_error,
     response_rmse,
@@ -28,9 +27,6 @@ from ospc.research.method import Estimate, Result
 
 if TYPE_CHECKING:
     from ospc.research.source import Source
-
-_COVERED_GREYS = slice(5, 251)
-"""Grey levels at which coverage is counted: the ends are fixed or saturated."""
 
 _COVERED_RADII = PROFILE_RADII > 0.1
 """Radii at which coverage is counted: V is 1 at the centre by definition."""
@@ -112,9 +108,9 @@ def _response_figures(estimate: Response, truth: Response, greys: tuple[int, int
     figures["response_rmse"] = response_rmse(estimate, truth)
     figures["log_ratio_error"] = log_ratio_error(estimate, truth)
     if estimate.inverse_sigma is not None:
-        sigma = np.interp(np.linspace(0, 1, GREYS), estimate.levels, estimate.inverse_sigma)
-        curves = (estimate.resampled(GREYS), sigma, truth.resampled(GREYS))
-        figures |= _coverage("response", *(curve[_COVERED_GREYS] for curve in curves))
+        seen = (estimate.levels >= estimate.support[0]) & (estimate.levels <= estimate.support[1])
+        curves = (estimate.inverse_table, estimate.inverse_sigma, estimate.matched(truth))
+        figures |= _coverage("response", *(curve[seen] for curve in curves))
     return figures
 
 

@@ -125,10 +125,13 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
     response, vignette_sigma = calibration.response, calibration.vignette_sigma
     if response is not None:
         log_g = np.log(np.maximum(response.inverse_table, 1e-12))
+        log_reference = float(np.log(response.inverse(response.reference)))
         known = 0.0 if response.log_sigma is None else np.asarray(response.log_sigma)
-        log_sigma = np.hypot(known, np.abs(log_g) * sigma)
-        inverse_sigma = response.inverse_table * log_sigma
-        response = replace(response, log_sigma=log_sigma, inverse_sigma=inverse_sigma)
+        response = replace(
+            response,
+            log_sigma=np.hypot(known, np.abs(log_g - log_reference) * sigma),
+            scale_sigma=float(np.hypot(response.scale_sigma or 0.0, log_reference * sigma)),
+        )
     if calibration.vignette is not None and vignette_sigma is not None:
         half = (np.array(calibration.size, dtype=np.float64) - 1) / 2
         profile = calibration.vignette.at(half + PROFILE_RADII[:, None] * half)
