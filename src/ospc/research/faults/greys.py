@@ -13,7 +13,7 @@ from ospc.photometry.response import Response
 from ospc.research.faults.footage import Fault, Footage, half, some
 
 _GREYS = np.arange(256.0)
-_LEAST_STEP = 1e-6
+_LEAST_STEP = 1e-9
 """Step of g where a curve is flat: a response increases strictly."""
 
 _WHITE, _RANGE = 255.0, 219.0
@@ -35,7 +35,7 @@ def _bytes(image: FloatArray) -> Image:
 def _curved(footage: Footage, curve: FloatArray) -> Footage:
     """Put a curve, 256 increasing grey values, on every image; what the camera does with it is another response."""
     before = np.interp(_GREYS, *_rising(curve))
-    table = footage.responses[0].inverse(before / _WHITE) + _LEAST_STEP * _GREYS
+    table = footage.responses[0].inverse(before / _WHITE)
     table[0] = 0.0
     known = (*footage.responses, Response.from_values(np.maximum.accumulate(table) + _LEAST_STEP * _GREYS))
     return replace(_looked_up(footage, lambda _i: curve), responses=known)

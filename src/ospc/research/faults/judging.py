@@ -201,7 +201,7 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
 
 
 def outcome_of(states: dict[str, str], figures: dict[str, float | None], *, warned: bool, corrected: bool) -> Outcome:
-    """Return how a run ended.
+    """Return how a run ended; its worst part decides.
 
     Parameters
     ----------
@@ -214,13 +214,23 @@ def outcome_of(states: dict[str, str], figures: dict[str, float | None], *, warn
     """
     if warned or "not identifiable" in states.values():
         return "detected"
-    sigma = figures.get("step_sigma")
-    stated = sigma is not None and abs(figures.get("step") or 0.0) <= MOST_SIGMAS * sigma
-    stated &= (figures.get("vignette_sigmas") or 0.0) <= MOST_SIGMAS
-    small = (figures.get("kappa") or 0.0) <= MOST_KAPPA and (figures.get("vignette") or 0.0) <= MOST_VIGNETTE
-    if stated and small:
-        return "corrected" if corrected else "harmless"
-    return "uncertain" if stated and "marginal" in states.values() else "confident and wrong"
+    step, sigma = figures.get("step") or 0.0, figures.get("step_sigma") or 0.0
+    response = _part(
+        states["response"], figures.get("kappa") or 0.0, MOST_KAPPA, stated=abs(step) <= MOST_SIGMAS * sigma
+    )
+    stated = (figures.get("vignette_sigmas") or 0.0) <= MOST_SIGMAS
+    vignette = _part(states.get("vignette", ""), figures.get("vignette") or 0.0, MOST_VIGNETTE, stated=stated)
+    for outcome in ("confident and wrong", "uncertain"):
+        if outcome in (response, vignette):
+            return outcome
+    return "corrected" if corrected else "harmless"
+
+
+def _part(state: str, error: float, most: float, *, stated: bool) -> Outcome:
+    """Return the outcome of response or vignette alone, given whether its standard deviation covers its error."""
+    if stated and error <= most:
+        return "harmless"
+    return "uncertain" if stated and state == "marginal" else "confident and wrong"
 
 
 def step_sigma(found: Calibration) -> float | None:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray
+from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.vignette import RasterVignette
 from ospc.research.faults.footage import Fault, Footage, blocks, half, wave
 
@@ -121,9 +122,11 @@ def _graduated(footage: Footage, share: float, _random: np.random.Generator) -> 
 
 
 def _decentred(footage: Footage, shift: float, _random: np.random.Generator) -> Footage:
+    """Move the vignette to the right and half as far down; one that is unknown stays."""
+    if footage.vignette is None:
+        return footage
     height, width = footage.images[0].shape
-    move = np.array([[1.0, 0.0, shift * height], [0.0, 1.0, shift * height / 2]])
-    moved = cv2.warpAffine(footage.camera.attenuation, move, (width, height), borderMode=cv2.BORDER_REPLICATE)
+    moved = footage.vignette.at(pixel_grid((width, height)) - [shift * height, shift * height / 2])
     return _shaded(footage, np.asarray(moved / footage.camera.attenuation, np.float32))
 
 
@@ -272,6 +275,6 @@ FAULTS = (
     Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
     Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1), _standing_still),
     Fault(
-        "roll-only", "the camera turns by ±{} degrees about its axis and does nothing else", (90, 40, 10), _roll_only
+        "roll-only", "the camera turns by ±{} degrees about its axis and does nothing else", (10, 40, 90), _roll_only
     ),
 )
