@@ -12,7 +12,7 @@ from ospc.research.faults import judging
 from ospc.research.faults.footage import Fault
 from ospc.research.faults.judging import FaultTask, Run, calibrated, judged, outcome_of, step_sigma
 from ospc.research.faults.recordings import good_footage, good_sources
-from ospc.research.faults.study import fault_tables, fault_tasks
+from ospc.research.faults.study import chosen_faults, fault_tables, fault_tasks
 
 GOOD = {"response": "identifiable", "vignette": "identifiable", "exposures": "identifiable"}
 SMALL = {"kappa": 0.002, "step": 0.01, "step_sigma": 0.005, "vignette": 0.003, "vignette_sigmas": 1.0}
@@ -119,3 +119,9 @@ def test_tables_count_outcomes_and_list_what_is_wrong():
     assert (kappa, step, vignette) == ("0.1000", "+0.2000 ± 0.0100", "0.0200")
     assert tables["Confident and wrong, and crashed: every run"][0][:3] == ("glare", "weak", "room")
     assert tables["False alarms on clean recordings"] == (("room", "detected", "it flickers"),)
+
+
+def test_faults_are_chosen_by_name_pattern_or_word():
+    assert [fault.name for fault in chosen_faults("late")] == ["late"]
+    assert [fault.name for fault in chosen_faults("late-*")] == ["late-by-a-part"]
+    assert {"bilateral"} == {fault.name for fault in chosen_faults("ilat")}

@@ -127,7 +127,7 @@ def _given(data: Path | None, part: str, otherwise: str) -> tuple[Path | None, s
 
 
 def select(items: Sequence[_Item], pattern: str | None, what: str = "recording") -> list[_Item]:
-    """Return the items whose name matches a pattern of shell wildcards, or contains one without wildcards.
+    """Return the items with a name, or whose name matches a pattern of shell wildcards, or contains a word.
 
     Raises
     ------
@@ -137,7 +137,8 @@ def select(items: Sequence[_Item], pattern: str | None, what: str = "recording")
     if pattern is None:
         return list(items)
     wild = pattern if any(c in pattern for c in "*?[") else f"*{pattern}*"
-    chosen = [item for item in items if fnmatchcase(item.name, wild)]
+    exact = [item for item in items if item.name == pattern]
+    chosen = exact or [item for item in items if fnmatchcase(item.name, wild)]
     if not chosen:
         known = ", ".join(item.name for item in items)
         raise SettingError(f"no {what} of the benchmark matches '{pattern}'; known: {known}")

@@ -23,9 +23,6 @@ from ospc.simulation.sensor import Sensor
 SIZE = (320, 240)
 """Size of the simulated images: large enough for errors far below the limits, small enough for thousands of runs."""
 
-MOST_RECORDINGS = 28
-"""Simulated recordings there are."""
-
 _FIRST, _STEP = 7, 5
 """Recordings are taken from the accuracy benchmark's in such steps, so that the first ones differ in response,
 vignette, noise and scene."""

@@ -36,7 +36,7 @@ _NOTE = (
 
 
 def chosen_faults(pattern: str | None) -> list[Fault]:
-    """Return the faults whose name matches a pattern of shell wildcards, or contains one without wildcards.
+    """Return the faults with a name, or whose name matches a pattern of shell wildcards, or contains a word.
 
     Raises
     ------
