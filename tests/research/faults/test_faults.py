@@ -131,7 +131,7 @@ def test_glare_is_a_share_of_the_mean_irradiance(footage):
 
 
 def test_what_darkens_every_frame_belongs_to_the_true_vignette(footage):
-    for name in ("smudge", "graduated-filter", "decentred"):
+    for name in ("smudge", "graduated-filter", "decentred", "shading-corrected"):
         found = put(name, footage, FAULTS[name].strengths[2])
         change = found.vignette.image() / footage.camera.attenuation
         assert np.ptp(change) > 0.05
@@ -203,7 +203,14 @@ def test_rounded_exposures(footage):
 def test_a_hidden_gain_is_of_blocks(footage):
     gain = footage.exposures_ms / put("hidden-gain", footage, 0.05).exposures_ms
     assert np.abs(gain - 1) == pytest.approx(0.05)
-    assert np.ptp(gain[:40]) < 1e-9
+    assert np.ptp(gain.reshape(6, 10), axis=1) == pytest.approx(0)
+    assert np.ptp(gain) == pytest.approx(0.1)
+
+
+def test_the_vignette_is_judged_where_the_scene_is_seen(footage):
+    assert put("disc", footage, 1).reach == pytest.approx(24 / np.hypot(31.5, 23.5), abs=0.02)
+    assert 0.9 < put("letterbox", footage, 0.15).reach < 1
+    assert put("overlay", footage, 0.05).reach == 1
 
 
 def test_mixed_up_exposures_are_the_same_values(footage):

@@ -7,7 +7,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.research.faults.footage import Fault, Footage, blocks, half, some
 
-_HIDDEN_GAIN_FRAMES = 40
+_HIDDEN_GAIN_FRAMES = 10
 """Frames for which a hidden gain stays as it is."""
 
 
@@ -171,7 +171,7 @@ FAULTS = (
     Fault(
         "gain-when-dark", "a hidden gain of {} in the fifth of the longest exposures", (1.1, 1.5, 4), _gain_when_dark
     ),
-    Fault("hidden-gain", "a hidden gain of ±{} that switches every 40 frames", (0.02, 0.05, 0.1), _hidden_gain),
+    Fault("hidden-gain", "a hidden gain of ±{} that switches every 10 frames", (0.02, 0.05, 0.1), _hidden_gain),
     Fault("drift", "exposures that drift from the truth to a factor of {}", (1.05, 1.2, 1.5), _drift),
     Fault("stale", "exposures written anew only every {} frames", (3, 10, 30), _stale),
     Fault("late", "exposures {} frames late", (1, 2, 3), _late),

@@ -66,6 +66,8 @@ class Footage:
         for who undoes the curve, and that with the curve, for who does not.
     vignette
         The true vignette; None where it is unknown.
+    reach
+        Largest radius, in half diagonals, at which the images show the scene; the vignette is judged up to there.
     times
         Lines of ``times.txt``, for faults that only a file can have. The recording is then read from files.
     """
@@ -77,6 +79,7 @@ class Footage:
     camera: Camera = field(repr=False)
     responses: tuple[Response, ...] = field(repr=False)
     vignette: Vignette | None = None
+    reach: float = 1.0
     times: tuple[str, ...] = ()
 
     def __len__(self) -> int:

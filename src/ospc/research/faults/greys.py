@@ -8,7 +8,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray, Image
+from ospc.arrays import BoolArray, FloatArray, Image
+from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.research.faults.footage import Fault, Footage, half, some
 
@@ -125,11 +126,6 @@ def _tone_mapped(footage: Footage, share: float, _random: np.random.Generator) -
     return _filtered(footage, mapped)
 
 
-def _shading_corrected(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    gain = footage.camera.attenuation.astype(np.float64) ** -share
-    return _filtered(footage, lambda image, _i: image * gain)
-
-
 def _bilateral(footage: Footage, greys: float, _random: np.random.Generator) -> Footage:
     return footage.with_images(cv2.bilateralFilter(image, 7, greys, 3) for image in footage.images)
 
@@ -219,17 +215,24 @@ def _watermark(footage: Footage, opacity: float, _random: np.random.Generator) -
     return _filtered(footage, lambda image, _i: image + opacity * mark / _WHITE * (_WHITE - image))
 
 
+def _masked(footage: Footage, inside: BoolArray) -> Footage:
+    """Make everything else black, shape (height, width)."""
+    height, width = inside.shape
+    radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)
+    masked = _filtered(footage, lambda image, _i: image * inside)
+    return replace(masked, reach=float(radius[inside].max()))
+
+
 def _letterbox(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    height = footage.images[0].shape[0]
+    height, width = footage.images[0].shape
     inside = np.abs(np.arange(height) - (height - 1) / 2) < height * (1 - share) / 2
-    return _filtered(footage, lambda image, _i: image * inside[:, None])
+    return _masked(footage, np.tile(inside[:, None], width))
 
 
 def _disc(footage: Footage, radius: float, _random: np.random.Generator) -> Footage:
     height, width = footage.images[0].shape
-    y, x = np.mgrid[:height, :width]
-    inside = np.hypot(y - (height - 1) / 2, x - (width - 1) / 2) < radius * height / 2
-    return _filtered(footage, lambda image, _i: image * inside)
+    from_centre = pixel_grid((width, height)) - [(width - 1) / 2, (height - 1) / 2]
+    return _masked(footage, np.asarray(np.linalg.norm(from_centre, axis=-1) < radius * height / 2))
 
 
 FAULTS = (
@@ -248,7 +251,6 @@ FAULTS = (
     Fault("equalised", "histograms equalised, a share of {}", (0.1, 0.3, 1), _equalised),
     Fault("clahe", "local histogram equalisation with clip limit {}", (1, 2, 4), _clahe),
     Fault("tone-mapping", "surroundings compressed by an exponent of {}", (0.05, 0.1, 0.25), _tone_mapped),
-    Fault("shading-corrected", "grey values divided by V to the power of {}", (0.25, 0.5, 1), _shading_corrected),
     Fault("bilateral", "bilateral filter, {} grey levels", (10, 25, 60), _bilateral),
     Fault("temporal-denoising", "average with earlier frames, share {}", (0.3, 0.5, 0.7), _temporal),
     Fault("median-filter", "median filter of {} pixels a side", (3, 5, 7), _median),

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 
+from ospc.arrays import FloatArray
 from ospc.calibrator import calibrate
 from ospc.errors import OspcError
 from ospc.estimation.response_basis import ResponseBasis
@@ -42,8 +43,8 @@ images are used to."""
 _LOW, _HIGH = 0.25, 0.75
 """Grey levels between which the step of ln g is judged, as verdicts do."""
 
-_JUDGED_RADII = PROFILE_RADII > 0.1
-"""Radii where the vignette is judged: V is 1 at the centre by definition."""
+_CENTRE = 0.1
+"""Radius beyond which the stated deviation of the vignette is judged: V is 1 at the centre by definition."""
 
 
 @dataclass(frozen=True)
@@ -183,8 +184,7 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
         figures["step"] = _step(found.response) - _step(truth)
         figures["step_sigma"] = step_sigma(found)
     if found.vignette is not None and footage.vignette is not None:
-        figures["vignette"] = vignette_rmse(found.vignette, footage.vignette)
-        figures["vignette_sigmas"] = _vignette_sigmas(found, found.vignette, footage.vignette)
+        figures |= _vignette_figures(found.vignette, found.vignette_sigma, footage.vignette, footage.reach)
     doubts = [f"{name}: {v.reason}" for name, v in found.verdicts.items() if v.state != "identifiable"]
     states = {name: verdict.state for name, verdict in found.verdicts.items()}
     skipped = found.counts.get("skipped", 0)
@@ -253,9 +253,13 @@ def _kappa(estimate: Response | None, truth: Response) -> float:
     return np.inf if estimate is None else log_ratio_error(estimate, truth)
 
 
-def _vignette_sigmas(found: Calibration, estimate: Vignette, truth: Vignette) -> float | None:
-    if found.vignette_sigma is None:
-        return None
-    error = (profile_along_diagonal(estimate) - profile_along_diagonal(truth))[_JUDGED_RADII]
-    sigma = found.vignette_sigma[_JUDGED_RADII]
-    return float(np.sqrt(np.mean(error**2) / np.mean(sigma**2)))
+def _vignette_figures(
+    estimate: Vignette, sigma: FloatArray | None, truth: Vignette, reach: float
+) -> dict[str, float]:
+    """Return the errors of a vignette up to a radius: beyond, nothing can be known of it."""
+    figures = {"vignette": vignette_rmse(estimate, truth, reach)}
+    if sigma is not None:
+        judged = (PROFILE_RADII > _CENTRE) & (reach >= PROFILE_RADII)
+        along = (profile_along_diagonal(estimate) - profile_along_diagonal(truth))[judged]
+        figures["vignette_sigmas"] = float(np.sqrt(np.mean(along**2) / np.mean(sigma[judged] ** 2)))
+    return figures

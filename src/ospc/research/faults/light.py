@@ -109,6 +109,10 @@ def _grid(footage: Footage) -> tuple[FloatArray, FloatArray]:
     return (x - (width - 1) / 2) / height, (y - (height - 1) / 2) / height
 
 
+def _shading_corrected(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    return _shaded(footage, footage.camera.attenuation ** np.float32(-share))
+
+
 def _smudge(footage: Footage, depth: float, random: np.random.Generator) -> Footage:
     x, y = _grid(footage)
     transmission = np.ones_like(x)
@@ -259,6 +263,7 @@ FAULTS = (
     Fault("clouds", "light that wanders by ±{} in ln", (0.05, 0.15, 0.4), _clouds),
     Fault("white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25), _white_balance),
     Fault("dimming", "light that falls as exposure to the power of {} rises", (0.05, 0.1, 0.2), _dimming),
+    Fault("shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1), _shading_corrected),
     Fault("smudge", "four smudges that take {} of the light", (0.1, 0.3, 0.6), _smudge),
     Fault("graduated-filter", "a filter that takes {} of the light at the top", (0.1, 0.25, 0.5), _graduated),
     Fault("decentred", "a vignette moved by {} of the height", (0.03, 0.06, 0.12), _decentred),
