@@ -33,6 +33,7 @@ SMALL = {"kappa": 0.002, "step": 0.01, "step_sigma": 0.005, "vignette": 0.003, "
         ({"response": "marginal"}, {"kappa": 0.006}, {}, "uncertain"),
         ({"response": "marginal"}, {"kappa": 0.006, "step": 0.1}, {}, "confident and wrong"),
         ({"vignette": "marginal"}, {"kappa": 0.006}, {}, "confident and wrong"),
+        ({"vignette": "marginal"}, {"kappa": 0.006, "vignette": 0.006}, {}, "confident and wrong"),
         ({"vignette": "marginal"}, {"vignette": 0.02}, {"corrected": True}, "uncertain"),
         ({}, {"step_sigma": None}, {}, "confident and wrong"),
         ({}, {"vignette": None, "vignette_sigmas": None}, {}, "harmless"),
@@ -71,6 +72,7 @@ def test_skipped_frames_and_notes_are_corrections(footage):
 def test_another_exponent_is_wrong(footage):
     run = judged(calibration(footage, response=Response.gamma(1.2)), footage, RUN)
     assert run.outcome == "confident and wrong"
+    assert run.beyond == ("κ", "σ of g")
     truth = footage.responses[0].inverse([0.25, 0.75])
     assert run.step == pytest.approx(1.2 * np.log(3) - np.log(truth[1] / truth[0]), abs=1e-3)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import process_time
@@ -91,6 +91,11 @@ class Run:
     false_alarm: bool = False
     seconds: float = 0.0
 
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """Names of the figures that are beyond their limits."""
+        return beyond(vars(self))
+
 
 @dataclass(frozen=True)
 class FaultTask:
@@ -157,7 +162,10 @@ def calibrated(footage: Footage) -> Calibration:
         return calibrate(_frames(footage))
     with tempfile.TemporaryDirectory() as folder:
         _write(footage, Path(folder))
-        return calibrate(folder)
+        try:
+            return calibrate(folder)
+        except OspcError as error:  # without the folder's name, which differs from run to run
+            raise OspcError(str(error).replace(f"{folder}/", "")) from error
 
 
 def _frames(footage: Footage) -> Iterator[Frame]:
@@ -200,8 +208,10 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
     return Run(**values | {"false_alarm": bool(found.warnings) or states.get("exposures") == "not identifiable"})
 
 
-def outcome_of(states: dict[str, str], figures: dict[str, float | None], *, warned: bool, corrected: bool) -> Outcome:
-    """Return how a run ended; its worst part decides.
+def outcome_of(
+    states: dict[str, str], figures: Mapping[str, float | None], *, warned: bool, corrected: bool
+) -> Outcome:
+    """Return how a run ended; its worst figure decides.
 
     Parameters
     ----------
@@ -214,23 +224,26 @@ def outcome_of(states: dict[str, str], figures: dict[str, float | None], *, warn
     """
     if warned or "not identifiable" in states.values():
         return "detected"
-    step, sigma = figures.get("step") or 0.0, figures.get("step_sigma") or 0.0
-    response = _part(
-        states["response"], figures.get("kappa") or 0.0, MOST_KAPPA, stated=abs(step) <= MOST_SIGMAS * sigma
+    exceeded = beyond(figures)
+    if not exceeded:
+        return "corrected" if corrected else "harmless"
+    # A marginal verdict excuses a large error, but no standard deviation that is too small.
+    excused = {"κ": states["response"] == "marginal", "V": states.get("vignette") == "marginal"}
+    return "uncertain" if all(excused.get(name, False) for name in exceeded) else "confident and wrong"
+
+
+def beyond(figures: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the figures of a run that are beyond their limits; what is None is not."""
+    step, sigma, kappa, vignette, vignette_sigmas = (
+        figures.get(name) or 0.0 for name in ("step", "step_sigma", "kappa", "vignette", "vignette_sigmas")
     )
-    stated = (figures.get("vignette_sigmas") or 0.0) <= MOST_SIGMAS
-    vignette = _part(states.get("vignette", ""), figures.get("vignette") or 0.0, MOST_VIGNETTE, stated=stated)
-    for outcome in ("confident and wrong", "uncertain"):
-        if outcome in (response, vignette):
-            return outcome
-    return "corrected" if corrected else "harmless"
-
-
-def _part(state: str, error: float, most: float, *, stated: bool) -> Outcome:
-    """Return the outcome of response or vignette alone, given whether its standard deviation covers its error."""
-    if stated and error <= most:
-        return "harmless"
-    return "uncertain" if stated and state == "marginal" else "confident and wrong"
+    limits = {
+        "κ": kappa > MOST_KAPPA,
+        "V": vignette > MOST_VIGNETTE,
+        "σ of g": abs(step) > MOST_SIGMAS * sigma,
+        "σ of V": vignette_sigmas > MOST_SIGMAS,
+    }
+    return tuple(name for name, exceeded in limits.items() if exceeded)
 
 
 def step_sigma(found: Calibration) -> float | None:

@@ -74,9 +74,18 @@ def fault_tables(runs: Sequence[Run]) -> list[Table]:
         header = ("what happens", "fault", "strength", "runs", *OUTCOMES, "largest κ", "step", "V")
         tables.append(Table(f"Faults of {kind}", header, tuple(lines), names=3))
     wrong = [run for run in runs if run.outcome in ("confident and wrong", "crashed")]
-    header = ("fault", "strength", "recording", "verdicts", "κ", "step", "V", "V error in σ")
+    header = ("fault", "strength", "recording", "verdicts", "κ", "step", "V", "V error in σ", "beyond")
     lines = [
-        (r.fault, r.strength, r.recording, _verdicts(r), *_figures(r), _text(r.vignette_sigmas, 1)) for r in wrong
+        (
+            r.fault,
+            r.strength,
+            r.recording,
+            _verdicts(r),
+            *_figures(r),
+            _text(r.vignette_sigmas, 1),
+            ", ".join(r.beyond),
+        )
+        for r in wrong
     ]
     alarms = [(r.recording, r.outcome, "; ".join(r.said)) for r in clean if r.false_alarm]
     tables.append(Table("Confident and wrong, and crashed: every run", header, tuple(lines), names=4))
