@@ -65,6 +65,71 @@ def accuracy(
 
 
 @command.command()
+@study_out_option("ospc-faults")
+@data_option
+@jobs_option
+@click.option("--only", metavar="PATTERN", help="Faults whose name matches, such as 'glare' or '*flicker'.")
+@click.option(
+    "--strength",
+    "strengths",
+    type=click.Choice(["weak", "medium", "strong"]),
+    multiple=True,
+    help="Strength of the faults; repeatable. [all three]",
+)
+@click.option(
+    "--recordings",
+    type=click.IntRange(1, 28),
+    default=5,
+    show_default=True,
+    help="Simulated recordings, of as many cameras.",
+)
+@click.option("--frames", type=click.IntRange(2, 100_000), default=500, show_default=True, help="Frames simulated.")
+@click.option("--list", "only_list", is_flag=True, help="Print the faults, and do nothing else.")
+@json_option
+def faults(
+    out: Path,
+    data: Path | None,
+    *,
+    jobs: int,
+    only: str | None,
+    strengths: tuple[str, ...],
+    recordings: int,
+    frames: int,
+    only_list: bool,
+    as_json: bool,
+) -> None:
+    """Put faults on good recordings, and see whether calibrations notice, cope, or are confident and wrong.
+
+    Every fault is put on simulated recordings of several cameras, and on the real video from the folder of real data.
+    OUT gets results.json, results.csv and table.md. Finished runs are kept in OUT/cache: the same command continues
+    an interrupted run, and computes again only what has changed.
+    """
+    from ospc.research.faults.footage import STRENGTHS
+    from ospc.research.faults.judging import Run
+    from ospc.research.faults.recordings import good_sources
+    from ospc.research.faults.study import chosen_faults, content_of, fault_tables, fault_tasks, write_faults
+
+    chosen = chosen_faults(only)
+    if only_list:
+        for fault in chosen:
+            click.echo(f"{fault.name:20} {', '.join(f'{s:g}' for s in fault.strengths):20} {fault.text.format('…')}")
+        return
+    sources, notes = good_sources(recordings, frames, data)
+    tasks = fault_tasks(sources, chosen, strengths or STRENGTHS)
+    found: dict[str, Run] = {}
+
+    def take(finished: Finished) -> None:
+        found[finished.task.name] = Run(**finished.result)
+
+    complete = run_tasks(tasks, out / "cache", jobs, take)
+    runs = [found[task.name] for task in tasks if task.name in found]
+    written = write_faults(out, runs, notes) if runs else []
+    if not as_json:
+        print_tables(fault_tables(runs))
+    finish_study(written, notes, as_json=content_of(runs, notes) if as_json else None, complete=complete)
+
+
+@command.command()
 @study_out_option("ospc-speed")
 @presets_option("default,fast,paper")
 @click.option(

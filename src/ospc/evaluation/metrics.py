@@ -83,12 +83,13 @@ def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float
     return float(np.median(np.abs(log_ratios[0] - log_ratios[1])))
 
 
-def vignette_rmse(estimate: Vignette, truth: Vignette) -> float:
+def vignette_rmse(estimate: Vignette, truth: Vignette, reach: float = 1.0) -> float:
     """Return the root mean square difference of the radial profiles, each divided by its first three bins' mean.
 
-    Their sizes may differ, because the radius is 1 at the corner of each; bins without a pixel do not count.
+    Their sizes may differ, because the radius is 1 at the corner of each; bins without a pixel, and those beyond the
+    radius ``reach``, do not count.
     """
-    difference = radial_profile(estimate, _BINS) - radial_profile(truth, _BINS)
+    difference = (radial_profile(estimate, _BINS) - radial_profile(truth, _BINS))[: max(1, int(reach * _BINS))]
     return _rms(difference[np.isfinite(difference)])
 
 

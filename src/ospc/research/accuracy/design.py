@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -52,6 +52,18 @@ _NOISE_SWAPPED, _SCENES_SWAPPED = (0, 1, 0, 1, 0, 1, 1), (0, 0, 1, 1, 0, 1, 0)
 
 _Named: TypeAlias = tuple[str, str, str | Response]
 """The name of a response, its level of the factor "response", and the response."""
+
+
+class HasName(Protocol):
+    """Something that is chosen by its name."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+
+_Item = TypeVar("_Item", bound=HasName)
 
 
 @dataclass(frozen=True)
@@ -114,21 +126,22 @@ def _given(data: Path | None, part: str, otherwise: str) -> tuple[Path | None, s
     return (place, "") if place.exists() else (None, f"{place} is not there: {otherwise}")
 
 
-def select(sources: Sequence[Source], pattern: str | None) -> list[Source]:
-    """Return the recordings whose name matches a pattern of shell wildcards, or contains one without wildcards.
+def select(items: Sequence[_Item], pattern: str | None, what: str = "recording") -> list[_Item]:
+    """Return the items with a name, or whose name matches a pattern of shell wildcards, or contains a word.
 
     Raises
     ------
     SettingError
-        If none matches.
+        If none matches; it calls them by ``what`` they are.
     """
     if pattern is None:
-        return list(sources)
+        return list(items)
     wild = pattern if any(c in pattern for c in "*?[") else f"*{pattern}*"
-    chosen = [source for source in sources if fnmatchcase(source.name, wild)]
+    exact = [item for item in items if item.name == pattern]
+    chosen = exact or [item for item in items if fnmatchcase(item.name, wild)]
     if not chosen:
-        known = ", ".join(source.name for source in sources)
-        raise SettingError(f"no recording of the benchmark matches '{pattern}'; known: {known}")
+        known = ", ".join(item.name for item in items)
+        raise SettingError(f"no {what} of the benchmark matches '{pattern}'; known: {known}")
     return chosen
 
 

@@ -1,0 +1,173 @@
+"""A recording in memory with everything a fault may change, and what a fault is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+from zlib import crc32
+
+import numpy as np
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+
+STRENGTHS = ("weak", "medium", "strong")
+"""Names of the three strengths of every fault."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """How the images were made, so that a fault can act on the light before the sensor sees it.
+
+    Attributes
+    ----------
+    irradiance
+        e·V·L of every frame without noise, 1 saturates, shape (frames, height, width).
+    exposures_ms
+        True exposure of every frame, shape (frames,).
+    attenuation
+        V of every pixel, shape (height, width).
+    expose
+        Makes the image of an irradiance, with noise, response and quantisation; takes the number of the frame.
+    """
+
+    irradiance: Float32Array
+    exposures_ms: FloatArray
+    attenuation: Float32Array
+    expose: Callable[[Float32Array, int], Image] = field(repr=False)
+
+    def radiance(self, frame: int) -> Float32Array:
+        """Return L at every pixel of a frame, in saturations per millisecond."""
+        return np.asarray(self.irradiance[frame] / (self.attenuation * np.float32(self.exposures_ms[frame])))
+
+    def image(self, radiance: Float32Array, exposure_ms: float, frame: int) -> Image:
+        """Return the image of a radiance at an exposure."""
+        return self.expose(radiance * self.attenuation * np.float32(exposure_ms), frame)
+
+
+@dataclass(frozen=True)
+class Footage:
+    """A recording in memory, 8 bits a pixel.
+
+    Attributes
+    ----------
+    images
+        Images of shape (height, width).
+    exposures_ms, stamps_s
+        What the metadata say of every image, shape (frames,).
+    names
+        Ids of the images, such as "00012".
+    camera
+        How the images were made.
+    responses
+        The responses that count as true. A curve that a fault puts on every grey level alike has two: the camera's,
+        for who undoes the curve, and that with the curve, for who does not.
+    vignette
+        The true vignette; None where it is unknown.
+    reach
+        Largest radius, in half diagonals, at which the images show the scene; the vignette is judged up to there.
+    times
+        Lines of ``times.txt``, for faults that only a file can have. The recording is then read from files.
+    """
+
+    images: tuple[Image, ...]
+    exposures_ms: FloatArray
+    stamps_s: FloatArray
+    names: tuple[str, ...]
+    camera: Camera = field(repr=False)
+    responses: tuple[Response, ...] = field(repr=False)
+    vignette: Vignette | None = None
+    reach: float = 1.0
+    times: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of images."""
+        return len(self.images)
+
+    @property
+    def mean_grey(self) -> FloatArray:
+        """Mean grey value of every image, shape (frames,)."""
+        return np.array([image.mean() for image in self.images])
+
+    def with_images(self, images: Iterable[Image]) -> Footage:
+        """Return the recording with other images."""
+        return replace(self, images=tuple(images))
+
+    def with_exposures(self, exposures_ms: FloatArray) -> Footage:
+        """Return the recording with other exposures in its metadata."""
+        return replace(self, exposures_ms=np.asarray(exposures_ms, dtype=np.float64))
+
+    def relit(self, change: Callable[[Float32Array, int], Float32Array]) -> Footage:
+        """Return the recording as its camera sees it when the irradiance of every frame is changed by a function."""
+        camera = self.camera
+        changed = (np.asarray(change(light, i), np.float32) for i, light in enumerate(camera.irradiance))
+        return self.with_images(camera.expose(light, i) for i, light in enumerate(changed))
+
+    def chosen(self, frames: BoolArray) -> Footage:
+        """Return some of the frames, with their own metadata."""
+        kept = np.flatnonzero(frames)
+        return replace(
+            self,
+            images=tuple(self.images[i] for i in kept),
+            exposures_ms=self.exposures_ms[kept],
+            stamps_s=self.stamps_s[kept],
+            names=tuple(self.names[i] for i in kept),
+        )
+
+
+Change: TypeAlias = Callable[[Footage, float, np.random.Generator], Footage]
+"""Puts a fault of a given strength on a recording; draws from the generator only."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A kind of fault.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    text
+        What happens, with {} in place of the strength.
+    strengths
+        A weak, a medium and a strong one, in the unit of the text.
+    change
+        Puts it on a recording.
+    """
+
+    name: str
+    text: str
+    strengths: tuple[float, float, float]
+    change: Change = field(repr=False)
+
+    def put_on(self, footage: Footage, strength: float) -> Footage:
+        """Return a recording with the fault; the same for the same arguments."""
+        return self.change(footage, strength, np.random.default_rng(crc32(self.name.encode())))
+
+    def in_words(self, strength: float) -> str:
+        """Return what happens at a strength."""
+        return self.text.format(f"{strength:g}")
+
+
+def some(count: int, share: float, random: np.random.Generator) -> BoolArray:
+    """Return a mask with a share of ``count`` entries chosen, at least one and never the first, shape (count,)."""
+    mask = np.zeros(count, bool)
+    mask[1 + random.choice(count - 1, min(count - 1, max(1, round(share * count))), replace=False)] = True
+    return mask
+
+
+def half(footage: Footage) -> int:
+    """Return the number of the first frame of the second half."""
+    return len(footage) // 2
+
+
+def wave(count: int, cycles: float) -> FloatArray:
+    """Return a sine of so many cycles over the recording, shape (count,)."""
+    return np.sin(2 * np.pi * cycles * np.arange(count) / count)
+
+
+def blocks(count: int, length: int, random: np.random.Generator) -> FloatArray:
+    """Return +1 or −1 for each block of so many frames, drawn at random, shape (count,)."""
+    return np.repeat(random.choice([-1.0, 1.0], count // length + 1), length)[:count]

@@ -1,0 +1,278 @@
+"""One run: a recording with a fault is calibrated as a user would, and the outcome is judged by the truth."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from time import process_time
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.calibrator import calibrate
+from ospc.errors import OspcError
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+from ospc.recording import Frame
+from ospc.research.faults.footage import STRENGTHS, Fault, Footage
+from ospc.research.faults.recordings import GoodSource, good_footage
+from ospc.research.method import failure
+from ospc.research.runner import OnProgress
+from ospc.research.scoring import profile_along_diagonal
+from ospc.research.store import made_with
+
+Outcome = Literal["detected", "corrected", "harmless", "uncertain", "confident and wrong", "crashed"]
+
+CLEAN = "none"
+"""Stands for the fault of a recording without any."""
+
+MOST_SIGMAS = 3.0
+"""Largest error in stated standard deviations."""
+
+MOST_KAPPA, MOST_VIGNETTE = 0.005, 0.005
+"""Largest log-ratio error of the response and RMSE of the vignette's profile: half a per cent is what corrected
+images are used to."""
+
+_LOW, _HIGH = 0.25, 0.75
+"""Grey levels between which the step of ln g is judged, as verdicts do."""
+
+_CENTRE = 0.1
+"""Radius beyond which the stated deviation of the vignette is judged: V is 1 at the centre by definition."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What became of a recording with a fault.
+
+    Attributes
+    ----------
+    recording, fault, strength, value
+        The recording, the fault, the name of its strength, and the strength itself.
+    outcome
+        How it ended.
+    kappa
+        Log-ratio error of the response.
+    step, step_sigma
+        Error of ln g(0.75)/g(0.25) and its stated standard deviation.
+    vignette, vignette_sigmas
+        RMSE of the vignette's profile; the same over the root mean square of the stated standard deviation.
+    states
+        Verdicts by name.
+    said
+        The error, warnings, notes, or reasons of verdicts that are not "identifiable".
+    skipped
+        Frames that could not be used.
+    false_alarm
+        Whether there was an error or warning, which is wrong without a fault.
+    seconds
+        Processor time of the calibration.
+    """
+
+    recording: str
+    fault: str
+    strength: str
+    value: float | None
+    outcome: Outcome
+    kappa: float | None = None
+    step: float | None = None
+    step_sigma: float | None = None
+    vignette: float | None = None
+    vignette_sigmas: float | None = None
+    states: dict[str, str] = field(default_factory=dict)
+    said: tuple[str, ...] = ()
+    skipped: int = 0
+    false_alarm: bool = False
+    seconds: float = 0.0
+
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """Names of the figures that are beyond their limits."""
+        return beyond(vars(self))
+
+
+@dataclass(frozen=True)
+class FaultTask:
+    """A fault of one strength to be put on a recording, or none.
+
+    Attributes
+    ----------
+    source
+        The good recording.
+    fault
+        The fault; None for the recording as it is.
+    strength
+        Index of the strength.
+    """
+
+    source: GoodSource
+    fault: Fault | None = None
+    strength: int = 0
+
+    @property
+    def name(self) -> str:
+        """Recording, fault and strength."""
+        fault = CLEAN if self.fault is None else f"{self.fault.name} {STRENGTHS[self.strength]}"
+        return f"{self.source.name} ({fault})"
+
+    def describe(self) -> dict[str, Any]:
+        """Return recording, fault, and the source of this package."""
+        fault = None if self.fault is None else [self.fault.name, self.fault.strengths[self.strength]]
+        return {"recording": self.source.describe(), "fault": fault, "made_with": made_with()}
+
+    def run(self, progress: OnProgress) -> dict[str, Any]:
+        """Return the judged run as JSON-compatible values."""
+        footage, value = good_footage(self.source), None
+        if self.fault is not None:
+            value = self.fault.strengths[self.strength]
+            footage = self.fault.put_on(footage, value)
+        progress(0.5)
+        name, strength = (CLEAN, "") if self.fault is None else (self.fault.name, STRENGTHS[self.strength])
+        began = process_time()
+        try:
+            found = calibrated(footage)
+        except OspcError as error:
+            return asdict(
+                Run(self.source.name, name, strength, value, "detected", said=(str(error),), false_alarm=True)
+            )
+        except Exception as error:  # a breakdown is an outcome too
+            said = (failure(error),)
+            return asdict(Run(self.source.name, name, strength, value, "crashed", said=said, false_alarm=True))
+        seconds = process_time() - began
+        return asdict(
+            judged(found, footage, Run(self.source.name, name, strength, value, "harmless", seconds=seconds))
+        )
+
+
+def calibrated(footage: Footage) -> Calibration:
+    """Calibrate a recording with default settings.
+
+    Raises
+    ------
+    OspcError
+        If it cannot be opened, or no frame can be used.
+    """
+    if not footage.times:
+        return calibrate(_frames(footage))
+    with tempfile.TemporaryDirectory() as folder:
+        _write(footage, Path(folder))
+        try:
+            return calibrate(folder)
+        except OspcError as error:  # without the folder's name, which differs from run to run
+            raise OspcError(str(error).replace(f"{folder}/", "")) from error
+
+
+def _frames(footage: Footage) -> Iterator[Frame]:
+    metadata = zip(footage.images, footage.exposures_ms, footage.stamps_s, strict=True)
+    for i, (image, exposure_ms, stamp_s) in enumerate(metadata):
+        yield Frame.of_array(image, exposure_ms, index=i, stamp_s=stamp_s, max_grey=255)
+
+
+def _write(footage: Footage, folder: Path) -> None:
+    """Write a recording in the layout of the TUM monocular data set."""
+    (folder / "images").mkdir()
+    for name, image in zip(footage.names, footage.images, strict=True):
+        cv2.imwrite(str(folder / "images" / f"{name}.png"), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    (folder / "times.txt").write_text("\n".join(footage.times) + "\n", encoding="utf-8")
+
+
+def judged(found: Calibration, footage: Footage, run: Run) -> Run:
+    """Return a run with the errors of its calibration, what was said, and the outcome."""
+    figures: dict[str, Any] = {}
+    if found.response is not None:
+        # Where a curve was put on all grey levels, the estimate may be of the camera with or without it.
+        truth = min(footage.responses, key=lambda known: _kappa(found.response, known))
+        figures["kappa"] = _kappa(found.response, truth)
+        figures["step"] = _step(found.response) - _step(truth)
+        figures["step_sigma"] = step_sigma(found)
+    if found.vignette is not None and footage.vignette is not None:
+        figures |= _vignette_figures(found.vignette, found.vignette_sigma, footage.vignette, footage.reach)
+    doubts = [f"{name}: {v.reason}" for name, v in found.verdicts.items() if v.state != "identifiable"]
+    states = {name: verdict.state for name, verdict in found.verdicts.items()}
+    skipped = found.counts.get("skipped", 0)
+    said = tuple(dict.fromkeys((*found.warnings, *found.notes, *doubts)))
+    parts = ("response", "exposures") if footage.vignette is None else ("response", "vignette", "exposures")
+    outcome = outcome_of(
+        {name: states.get(name, "not identifiable") for name in parts},
+        figures,
+        warned=bool(found.warnings),
+        corrected=bool(found.notes) or skipped > 0,
+    )
+    values = vars(run) | figures | {"states": states, "said": said, "skipped": skipped, "outcome": outcome}
+    return Run(**values | {"false_alarm": bool(found.warnings) or states.get("exposures") == "not identifiable"})
+
+
+def outcome_of(
+    states: dict[str, str], figures: Mapping[str, float | None], *, warned: bool, corrected: bool
+) -> Outcome:
+    """Return how a run ended; its worst figure decides.
+
+    Parameters
+    ----------
+    states
+        Verdicts on what the truth is known of.
+    figures
+        Errors and standard deviations by the names of :class:`Run`.
+    warned, corrected
+        Whether there are warnings, and whether notes tell of something that was done about a fault.
+    """
+    if warned or "not identifiable" in states.values():
+        return "detected"
+    exceeded = beyond(figures)
+    if not exceeded:
+        return "corrected" if corrected else "harmless"
+    # A marginal verdict excuses a large error, but no standard deviation that is too small.
+    excused = {"κ": states["response"] == "marginal", "V": states.get("vignette") == "marginal"}
+    return "uncertain" if all(excused.get(name, False) for name in exceeded) else "confident and wrong"
+
+
+def beyond(figures: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the figures of a run that are beyond their limits; what is None is not."""
+    step, sigma, kappa, vignette, vignette_sigmas = (
+        figures.get(name) or 0.0 for name in ("step", "step_sigma", "kappa", "vignette", "vignette_sigmas")
+    )
+    limits = {
+        "κ": kappa > MOST_KAPPA,
+        "V": vignette > MOST_VIGNETTE,
+        "σ of g": abs(step) > MOST_SIGMAS * sigma,
+        "σ of V": vignette_sigmas > MOST_SIGMAS,
+    }
+    return tuple(name for name, exceeded in limits.items() if exceeded)
+
+
+def step_sigma(found: Calibration) -> float | None:
+    """Return the stated standard deviation of ln g(0.75)/g(0.25); None where there is no covariance."""
+    known = found.covariance.get("response")
+    if known is None:
+        return None
+    of_curve = [i for i, name in enumerate(known["parameters"]) if name.startswith("gamma(")]
+    covariance = np.array(known["matrix"])[np.ix_(of_curve, of_curve)]
+    step = np.diff(ResponseBasis(len(of_curve) - 1).log_rows(np.array([_LOW, _HIGH])), axis=0)[0]
+    return float(np.sqrt(step @ covariance @ step + found.exponent_sigma**2))
+
+
+def _step(response: Response) -> float:
+    low, high = response.inverse([_LOW, _HIGH])
+    return float(np.log(high / low))
+
+
+def _kappa(estimate: Response | None, truth: Response) -> float:
+    return np.inf if estimate is None else log_ratio_error(estimate, truth)
+
+
+def _vignette_figures(
+    estimate: Vignette, sigma: FloatArray | None, truth: Vignette, reach: float
+) -> dict[str, float]:
+    """Return the errors of a vignette up to a radius: beyond, nothing can be known of it."""
+    figures = {"vignette": vignette_rmse(estimate, truth, reach)}
+    if sigma is not None:
+        judged = (PROFILE_RADII > _CENTRE) & (reach >= PROFILE_RADII)
+        along = (profile_along_diagonal(estimate) - profile_along_diagonal(truth))[judged]
+        figures["vignette_sigmas"] = float(np.sqrt(np.mean(along**2) / np.mean(sigma[judged] ** 2)))
+    return figures

@@ -1,0 +1,285 @@
+"""Faults of the light, of the optics and of the scene: what changes the irradiance before the sensor sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ospc.arrays import Float32Array, FloatArray
+from ospc.photometry.geometry import pixel_grid
+from ospc.photometry.vignette import RasterVignette
+from ospc.research.faults.footage import Fault, Footage, blocks, half, wave
+
+_LAMP_HZ = 100.0
+"""Frequency at which lamps on mains of 50 Hz flicker."""
+
+_READOUT_CYCLES = 1.5
+"""Cycles of the lamp while a rolling shutter reads all rows."""
+
+
+def _factored(footage: Footage, factor: FloatArray) -> Footage:
+    """Multiply the light of every frame by a factor, shape (frames,)."""
+    return footage.relit(lambda light, i: light * np.float32(factor[i]))
+
+
+def _glare(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    return footage.relit(lambda light, _i: light + np.float32(share) * light.mean())
+
+
+def _near_glare(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    def spread(light: Float32Array, _i: int) -> Float32Array:
+        small = cv2.resize(light, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+        around = cv2.GaussianBlur(small, (0, 0), small.shape[1] / 10, borderType=cv2.BORDER_CONSTANT)
+        return np.asarray((1 - share) * light + share * cv2.resize(around, light.shape[::-1]))
+
+    return footage.relit(spread)
+
+
+def _bloom(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    def spilt(light: Float32Array, _i: int) -> Float32Array:
+        return np.asarray(light + share * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8))
+
+    return footage.relit(spilt)
+
+
+def _dark_current(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    exposures = footage.camera.exposures_ms
+    added = share * exposures / np.median(exposures)
+    return footage.relit(lambda light, i: light + np.float32(added[i]))
+
+
+def _persistence(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    before = footage.camera.irradiance
+    return footage.relit(lambda light, i: light + np.float32(share) * np.minimum(before[max(0, i - 1)], 1))
+
+
+def _locked_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
+    """Flicker in step with the frames: every exposure is centred on a maximum of the light."""
+    return _factored(footage, 1 + amplitude * np.sinc(_LAMP_HZ * footage.camera.exposures_ms / 1000))
+
+
+def _beating_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
+    return _factored(footage, 1 + amplitude * wave(len(footage), len(footage) / 8.7))
+
+
+def _row_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
+    rows = np.linspace(0, _READOUT_CYCLES, footage.images[0].shape[0])[:, None]
+
+    def lit(light: Float32Array, i: int) -> Float32Array:
+        return np.asarray(light * (1 + amplitude * np.sin(2 * np.pi * (rows + 0.37 * i))))
+
+    return footage.relit(lit)
+
+
+def _lamp(footage: Footage, factor: float, random: np.random.Generator) -> Footage:
+    return _factored(footage, factor ** (blocks(len(footage), 50, random) / 2))
+
+
+def _clouds(footage: Footage, amplitude: float, random: np.random.Generator) -> Footage:
+    phase = random.uniform(0, 2 * np.pi, 3)
+    time = np.arange(len(footage)) / len(footage)
+    course = sum(np.sin(2 * np.pi * cycles * time + p) for cycles, p in zip((1.3, 3.1, 7.7), phase, strict=True))
+    return _factored(footage, np.exp(amplitude * np.asarray(course) / 2))
+
+
+def _white_balance(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
+    return _factored(footage, 1 + amplitude * wave(len(footage), 2.5))
+
+
+def _dimming(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
+    """Light that falls where the exposure rises: no image can tell it from another scale of the exposures."""
+    exposures = footage.camera.exposures_ms
+    return _factored(footage, (exposures / np.median(exposures)) ** -exponent)
+
+
+def _shaded(footage: Footage, transmission: Float32Array) -> Footage:
+    """Put something before the sensor that belongs to the vignette from then on."""
+    darkened = footage.relit(lambda light, _i: light * transmission)
+    known = None if footage.vignette is None else RasterVignette(footage.camera.attenuation * transmission)
+    return replace(darkened, vignette=known)
+
+
+def _grid(footage: Footage) -> tuple[FloatArray, FloatArray]:
+    """Return x and y of every pixel in heights of the image, 0 in the middle, shape (height, width) each."""
+    height, width = footage.images[0].shape
+    y, x = np.mgrid[:height, :width].astype(np.float64)
+    return (x - (width - 1) / 2) / height, (y - (height - 1) / 2) / height
+
+
+def _shading_corrected(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    return _shaded(footage, footage.camera.attenuation ** np.float32(-share))
+
+
+def _smudge(footage: Footage, depth: float, random: np.random.Generator) -> Footage:
+    x, y = _grid(footage)
+    transmission = np.ones_like(x)
+    for centre in random.uniform(-0.5, 0.5, (4, 2)):
+        transmission -= depth * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (2 * 0.04**2))
+    return _shaded(footage, np.clip(transmission, 0.05, 1).astype(np.float32))
+
+
+def _graduated(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    return _shaded(footage, (1 - share * (0.5 - _grid(footage)[1])).astype(np.float32))
+
+
+def _decentred(footage: Footage, shift: float, _random: np.random.Generator) -> Footage:
+    """Move the vignette to the right and half as far down; one that is unknown stays."""
+    if footage.vignette is None:
+        return footage
+    height, width = footage.images[0].shape
+    moved = footage.vignette.at(pixel_grid((width, height)) - [shift * height, shift * height / 2])
+    return _shaded(footage, np.asarray(moved / footage.camera.attenuation, np.float32))
+
+
+def _vignette_midway(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
+    change = footage.camera.attenuation ** np.float32(exponent - 1)
+    return footage.relit(lambda light, i: light * change if i >= half(footage) else light)
+
+
+def _pixel_gains(footage: Footage, sigma: float, random: np.random.Generator) -> Footage:
+    gain = np.exp(sigma * random.standard_normal(footage.images[0].shape)).astype(np.float32)
+    return footage.relit(lambda light, _i: light * gain)
+
+
+def _shot_noise(footage: Footage, sigma: float, random: np.random.Generator) -> Footage:
+    def noisy(light: Float32Array, _i: int) -> Float32Array:
+        drawn = random.standard_normal(light.shape, dtype=np.float32)
+        return np.asarray(light + np.float32(sigma) * np.sqrt(np.maximum(light, 0)) * drawn)
+
+    return footage.relit(noisy)
+
+
+def _overexposed(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
+    return _factored(footage, np.full(len(footage), factor))
+
+
+def _underexposed(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
+    return _factored(footage, np.full(len(footage), 1 / factor))
+
+
+def _speculars(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    def glinting(light: Float32Array, _i: int) -> Float32Array:
+        spots = (random.random(light.shape) < share / 9).astype(np.uint8)
+        return np.where(cv2.dilate(spots, np.ones((3, 3), np.uint8)) > 0, light * 10, light)
+
+    return footage.relit(glinting)
+
+
+def _crowd(footage: Footage, count: float, random: np.random.Generator) -> Footage:
+    """Patches of all brightnesses that move before the scene, each an eighth of the height wide."""
+    height, width = footage.images[0].shape
+    side, number = height // 8, int(count)
+    start, speed = random.uniform(0, 1, (number, 2)), random.uniform(-0.02, 0.02, (number, 2))
+    level = np.exp(random.uniform(-2, 2, number))
+    typical = float(np.median(footage.camera.radiance(0)))
+
+    def crossed(light: Float32Array, i: int) -> Float32Array:
+        result = light.copy()
+        for n in range(number):
+            x, y = ((start[n] + i * speed[n]) % 1 * (width, height)).astype(int)
+            place = (slice(y, y + side), slice(x, x + side))
+            exposure = np.float32(footage.camera.exposures_ms[i] * typical * level[n])
+            result[place] = footage.camera.attenuation[place] * exposure
+        return result
+
+    return footage.relit(crossed)
+
+
+def _motion_blur(footage: Footage, frames: float, _random: np.random.Generator) -> Footage:
+    camera, reach = footage.camera, int(frames) // 2
+
+    def averaged(_light: Float32Array, i: int) -> Float32Array:
+        around = range(max(0, i - reach), min(len(footage), i + reach + 1))
+        mean = np.mean([camera.radiance(j) for j in around], axis=0)
+        return np.asarray(mean * camera.attenuation * camera.exposures_ms[i])
+
+    return footage.relit(averaged)
+
+
+def _textureless(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    def smoothed(image: Float32Array, _i: int) -> Float32Array:
+        return np.asarray(cv2.GaussianBlur(image, (0, 0), share * image.shape[1]))
+
+    return _reshot(footage, footage.camera.exposures_ms, smoothed)
+
+
+def _constant_exposure(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
+    middle = float(np.median(footage.camera.exposures_ms)) * factor
+    return _reshot(footage, np.full(len(footage), middle), lambda image, _i: image)
+
+
+def _small_range(footage: Footage, ratio: float, _random: np.random.Generator) -> Footage:
+    logs = np.log(footage.camera.exposures_ms)
+    reach = max(float(np.ptp(logs)), 1e-9)
+    return _reshot(
+        footage, np.exp(np.median(logs) + (logs - np.median(logs)) * np.log(ratio) / reach), lambda image, _i: image
+    )
+
+
+def _standing_still(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    """Hold the view of the first frame for a share of the recording."""
+    first = footage.camera.radiance(0)
+    last = round(share * len(footage))
+    return _reshot(footage, footage.camera.exposures_ms, lambda image, i: first if i < last else image)
+
+
+def _roll_only(footage: Footage, degrees: float, _random: np.random.Generator) -> Footage:
+    """Turn the camera about its axis over one view, back and forth by so many degrees."""
+    first = footage.camera.radiance(0)
+    height, width = first.shape
+    angle = degrees * wave(len(footage), 6)
+
+    def turned(_image: Float32Array, i: int) -> Float32Array:
+        turn = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), float(angle[i]), 1.0)
+        return np.asarray(cv2.warpAffine(first, turn, (width, height), borderMode=cv2.BORDER_REFLECT))
+
+    return _reshot(footage, footage.camera.exposures_ms, turned)
+
+
+def _reshot(
+    footage: Footage, exposures_ms: FloatArray, change: Callable[[Float32Array, int], Float32Array]
+) -> Footage:
+    """Film a changed scene at given exposures, which the metadata state."""
+    camera = footage.camera
+    images = (
+        camera.image(change(camera.radiance(i), i), float(exposures_ms[i]), i) for i in range(len(camera.irradiance))
+    )
+    return footage.with_images(images).with_exposures(exposures_ms)
+
+
+FAULTS = (
+    Fault("glare", "{} of the mean irradiance of a frame on all of it", (0.01, 0.02, 0.05), _glare),
+    Fault("near-glare", "{} of the irradiance scattered to its surroundings", (0.02, 0.05, 0.1), _near_glare),
+    Fault("bloom", "{} of what is beyond saturation spills over", (0.1, 0.3, 1), _bloom),
+    Fault("dark-current", "{} of saturation added at the middle exposure", (0.005, 0.01, 0.02), _dark_current),
+    Fault("persistence", "{} of the frame before remains", (0.02, 0.05, 0.1), _persistence),
+    Fault("locked-flicker", "100 Hz flicker of ±{} in step with the frames", (0.1, 0.3, 0.6), _locked_flicker),
+    Fault("beating-flicker", "flicker of ±{} every 8.7 frames", (0.02, 0.05, 0.15), _beating_flicker),
+    Fault("row-flicker", "flicker of ±{} along the rows of a rolling shutter", (0.02, 0.05, 0.15), _row_flicker),
+    Fault("lamp", "light that switches by a factor of {}", (1.1, 1.3, 2), _lamp),
+    Fault("clouds", "light that wanders by ±{} in ln", (0.05, 0.15, 0.4), _clouds),
+    Fault("white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25), _white_balance),
+    Fault("dimming", "light that falls as exposure to the power of {} rises", (0.05, 0.1, 0.2), _dimming),
+    Fault("shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1), _shading_corrected),
+    Fault("smudge", "four smudges that take {} of the light", (0.1, 0.3, 0.6), _smudge),
+    Fault("graduated-filter", "a filter that takes {} of the light at the top", (0.1, 0.25, 0.5), _graduated),
+    Fault("decentred", "a vignette moved by {} of the height", (0.03, 0.06, 0.12), _decentred),
+    Fault("vignette-midway", "V to the power of {} from half-way on", (0.8, 0.5, 0), _vignette_midway),
+    Fault("pixel-gains", "gains of pixels that scatter by {}", (0.01, 0.02, 0.05), _pixel_gains),
+    Fault("shot-noise", "shot noise of {} at saturation", (0.02, 0.04, 0.08), _shot_noise),
+    Fault("overexposed", "{} times the light", (1.5, 2, 4), _overexposed),
+    Fault("underexposed", "light {} times less", (2, 4, 16), _underexposed),
+    Fault("speculars", "glints over a share of {} of the image", (0.001, 0.005, 0.02), _speculars),
+    Fault("crowd", "{} patches moving before the scene", (4, 12, 40), _crowd),
+    Fault("motion-blur", "the scene of {} frames in one", (3, 5, 9), _motion_blur),
+    Fault("textureless", "a scene smoothed over {} of the width", (0.02, 0.05, 0.15), _textureless),
+    Fault("constant-exposure", "an exposure fixed at {} times the middle one", (1, 0.5, 2), _constant_exposure),
+    Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
+    Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1), _standing_still),
+    Fault(
+        "roll-only", "the camera turns by ±{} degrees about its axis and does nothing else", (10, 40, 90), _roll_only
+    ),
+)

@@ -1,0 +1,226 @@
+"""Faults of the sequence: images lost, repeated, mixed up or resized, and files that do not fit each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ospc.arrays import Image
+from ospc.research.faults.footage import Fault, Footage, half, some
+
+
+def _renumbered(footage: Footage, kept: np.ndarray) -> Footage:
+    """Lose images while the numbering and the list of exposures go on: every later image gets a wrong exposure."""
+    left = footage.chosen(kept)
+    count = len(left)
+    return replace(
+        left,
+        exposures_ms=footage.exposures_ms[:count],
+        stamps_s=footage.stamps_s[:count],
+        names=footage.names[:count],
+    )
+
+
+def _lost_images(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    return _renumbered(footage, ~some(len(footage), share, random))
+
+
+def _lost_block(footage: Footage, count: float, _random: np.random.Generator) -> Footage:
+    numbers = np.arange(len(footage)) - len(footage) // 3
+    return _renumbered(footage, (numbers < 0) | (numbers >= count))
+
+
+def _stutter(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    """Repeat images of a stream that lost its place: what follows is late beside its exposures."""
+    order = np.cumsum(~some(len(footage), share, random)) - 1
+    return footage.with_images(footage.images[i] for i in order)
+
+
+def _repeated(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    """Repeat frames with their exposures in place of those that follow."""
+    repeats = some(len(footage), share, random)
+    order = np.maximum.accumulate(np.where(repeats, 0, np.arange(len(footage))))
+    return footage.with_images(footage.images[i] for i in order).with_exposures(footage.exposures_ms[order])
+
+
+def _frozen(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    """Let the picture freeze from a third on while exposures go on."""
+    first = len(footage) // 3
+    last = min(len(footage), first + round(share * len(footage)))
+    return footage.with_images(footage.images[first if first <= i < last else i] for i in range(len(footage)))
+
+
+def _dropped(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    return footage.chosen(~some(len(footage), share, random))
+
+
+def _time_lapse(footage: Footage, step: float, _random: np.random.Generator) -> Footage:
+    return footage.chosen(np.arange(len(footage)) % int(step) == 0)
+
+
+def _short(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    return footage.chosen(np.arange(len(footage)) < max(2, share * len(footage)))
+
+
+def _cuts(footage: Footage, length: float, random: np.random.Generator) -> Footage:
+    """Put pieces of so many frames into another order, with their exposures."""
+    pieces = np.array_split(np.arange(len(footage)), max(2, len(footage) // int(length)))
+    order = np.concatenate([pieces[i] for i in random.permutation(len(pieces))])
+    return footage.with_images(footage.images[i] for i in order).with_exposures(footage.exposures_ms[order])
+
+
+def _changed(
+    footage: Footage, share: float, random: np.random.Generator, change: Callable[[Image], Image]
+) -> Footage:
+    chosen = some(len(footage), share, random)
+    return footage.with_images(change(image) if chosen[i] else image for i, image in enumerate(footage.images))
+
+
+def _covered(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    return _changed(footage, share, random, np.zeros_like)
+
+
+def _torn(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    def cut_off(image: Image) -> Image:
+        torn = image.copy()
+        torn[image.shape[0] // 2 :] = 128
+        return torn
+
+    return _changed(footage, share, random, cut_off)
+
+
+def _interlaced(footage: Footage, frames: float, _random: np.random.Generator) -> Footage:
+    def woven(i: int) -> Image:
+        image = footage.images[i].copy()
+        image[1::2] = footage.images[min(i + int(frames), len(footage) - 1)][1::2]
+        return image
+
+    return footage.with_images(woven(i) for i in range(len(footage)))
+
+
+def _since_midway(footage: Footage, change: Callable[[Image], Image]) -> Footage:
+    images = enumerate(footage.images)
+    return footage.with_images(change(image) if i >= half(footage) else image for i, image in images)
+
+
+def _resized(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
+    return _since_midway(footage, lambda image: np.asarray(cv2.resize(image, None, fx=factor, fy=factor)))
+
+
+def _zoomed_in(image: Image, factor: float, shift: tuple[float, float] = (0.0, 0.0)) -> Image:
+    height, width = image.shape
+    x, y = ((1 - factor) * (width - 1) / 2 + shift[0], (1 - factor) * (height - 1) / 2 + shift[1])
+    view = np.array([[factor, 0.0, x], [0.0, factor, y]])
+    return np.asarray(cv2.warpAffine(image, view, (width, height), borderMode=cv2.BORDER_REPLICATE))
+
+
+def _zoom(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
+    return _since_midway(footage, lambda image: _zoomed_in(image, factor))
+
+
+def _stabilised(footage: Footage, shift_px: float, random: np.random.Generator) -> Footage:
+    factor = 1 + 4 * shift_px / footage.images[0].shape[1]
+    moves = shift_px * np.clip(random.standard_normal((len(footage), 2)), -2, 2)
+    return footage.with_images(_zoomed_in(image, factor, tuple(moves[i])) for i, image in enumerate(footage.images))
+
+
+def _sheared(footage: Footage, shear_px: float, random: np.random.Generator) -> Footage:
+    """Shear the images as a rolling shutter does when the camera turns."""
+    height, width = footage.images[0].shape
+    slopes = shear_px * random.standard_normal(len(footage)) / height
+
+    def sheared(image: Image, slope: float) -> Image:
+        view = np.array([[1.0, slope, -slope * height / 2], [0.0, 1.0, 0.0]])
+        return np.asarray(cv2.warpAffine(image, view, (width, height), borderMode=cv2.BORDER_REPLICATE))
+
+    return footage.with_images(sheared(image, float(slopes[i])) for i, image in enumerate(footage.images))
+
+
+def _mirrored(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    last = round(share * len(footage))
+    images = enumerate(footage.images)
+    return footage.with_images(np.ascontiguousarray(image[:, ::-1]) if i < last else image for i, image in images)
+
+
+def _time_going_back(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    stamps = footage.stamps_s.copy()
+    stamps[some(len(footage), share, random)] -= 5 * float(np.median(np.diff(footage.stamps_s)))
+    return replace(footage, stamps_s=stamps)
+
+
+def _listed(footage: Footage) -> list[list[str]]:
+    """Return the columns of every line of times.txt: id, stamp and exposure."""
+    columns = zip(footage.names, footage.stamps_s, footage.exposures_ms, strict=True)
+    return [[name, f"{stamp:.6f}", f"{exposure:.6f}"] for name, stamp, exposure in columns]
+
+
+def _with_lines(footage: Footage, lines: list[list[str]]) -> Footage:
+    return replace(footage, times=tuple(" ".join(line) for line in lines))
+
+
+def _rewritten(
+    footage: Footage, share: float, random: np.random.Generator, change: Callable[[list[str]], list[str]]
+) -> Footage:
+    wrong = some(len(footage), share, random)
+    return _with_lines(footage, [change(line) if wrong[i] else line for i, line in enumerate(_listed(footage))])
+
+
+def _missing_lines(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    missing = some(len(footage), share, random)
+    return _with_lines(footage, [line for i, line in enumerate(_listed(footage)) if not missing[i]])
+
+
+def _missing_files(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    left = footage.chosen(~some(len(footage), share, random))
+    return replace(left, times=_with_lines(footage, _listed(footage)).times)
+
+
+def _duplicate_ids(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    lines, repeats = _listed(footage), some(len(footage), share, random)
+    names = [lines[i - repeats[i]][0] for i in range(len(lines))]
+    return _with_lines(footage, [[name, *line[1:]] for name, line in zip(names, lines, strict=True)])
+
+
+def _decimal_commas(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    return _rewritten(footage, share, random, lambda line: [line[0], *(text.replace(".", ",") for text in line[1:])])
+
+
+def _swapped_columns(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    return _rewritten(footage, share, random, lambda line: [line[0], line[2], line[1]])
+
+
+def _cut_lines(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+    return _rewritten(footage, share, random, lambda line: line[:2])
+
+
+FAULTS = (
+    Fault("lost-images", "a share of {} of images lost, numbering goes on", (0.005, 0.02, 0.1), _lost_images),
+    Fault("lost-block", "{} images lost at once, numbering goes on", (3, 10, 40), _lost_block),
+    Fault("stutter", "a share of {} of images repeated, exposures go on", (0.005, 0.02, 0.1), _stutter),
+    Fault("repeated", "a share of {} of frames repeated with their exposures", (0.05, 0.2, 0.5), _repeated),
+    Fault("frozen", "the picture frozen for a share of {}", (0.05, 0.15, 0.5), _frozen),
+    Fault("dropped", "a share of {} of frames dropped", (0.05, 0.2, 0.6), _dropped),
+    Fault("time-lapse", "every {}th frame only", (2, 4, 10), _time_lapse),
+    Fault("short", "a share of {} of the recording", (0.5, 0.2, 0.08), _short),
+    Fault("cuts", "pieces of {} frames in another order", (50, 10, 1), _cuts),
+    Fault("covered", "a share of {} of images black", (0.02, 0.1, 0.3), _covered),
+    Fault("torn", "the lower half missing in a share of {} of images", (0.01, 0.05, 0.2), _torn),
+    Fault("interlaced", "every other row from {} frames later", (1, 2, 4), _interlaced),
+    Fault("resized", "{} times the size from half-way on", (0.9, 0.75, 0.5), _resized),
+    Fault("zoom", "a digital zoom of {} from half-way on", (1.05, 1.2, 1.5), _zoom),
+    Fault("stabilised", "digital stabilisation that moves images by {} pixels", (1, 3, 8), _stabilised),
+    Fault("rolling-shutter", "images sheared by {} pixels", (2, 5, 12), _sheared),
+    Fault("mirrored", "images mirrored in the first {}", (0.1, 0.3, 0.5), _mirrored),
+    Fault("time-going-back", "time goes back at a share of {} of frames", (0.01, 0.1, 0.5), _time_going_back),
+    Fault("missing-lines", "a share of {} of lines missing in times.txt", (0.01, 0.1, 0.5), _missing_lines),
+    Fault("missing-files", "a share of {} of image files missing", (0.01, 0.1, 0.5), _missing_files),
+    Fault("duplicate-ids", "the id before in a share of {} of lines", (0.01, 0.1, 0.5), _duplicate_ids),
+    Fault("decimal-commas", "decimal commas in a share of {} of lines", (0.01, 0.3, 1), _decimal_commas),
+    Fault(
+        "swapped-columns", "stamp and exposure swapped in a share of {} of lines", (0.01, 0.3, 1), _swapped_columns
+    ),
+    Fault("cut-lines", "no exposure in a share of {} of lines", (0.01, 0.1, 0.5), _cut_lines),
+)

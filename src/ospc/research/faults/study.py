@@ -1,0 +1,152 @@
+"""The study of all faults: its runs, and its tables and files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, get_args
+
+from ospc.research.accuracy.design import select
+from ospc.research.faults import exposures, greys, light, sequence
+from ospc.research.faults.footage import STRENGTHS, Fault
+from ospc.research.faults.judging import CLEAN, FaultTask, Outcome, Run
+from ospc.research.faults.recordings import GoodSource
+from ospc.research.store import source_hash
+from ospc.research.tables import Table, as_csv, as_json, write
+from ospc.versions import versions
+
+SCHEMA = "ospc-benchmark-faults/1"
+
+KINDS: dict[str, tuple[Fault, ...]] = {
+    "light, optics and scene": light.FAULTS,
+    "grey values": greys.FAULTS,
+    "exposures": exposures.FAULTS,
+    "sequence and files": sequence.FAULTS,
+}
+"""All faults by their kind."""
+
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+
+_NOTE = (
+    "Detected: an error, a warning, or a quantity said not to be identifiable. Corrected and harmless: errors within "
+    "3σ, κ ≤ 0.005 and vignette ≤ 0.005, with and without a note. Uncertain: what is larger is within 3σ and called "
+    "marginal. Confident and wrong: the rest. Step is the error of ln g(0.75)/g(0.25)."
+)
+
+
+def chosen_faults(pattern: str | None) -> list[Fault]:
+    """Return the faults with a name, or whose name matches a pattern of shell wildcards, or contains a word.
+
+    Raises
+    ------
+    SettingError
+        If none matches.
+    """
+    return select([fault for faults in KINDS.values() for fault in faults], pattern, "fault")
+
+
+def fault_tasks(
+    sources: Sequence[GoodSource], faults: Sequence[Fault], strengths: Sequence[str] = STRENGTHS
+) -> list[FaultTask]:
+    """Return the runs: of every recording the clean one first, then each fault with each strength."""
+    numbers = [STRENGTHS.index(strength) for strength in strengths]
+    return [
+        task
+        for source in sources
+        for task in (FaultTask(source), *(FaultTask(source, fault, n) for fault in faults for n in numbers))
+    ]
+
+
+def fault_tables(runs: Sequence[Run]) -> list[Table]:
+    """Return the outcomes in all, of each fault and strength, and every run that is confident and wrong."""
+    clean = [run for run in runs if run.fault == CLEAN]
+    faulty = [run for run in runs if run.fault != CLEAN]
+    totals = (("without a fault", clean), ("with a fault", faulty))
+    tables = [Table("Outcomes", ("recordings", "runs", *OUTCOMES), tuple(_counted((k,), v) for k, v in totals if v))]
+    for kind, faults in KINDS.items():
+        lines = [
+            _counted((fault.in_words(fault.strengths[number]), fault.name, strength), members, _worst(members))
+            for fault in faults
+            for number, strength in enumerate(STRENGTHS)
+            if (members := [run for run in faulty if (run.fault, run.strength) == (fault.name, strength)])
+        ]
+        header = ("what happens", "fault", "strength", "runs", *OUTCOMES, "largest κ", "step", "V")
+        tables.append(Table(f"Faults of {kind}", header, tuple(lines), names=3))
+    wrong = [run for run in runs if run.outcome in ("confident and wrong", "crashed")]
+    header = ("fault", "strength", "recording", "verdicts", "κ", "step", "V", "V error in σ", "beyond")
+    lines = [
+        (
+            r.fault,
+            r.strength,
+            r.recording,
+            _verdicts(r),
+            *_figures(r),
+            _text(r.vignette_sigmas, 1),
+            ", ".join(r.beyond),
+        )
+        for r in wrong
+    ]
+    alarms = [(r.recording, r.outcome, "; ".join(r.said)) for r in clean if r.false_alarm]
+    tables.append(Table("Confident and wrong, and crashed: every run", header, tuple(lines), names=4))
+    tables.append(Table("False alarms on clean recordings", ("recording", "outcome", "said"), tuple(alarms), names=3))
+    return [table for table in tables if table.rows]
+
+
+def write_faults(folder: Path, runs: Sequence[Run], notes: Sequence[str]) -> list[Path]:
+    """Write ``results.json``, ``results.csv`` and ``table.md``.
+
+    Errors are those of :func:`~ospc.research.tables.write`.
+    """
+    made = ", ".join(f"{name} {version}" for name, version in versions().items())
+    heading = ["# Faults\n", _NOTE + "\n", *(f"- {note}\n" for note in notes)]
+    heading.append(f"- Made with {made}; source {source_hash()[:12]}; ospc bench faults.\n")
+    names = [field.name for field in fields(Run)]
+    lines = [[_cell(value) for value in vars(run).values()] for run in runs]
+    texts = {
+        "results.json": as_json(content_of(runs, notes)),
+        "results.csv": as_csv(names, lines),
+        "table.md": "\n".join([*heading, *(table.as_markdown() for table in fault_tables(runs))]),
+    }
+    return write(folder, texts)
+
+
+def content_of(runs: Sequence[Run], notes: Sequence[str]) -> dict[str, Any]:
+    """Return the content of ``results.json``."""
+    return {
+        "schema": SCHEMA,
+        "versions": versions(),
+        "source_sha256": source_hash(),
+        "notes": list(notes),
+        "runs": [asdict(run) for run in runs],
+    }
+
+
+def _counted(names: tuple[str, ...], runs: Sequence[Run], figures: tuple[str, ...] = ()) -> tuple[str, ...]:
+    counts = (sum(run.outcome == outcome for run in runs) for outcome in OUTCOMES)
+    return (*names, str(len(runs)), *(str(count) if count else "" for count in counts), *figures)
+
+
+def _worst(runs: Sequence[Run]) -> tuple[str, ...]:
+    """Return the figures of the run with the largest error that nothing was said of, if any."""
+    silent = [run for run in runs if run.outcome != "detected" and run.kappa is not None]
+    return _figures(max(silent, key=lambda run: run.kappa or 0.0)) if silent else ("–", "–", "–")
+
+
+def _figures(run: Run) -> tuple[str, str, str]:
+    step = "–" if run.step is None else f"{run.step:+.4f} ± {_text(run.step_sigma, 4)}"
+    return _text(run.kappa, 4), step, _text(run.vignette, 4)
+
+
+def _verdicts(run: Run) -> str:
+    return ", ".join(f"{name} {state}" for name, state in run.states.items() if state != "identifiable")
+
+
+def _text(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, dict):
+        return "; ".join(f"{name} {state}" for name, state in value.items())
+    return " | ".join(value) if isinstance(value, tuple | list) else value
