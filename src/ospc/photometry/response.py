@@ -37,9 +37,9 @@ class Response:
     inverse_table
         g at the grey levels i/(n-1), shape (n,), strictly increasing from 0 to 1.
     log_sigma
-        Standard deviation of ln g(M)/g(reference) at the same levels, shape (n,); None if unknown.
+        Standard deviation of ln g(M)/g(reference_grey) at the same levels, shape (n,); None if unknown.
     scale_sigma
-        Standard deviation of ln g(reference), given g(1) = 1; None if unknown.
+        Standard deviation of ln g(reference_grey), given g(1) = 1; None if unknown.
     support
         Lowest and highest grey level, in [0, 1], that were measured. Outside, the curve follows the prior.
     model
@@ -101,7 +101,7 @@ class Response:
         return cls(np.linspace(0, 1, levels) ** exponent, model={"name": "gamma", "exponent": exponent})
 
     @property
-    def reference(self) -> float:
+    def reference_grey(self) -> float:
         """Grey level in [0, 1] that the uncertainty is relative to: the middle of what was measured."""
         return sum(self.support) / 2
 
@@ -128,7 +128,7 @@ class Response:
 
         What remains of a difference is one of shape, which is what can be observed; shape (n,).
         """
-        factor = float(self.inverse(self.reference) / other.inverse(self.reference))
+        factor = float(self.inverse(self.reference_grey) / other.inverse(self.reference_grey))
         return np.asarray(other.inverse(self.levels) * factor)
 
     def resampled(self, levels: int) -> FloatArray:

@@ -218,8 +218,8 @@ shares below, 68 and 93 per cent of the response's shape were within one and two
 44 simulated recordings of 360 frames; without, 38 and 62."""
 
 SYSTEMATIC_RESPONSE_SHARE = 0.0028
-"""Share of ln g(M)/g(reference) that is wrong however many samples there are: registration drawn to where brightness
-agrees makes changes of brightness look smaller than they are. From the same recordings."""
+"""Share of ln g, relative to the middle of the greys measured, that is wrong however many samples there are:
+registration drawn to where brightness agrees makes changes of brightness look smaller. From the same recordings."""
 
 SYSTEMATIC_VIGNETTE_SHARE = 0.008
 """Share of ln V that is wrong however many samples there are, since registration is drawn to where brightness agrees;

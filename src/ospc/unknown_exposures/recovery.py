@@ -125,7 +125,7 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
     response, vignette_sigma = calibration.response, calibration.vignette_sigma
     if response is not None:
         log_g = np.log(np.maximum(response.inverse_table, 1e-12))
-        log_reference = float(np.log(response.inverse(response.reference)))
+        log_reference = float(np.log(response.inverse(response.reference_grey)))
         known = 0.0 if response.log_sigma is None else np.asarray(response.log_sigma)
         response = replace(
             response,
