@@ -89,10 +89,10 @@ class _Request:
     "calibrate",
     epilog=exit_codes(
         {
-            0: "complete: response and vignette are known",
+            0: "complete: response and vignette are identifiable, and the exposures agree with the images",
             1: "error; what was known by then is written as partial if possible",
-            3: "written, but response or vignette could not be determined, the exposures contradict the images, or "
-            "the camera changed during the recording",
+            3: "written, but response, vignette or exposures are marginal or not identifiable, or the camera changed "
+            "during the recording",
             INTERRUPTED: "interrupted; the partial result is written",
         }
     ),

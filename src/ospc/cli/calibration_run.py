@@ -204,7 +204,7 @@ class _Outcome:
             return FAILED
         if self.interrupted:
             return INTERRUPTED
-        return COMPLETE if self.calibration.complete and not self.calibration.warnings else UNDETERMINED
+        return COMPLETE if self.calibration.complete else UNDETERMINED
 
     @property
     def skipping(self) -> Iterator[str]:

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ospc.cli.calibration_report import print_json, say_verdicts
-from ospc.cli.options import correct_lag_option, json_option, list_topics_option, path_argument, plot_option
+from ospc.cli.options import (
+    correct_lag_option,
+    exit_codes,
+    json_option,
+    list_topics_option,
+    path_argument,
+    plot_option,
+)
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
 
@@ -17,11 +24,21 @@ if TYPE_CHECKING:
     from ospc.diagnosis import RecordingReport
     from ospc.exposures.findings import LagChoice
 
+COMPLETE, UNDETERMINED = 0, 3
+
 _LABEL_COLUMNS = 14
 """Width of the names of the figures."""
 
 
-@click.command("check")
+@click.command(
+    "check",
+    epilog=exit_codes(
+        {
+            COMPLETE: "a calibration would be complete",
+            UNDETERMINED: "response, vignette or exposures are marginal or not identifiable, or the camera changed",
+        }
+    ),
+)
 @path_argument
 @json_option
 @plot_option
@@ -38,7 +55,7 @@ def command(
     correct_lag: LagChoice,
     list_topics: bool,
     **reading: Any,
-) -> None:
+) -> int:
     """Say what a calibration of the recording at PATH finds, without writing one.
 
     Takes the whole recording, or its beginning (--frames). Says whether response, vignette and exposures are
@@ -49,17 +66,18 @@ def command(
 
     if list_topics:
         print_topics(path)
-        return
+        return COMPLETE
     recording = Reading.taken_from(reading).open(path)
     with progress_of("checking") as step:
         report = check_recording(recording, frames=frames, correct_lag=correct_lag, progress=step)
+    code = COMPLETE if report.complete else UNDETERMINED
     if plot is not None:
         from ospc.report.check import plot_report
 
         plot_report(report, plot)
     if as_json:
         print_json(report.as_dict())
-        return
+        return code
     width, height = report.size
     click.echo(f"{path}: {report.frames} frames {width}×{height}, {report.processed} of them processed")
     say_verdicts(report.verdicts)
@@ -70,6 +88,7 @@ def command(
         click.echo(f"• {note}")
     if plot is not None:
         click.echo(f"plot: {plot}")
+    return code
 
 
 def _figures(report: RecordingReport) -> dict[str, str]:

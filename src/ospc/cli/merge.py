@@ -23,8 +23,8 @@ COMPLETE, UNDETERMINED = 0, 3
     "merge",
     epilog=exit_codes(
         {
-            COMPLETE: "complete: response and vignette are known",
-            UNDETERMINED: "written, but response or vignette could not be determined",
+            COMPLETE: "complete: response and vignette are identifiable",
+            UNDETERMINED: "written, but response or vignette is marginal or not identifiable",
         }
     ),
 )

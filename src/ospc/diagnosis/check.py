@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import islice
 
-import numpy as np
-
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.diagnosis.motion import motion
 from ospc.diagnosis.notes import notes
 from ospc.diagnosis.report import RecordingReport
 from ospc.diagnosis.timing import timing
 from ospc.errors import RecordingError
-from ospc.exposures.evidence import ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice
-from ospc.exposures.tone_mapping import LocalTone, local_tone
+from ospc.exposures.findings import LagChoice
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 
@@ -77,9 +73,8 @@ def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -
         why = calibrator.first_reasons[0] if calibrator.first_reasons else "there are none"
         raise RecordingError(f"{recording.path}: none of its frames can be used; the first: {why}")
     found, calibration = calibrator.exposure_findings(), calibrator.calibration()
-    tone = _local_tone(evidence, found, recording)
     when = timing(recording.stamps_s[:frames], evidence.repeated, evidence.compared)
-    told = notes(found, pixels, tone, when, calibration.counts["skipped"])
+    told = notes(found, pixels, when, calibration.counts["skipped"])
     return RecordingReport(
         name=recording.path.name or recording.path.resolve().name,
         kind=recording.kind,
@@ -89,20 +84,10 @@ def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -
         processed=calibrator.processed,
         unreadable=calibration.counts["skipped"],
         exposures=found,
-        local_tone=tone,
         pixels=pixels,
         timing=when,
         motion=motion(evidence.changes, calibrator.inputs()),
         verdicts=calibration.verdicts,
+        complete=calibration.complete,
         notes=(*calibration.warnings, *found.notes, *told, *recording.notes),
     )
-
-
-def _local_tone(evidence: ExposureEvidence, found: ExposureFindings, recording: Recording) -> LocalTone | None:
-    """Look for local tone mapping, with exposures corrected by the most likely lag."""
-    lag = found.lag.candidates[0] if found.lag.candidates else found.corrected_frames
-    log_exposure = np.log(recording.exposures_ms)
-    last = len(log_exposure) - 1
-    inside = [c for c in evidence.changes if c.frame0 + lag >= 0 and c.frame1 + lag <= last]
-    change = np.array([log_exposure[c.frame1 + lag] - log_exposure[c.frame0 + lag] for c in inside])
-    return local_tone(inside, change)

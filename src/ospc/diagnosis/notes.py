@@ -11,23 +11,10 @@ from ospc.diagnosis.timing import Timing
 from ospc.exposures.course import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag import MAX_LAG
-from ospc.exposures.tone_mapping import LocalTone
+from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
 
 _MANY_CLIPPED = 0.10
 """Share of clipped pixels worth a note: windows and lamps clip in any recording, but make up less of it."""
-
-_SURE_SPREAD_LOG = 0.010
-_POSSIBLE_SPREAD_LOG = 0.006
-"""Differences between parts of an image within one frame, in ln of the grey level, that are clear and possible signs
-of local tone mapping: a per cent, and what errors of registration may also leave."""
-
-_SURROUND_EFFECT = 0.15
-"""Relative effect of the surroundings on d ln M/d ln e that is a clear sign of local tone mapping: registration
-errors at edges imitate less."""
-
-_SURROUND_SIGMAS = 5.0
-"""Standard errors that such an effect must be away from zero: it is computed from samples that are not
-independent."""
 
 _DARK_CORNER_SHARE = 0.05
 """Share of well-exposed places in the outermost ring below which the vignette of the corners is a continuation."""
@@ -40,15 +27,13 @@ _SLOWEST_VIDEO_S = 0.7
 rate by which frames could be missing."""
 
 
-def notes(
-    found: ExposureFindings, pixels: PixelReport, tone: LocalTone | None, timing: Timing, unreadable: int
-) -> tuple[str, ...]:
+def notes(found: ExposureFindings, pixels: PixelReport, timing: Timing, unreadable: int) -> tuple[str, ...]:
     """Return the findings, worst first."""
     said = [
         *_about_frames(timing, unreadable),
         *_about_lag(found),
         *_about_brightness(found.brightness, timing),
-        *_about_tone(tone),
+        *_about_tone(found.local_tone),
         *_about_pixels(pixels),
     ]
     return tuple(said)
@@ -111,25 +96,9 @@ def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> It
 
 
 def _about_tone(tone: LocalTone | None) -> Iterator[str]:
-    if tone is None:
-        return
-    follows_surround = (
-        tone.surround_effect is not None
-        and tone.surround_sigmas is not None
-        and abs(tone.surround_effect) > _SURROUND_EFFECT
-        and tone.surround_sigmas > _SURROUND_SIGMAS
-    )
-    spread = tone.place_spread_log
-    if spread > _SURE_SPREAD_LOG or follows_surround:
-        certainty = "there are clear signs of local tone mapping"
-    elif spread > _POSSIBLE_SPREAD_LOG:
-        certainty = "there may be local tone mapping"
-    else:
-        return
-    yield (
-        f"{certainty}: parts of the image change in brightness differently from the rest, by {spread:.1%} a frame; "
-        f"switch off local contrast, HDR and shading correction in the camera"
-    )
+    # Clear signs are a warning already.
+    if tone is not None and tone.text and not tone.is_clear:
+        yield f"{tone.text}; {NO_LOCAL_TONE}"
 
 
 def _about_pixels(pixels: PixelReport) -> Iterator[str]:

@@ -43,8 +43,6 @@ class RecordingReport:
         Number of frames that could not be used.
     exposures
         What the images show about the exposures.
-    local_tone
-        Whether parts of the image behave differently; None where that is unknown.
     pixels
         Coverage of grey levels and radii, clipping, surround.
     timing
@@ -54,6 +52,8 @@ class RecordingReport:
     verdicts
         For ``"response"``, ``"vignette"`` and ``"exposures"``: identifiable, marginal or not, why, and what to record
         instead.
+    complete
+        Whether a calibration of these frames is complete: all verdicts are identifiable, and nothing warns.
     notes
         Everything else a user should know, worst first.
     """
@@ -66,11 +66,11 @@ class RecordingReport:
     processed: int
     unreadable: int
     exposures: ExposureFindings
-    local_tone: LocalTone | None
     pixels: PixelReport
     timing: Timing
     motion: MotionReport
     verdicts: dict[str, Verdict]
+    complete: bool
     notes: tuple[str, ...]
 
     @property
@@ -101,7 +101,7 @@ class RecordingReport:
             "exposure": _exposure(self.exposures.course),
             "lag": _lag(self.exposures.lag),
             "brightness": _brightness(self),
-            "local_tone_mapping": _local_tone(self.local_tone),
+            "local_tone_mapping": _local_tone(self.exposures.local_tone),
             "grey_levels": _grey_levels(self.pixels),
             "radii": _radii(self),
             "timing": _timing(self.timing),

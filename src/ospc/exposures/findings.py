@@ -20,6 +20,7 @@ from ospc.exposures.course import (
 )
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.lag import MAX_LAG, LagEstimate, estimate_lag
+from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.photometry.verdict import Verdict
 
 LagChoice = int | Literal["auto", "never", "trusted"]
@@ -59,6 +60,8 @@ class ExposureFindings:
         The lag they are corrected by; 0 for none.
     brightness
         How much of the changes of brightness they explain; None where too few frames could be compared.
+    local_tone
+        Whether parts of the image follow the exposures differently; None where that is unknown.
     verdict
         Whether exposures and images agree.
     notes
@@ -74,6 +77,7 @@ class ExposureFindings:
     verdict: Verdict
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    local_tone: LocalTone | None = None
 
     @property
     def lag_frames(self) -> int | None:
@@ -117,7 +121,8 @@ def assess_exposures(
     if brightness is not None:
         jumps = tuple(replace(jump, frame=jump.frame + since) for jump in brightness.jumps)
         brightness = replace(brightness, jumps=jumps)
-    return replace(found, lag=replace(found.lag, frame=found.lag.frame + since), brightness=brightness)
+    found = replace(found, lag=replace(found.lag, frame=found.lag.frame + since), brightness=brightness)
+    return found if choice == "trusted" else _with_local_tone(found, evidence, _filled(log_exposure))
 
 
 def _assess_choice(
@@ -139,6 +144,22 @@ def _assess_choice(
         "to the frames they belong to; --correct-lag never leaves them"
     )
     return replace(corrected, lag=found.lag, corrected_frames=certain, notes=(note,))
+
+
+def _with_local_tone(
+    found: ExposureFindings, evidence: ExposureEvidence, log_exposure: FloatArray
+) -> ExposureFindings:
+    """Look for local tone mapping, with the exposures moved by the most likely lag."""
+    lag = found.lag.candidates[0] if found.lag.candidates else found.corrected_frames
+    inside = [c for c in evidence.changes if c.frame0 + lag >= 0 and c.frame1 + lag < len(log_exposure)]
+    change = np.array([log_exposure[c.frame1 + lag] - log_exposure[c.frame0 + lag] for c in inside])
+    tone = local_tone(inside, change)
+    if tone is None or not tone.is_clear:
+        return replace(found, local_tone=tone)
+    verdict = found.verdict
+    if verdict.state == "identifiable":
+        verdict = Verdict("marginal", tone.text, NO_LOCAL_TONE)
+    return replace(found, local_tone=tone, verdict=verdict, warnings=(*found.warnings, tone.text))
 
 
 def lag_choice(text: str) -> LagChoice:

@@ -111,8 +111,10 @@ class Calibration:
 
     @property
     def complete(self) -> bool:
-        """Whether both response and vignette are known."""
-        return self.response is not None and self.vignette is not None
+        """Whether response and vignette are identifiable, the exposures agree with the images, and nothing warns."""
+        known = self.response is not None and self.vignette is not None
+        sure = all(verdict.state == "identifiable" for verdict in self.verdicts.values())
+        return known and sure and not self.warnings
 
     def __repr__(self) -> str:
         """Return on one line what it is of, and how well it is known."""
