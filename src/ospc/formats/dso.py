@@ -105,7 +105,9 @@ def read_vignette(path: str | Path) -> RasterVignette:
     return RasterVignette(image.astype(np.float32), {"file": Path(path).name, "bits": image.dtype.itemsize * 8})
 
 
-def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike) -> Path:
+def write_times(
+    path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike | None
+) -> Path:
     """Write times.txt, one line ``id stamp exposure`` per image, atomically, and return its path.
 
     Parameters
@@ -116,6 +118,7 @@ def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, e
         Integers below 2³¹ that identify the images.
     stamps_s, exposures_ms
         One per image: time stamps, written to the nanosecond, and positive exposures, as zero means unknown to DSO.
+        None for unknown exposures, which have no column.
 
     Raises
     ------
@@ -126,7 +129,7 @@ def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, e
         If an exposure is not a positive number.
     """
     stamps = np.asarray(stamps_s, dtype=np.float64)
-    exposures = np.asarray(exposures_ms, dtype=np.float64)
+    exposures = np.ones(stamps.shape) if exposures_ms is None else np.asarray(exposures_ms, dtype=np.float64)
     if not stamps.shape == exposures.shape == (len(ids),):
         raise FormatError(
             f"{path}: {len(ids)} ids, {stamps.size} stamps and {exposures.size} exposures; each image needs all three"
@@ -139,5 +142,8 @@ def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, e
         stored = exposures.astype(np.float32)
     if not np.all(np.isfinite(stored) & (stored > 0)):
         raise ExposureError(f"{path}: exposures must be finite and positive, in milliseconds")
-    lines = (f"{i:d} {s:.9f} {e:.9g}\n" for i, s, e in zip(ids, stamps, exposures, strict=True))
+    lines = (
+        f"{i:d} {s:.9f}\n" if exposures_ms is None else f"{i:d} {s:.9f} {e:.9g}\n"
+        for i, s, e in zip(ids, stamps, exposures, strict=True)
+    )
     return write_text(path, "".join(lines))

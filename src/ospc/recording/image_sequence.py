@@ -12,7 +12,7 @@ from ospc.errors import OspcError, RecordingError, escaped
 from ospc.formats.image_header import read_header
 from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame, check_size
-from ospc.recording.frame_table import FrameTable, match_images, table_or_unlisted
+from ospc.recording.frame_table import NO_STAMPS, FrameTable, match_images, table_or_unlisted
 from ospc.recording.image_source import ImageSource
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
@@ -110,7 +110,9 @@ def open_sequence(
     except OspcError:
         source.close()
         raise
-    numbered = () if table.stamped else (f"{table.source}: has no time stamps; frames are numbered, one per second",)
+    if table.source == place:
+        matching = ()  # without a list, there is nothing to match
+    numbered = () if table.stamped else (f"{table.source}: {NO_STAMPS}",)
     return ImageSequence(
         path=path,
         kind=kind,
