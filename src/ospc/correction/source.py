@@ -15,6 +15,7 @@ from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages, by_name, is_image_name
 from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.unread import why_unread
 
 _DIGITS = 5
 """Least digits of the numbers of images that have no names of their own."""
@@ -102,10 +103,11 @@ def _expanded(path: Path) -> list[Path]:
     """Return the files that match a pattern; a path that exists, or is none, as it is."""
     if path.exists() or not glob.has_magic(str(path)):
         return [path]
-    found = Path(path.anchor).glob(str(path.relative_to(path.anchor)))
+    found = list(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
     images = sorted((p for p in found if is_image_name(p.name)), key=lambda p: by_name(str(p)))
     if not images:
-        raise RecordingError(f"{path}: no image matches this pattern; check it, or name a folder")
+        why = next((why for p in found if (why := why_unread(p))), "check it, or name a folder")
+        raise RecordingError(f"{path}: no image matches this pattern; {why}")
     return images
 
 
@@ -116,7 +118,9 @@ def _image_files(places: Sequence[Path], options: ReadingOptions) -> Source:
             what = "is a folder; name it alone, or only files" if place.is_dir() else "there is no such file"
             raise RecordingError(f"{place}: {what}")
         if not is_image_name(place.name):
-            raise RecordingError(f"{place}: is not an image; of several files, each has to be one")
+            raise RecordingError(
+                f"{place}: {why_unread(place) or 'is not an image; of several files, each has to be one'}"
+            )
     full = [place.absolute() for place in places]
     folder = Path(os.path.commonpath([place.parent for place in full]))
     names = tuple(dict.fromkeys(place.relative_to(folder).as_posix() for place in full))

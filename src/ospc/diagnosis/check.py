@@ -18,6 +18,7 @@ from ospc.exposures.findings import ExposureFindings, LagChoice
 from ospc.exposures.tone_mapping import LocalTone, local_tone
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
+from ospc.unknown_exposures import labelled
 
 
 def check_recording(
@@ -76,7 +77,7 @@ def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -
     if evidence is None or pixels is None:
         why = calibrator.first_reasons[0] if calibrator.first_reasons else "there are none"
         raise RecordingError(f"{recording.path}: none of its frames can be used; the first: {why}")
-    found, calibration = calibrator.exposure_findings(), calibrator.calibration()
+    found, calibration = calibrator.exposure_findings(), labelled(calibrator.calibration(), recording)
     tone = _local_tone(evidence, found, recording)
     when = timing(recording.stamps_s[:frames], evidence.repeated, evidence.compared)
     told = notes(found, pixels, tone, when, calibration.counts["skipped"])

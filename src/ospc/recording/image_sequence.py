@@ -17,6 +17,7 @@ from ospc.recording.image_source import ImageSource
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
+from ospc.recording.unread import why_unread
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,7 +99,8 @@ def open_sequence(
     place = str(source.place)
     try:
         if not source.names:
-            raise RecordingError(f"{place}: holds no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there")
+            why = why_unread(source.place) or "holds no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there"
+            raise RecordingError(f"{place}: {why}")
         table = table_or_unlisted(read_table, place, len(source.names), allowed=options.unknown_exposures)
         names, matching = match_images(table, source.names, place)
 
