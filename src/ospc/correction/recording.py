@@ -235,6 +235,8 @@ def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettin
             f"the calibration was made with grey values up to {calibrated}; its response is stretched to those of "
             f"the recording, up to {recording.max_grey}"
         )
+    if photometry.caveat:
+        yield photometry.caveat
     low, high = np.min(recording.exposures_ms), np.max(recording.exposures_ms)
     if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:
         yield (

@@ -6,8 +6,9 @@ Sources: ITU-T T.81 (JPEG segments), Exif 3.0, XMP part 3, ICC.1 annex B, PNG sp
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterator
+
+from ospc.formats.png import HEADER_END, chunk
 
 _EXIF = b"Exif\0\0"
 _COPIED = (_EXIF, b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0")
@@ -16,8 +17,6 @@ _COPIED = (_EXIF, b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0")
 _JPEG, _PNG = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
 _APP1, _APP2, _START_OF_SCAN = 0xE1, 0xE2, 0xDA
 _LARGEST_SEGMENT = 65533
-_PNG_HEADER_END = 33
-"""The signature and the first chunk of a PNG, IHDR, always take this many bytes."""
 
 
 def with_metadata(image: bytes, original: bytes) -> bytes:
@@ -42,9 +41,7 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
     if image.startswith(_JPEG) and len(exif) + len(_EXIF) <= _LARGEST_SEGMENT:
         return _JPEG + struct.pack(">BBH", 0xFF, _APP1, 2 + len(_EXIF) + len(exif)) + _EXIF + exif + image[2:]
     if image.startswith(_PNG):
-        chunk = b"eXIf" + exif
-        whole = struct.pack(">I", len(exif)) + chunk + struct.pack(">I", zlib.crc32(chunk))
-        return image[:_PNG_HEADER_END] + whole + image[_PNG_HEADER_END:]
+        return image[:HEADER_END] + chunk(b"eXIf", exif) + image[HEADER_END:]
     return image
 
 

@@ -39,6 +39,11 @@ class Photometry:
     calibration: Calibration | None = None
 
     @property
+    def caveat(self) -> str:
+        """What everything made from it has to say; empty if there is nothing."""
+        return "" if self.calibration is None else self.calibration.caveat
+
+    @property
     def size(self) -> ImageSize | None:
         """Width and height of the images; None if unknown."""
         if self.calibration is not None:

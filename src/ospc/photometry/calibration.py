@@ -114,6 +114,16 @@ class Calibration:
         """Whether both response and vignette are known."""
         return self.response is not None and self.vignette is not None
 
+    @property
+    def caveat(self) -> str:
+        """What everything made from it has to say if the exposures were unknown; empty if they were known."""
+        if not self.exponent_sigma:
+            return ""
+        return (
+            "The exposures were unknown: response, vignette and exposures are estimated up to one common exponent γ "
+            f"(ln γ ± {self.exponent_sigma:.2f})"
+        )
+
     def __repr__(self) -> str:
         """Return on one line what it is of, and how well it is known."""
         states = [f"{name} {verdict.state}" for name, verdict in self.verdicts.items()]
