@@ -16,6 +16,7 @@ from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.correction.threads import mapped
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
+from ospc.formats.metadata import WITH_METADATA
 from ospc.formats.opening import Photometry
 from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response
@@ -268,7 +269,8 @@ class _Work:
             mark_saturated=settings.mask_saturated,
         )
         name = self.names[frame.index]
-        self.folder.write_image(name, corrected, self._original(frame.index), self.source.modified_ns(frame.index))
+        original = self._original(frame.index) if name.suffix.lower() in WITH_METADATA else b""
+        self.folder.write_image(name, corrected, original, self.source.modified_ns(frame.index))
         # Channels side by side, for OpenCV counts in one channel only.
         before, after = image.reshape(len(image), -1), corrected.reshape(len(image), -1)
         saturated = cv2.compare(before, float(self.corrector.max_grey), cv2.CMP_GE)

@@ -10,6 +10,9 @@ from collections.abc import Iterator
 
 from ospc.formats.png import HEADER_END, chunk
 
+WITH_METADATA = frozenset({".png", ".jpg", ".jpeg"})
+"""Suffixes of files that get metadata."""
+
 _EXIF = b"Exif\0\0"
 _COPIED = (_EXIF, b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0")
 """Beginnings of the JPEG segments that stay valid; an index of further pictures in the file would not."""
