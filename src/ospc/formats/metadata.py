@@ -19,7 +19,10 @@ _COPIED = (_EXIF, b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0")
 
 _JPEG, _PNG = b"\xff\xd8", b"\x89PNG\r\n\x1a\n"
 _APP1, _APP2, _START_OF_SCAN = 0xE1, 0xE2, 0xDA
+"""Markers of JPEG segments: EXIF and XMP, colour profile, and the picture itself."""
+
 _LARGEST_SEGMENT = 65533
+"""Bytes that a segment holds besides the two of its length."""
 
 
 def with_metadata(image: bytes, original: bytes) -> bytes:
