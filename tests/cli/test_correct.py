@@ -276,6 +276,8 @@ def test_an_interrupted_run_leaves_no_recording_and_is_completed_by_the_same_com
     monkeypatch.undo()
     first = tmp_path / "out" / "images" / "00000.png"
     written_at = first.stat().st_ctime_ns
+    with (tmp_path / "out" / "written.txt").open("a") as torn:
+        torn.write("\n2 30")
     resumed = run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8")
     assert resumed.exit_code == 0
     assert "2 images of an interrupted run were kept" in resumed.output

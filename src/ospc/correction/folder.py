@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -28,7 +29,7 @@ NOTE = "correction.json"
 SCHEMA = "ospc-correction/2"
 
 _DONE = "written.txt"
-"""The images of an unfinished folder that are whole, a line each."""
+"""The images of an unfinished folder that are whole: index and counts, a line each."""
 
 _PARAMETERS = ("pcalib.txt", "pcalib_16bit.txt", "vignette.png")
 _GEOMETRY = ("camera.txt", "groundtruthSync.txt")
@@ -174,7 +175,8 @@ class CorrectedFolder:
         """Note that an image is whole, so that an interrupted correction need not write it again."""
         try:
             with (self.path / _DONE).open("a", encoding="ascii") as file:
-                file.write(f"{index} {counts.values} {counts.saturated} {counts.clipped}\n")
+                # The line break comes first: a torn line before it stays on its own.
+                file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
         except OSError as error:
             raise SettingError(f"{self.path}: cannot be written ({error.strerror}); free some space") from None
 
@@ -213,12 +215,11 @@ class CorrectedFolder:
         write_text(self.path / NOTE, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
     def _done(self) -> dict[int, Counts]:
-        """Return the finished images; the last line may be torn."""
+        """Return the finished images; torn lines, which do not end with a full stop, do not count."""
         if not (self.path / _DONE).is_file():
             return {}
-        whole = read_text(self.path / _DONE).split("\n")[:-1]
-        numbers = [tuple(map(int, line.split())) for line in whole if line.replace(" ", "").isdigit()]
-        return {index: Counts(*counts) for index, *counts in numbers if len(counts) == 3}
+        whole = re.findall(r"^(\d+) (\d+) (\d+) (\d+) \.$", read_text(self.path / _DONE), re.ASCII | re.MULTILINE)
+        return {int(index): Counts(*map(int, counts)) for index, *counts in whole}
 
     def _written(self, note: dict[str, Any]) -> list[Path]:
         """Return what an earlier correction wrote; all other files stay."""
