@@ -1,15 +1,17 @@
 # Every target makes the environment it needs itself, once: a virtual environment with the versions pinned in
-# requirements/. Choose the interpreter with PYTHON, such as: make test PYTHON=python3.12
+# requirements/. The demo takes what users need, everything else adds the tools of developers to the same environment.
+# Choose the interpreter with PYTHON, such as: make test PYTHON=python3.12
 
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+USER_READY := .venv/.ready-user
 BIN4 := .venv-opencv4/bin
 READY4 := .venv-opencv4/.ready
 
 .PHONY: demo test lint format docs test-opencv4 clean
 
-demo: $(READY)
+demo: $(USER_READY)
 	$(BIN)/ospc demo --out demo
 
 test: $(READY)
@@ -37,16 +39,21 @@ test-opencv4: $(READY4)
 clean:
 	rm -rf .venv .venv-opencv4
 
+$(USER_READY): requirements/user.lock pyproject.toml
+	$(call make-environment,.venv,requirements/user.lock)
+	@touch $@
+
 $(READY): requirements/dev.lock pyproject.toml
 	$(call make-environment,.venv,requirements/dev.lock)
+	@touch $@ $(USER_READY)
 
 $(READY4): requirements/opencv4.lock pyproject.toml
 	$(call make-environment,.venv-opencv4,requirements/opencv4.lock)
+	@touch $@
 
 define make-environment
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.12")'
 	$(PYTHON) -m venv $(1)
 	$(1)/bin/python -m pip install --quiet --requirement $(2)
 	$(1)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
-	@touch $(1)/.ready
 endef

@@ -21,15 +21,16 @@ release = version = ospc.__version__
 
 extensions = [
     "command_help",
+    "mathml",
     "myst_parser",
     "package_modules",
     "sphinx.ext.autodoc",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
 ]
 exclude_patterns = ["_build"]
 nitpicky = True
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"ospc {release}"
 

@@ -88,6 +88,11 @@ def unreadable(index):
     return Frame(index, 0.0, 1.0, f"{index}.png", fail)
 
 
+def in_colour(index):
+    """Make a frame as recordings give them that keep their colours, for correcting."""
+    return Frame(index, 0.0, 1.0, f"{index}.png", lambda: np.zeros((6, 8, 3), np.uint8), colour=True)
+
+
 # One frame after the other.
 
 
@@ -116,8 +121,9 @@ def test_good_frames_reach_the_method_in_their_order():
         (frame(7, -1.0), "frame 7: exposure -1.0 ms is not a positive number"),
         (frame(7, image=np.zeros((8, 6), np.uint8)), "frame 7: 6×8 pixels, but the first frame has 8×6"),
         (frame(13), "frame 13: the method cannot use it"),
+        (in_colour(7), "7.png: is in colour; open the recording with one of its channels"),
     ],
-    ids=["unreadable", "nan", "infinite", "zero", "negative", "other size", "refused by the method"],
+    ids=["unreadable", "nan", "infinite", "zero", "negative", "other size", "refused by the method", "in colour"],
 )
 def test_a_bad_frame_is_skipped_counted_and_its_reason_kept(bad, reason):
     settings = NotingSettings()

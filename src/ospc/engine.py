@@ -365,6 +365,8 @@ class Engine:
         return later_evidence, later_method
 
     def _check(self, frame: Frame) -> None:
+        if frame.colour and frame.image.ndim != 2:
+            raise FrameError(f"{frame.name}: is in colour; open the recording with one of its channels")
         if not (np.isfinite(frame.exposure_ms) and frame.exposure_ms > 0):
             raise ExposureError(f"{frame.name}: exposure {frame.exposure_ms} ms is not a positive number")
         # Most frames need not be decoded; that one is missing or cut off is found out nevertheless.

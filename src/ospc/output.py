@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError
-from ospc.formats.dso import write_pcalib, write_times, write_vignette
+from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_times, write_vignette
 from ospc.formats.files import json_object
 from ospc.formats.opening import Photometry
 from ospc.formats.pcalib_table import MOST_VALUES
@@ -25,7 +25,7 @@ from ospc.report.pictures import PICTURES, write_picture
 _STATE = re.compile(r"state\.ospc|\.state\.ospc\.\d+\.part")
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
-_DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt")
+_DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt", CAVEAT)
 REPORTS = ("report.html", "report.pdf")
 OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
 """Every file that is ever written into such a folder; no other file in it is touched."""
@@ -192,13 +192,15 @@ class OutputFolder:
         calibration: Calibration, recording: Recording | None
     ) -> Iterator[tuple[str, Callable[[Path], Path]]]:
         response, vignette = calibration.response, calibration.vignette
+        if calibration.caveat:
+            yield CAVEAT, lambda place: write_caveat(place, calibration.caveat)
         if response is not None:
             yield "pcalib.txt", lambda place: write_pcalib(response, place)
         if response is not None and calibration.max_grey > 255:
             values = min(calibration.max_grey + 1, MOST_VALUES)
             yield "pcalib_16bit.txt", lambda place: write_pcalib(response, place, values)
         if vignette is not None:
-            yield "vignette.png", lambda place: write_vignette(vignette, place)
+            yield "vignette.png", lambda place: write_vignette(vignette, place, calibration.caveat)
         if recording is not None:
             ids = range(len(recording.exposures_ms))
             stamps_s, exposures_ms = recording.stamps_s, recording.exposures_ms

@@ -39,7 +39,9 @@ def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
     assert "2 of 2 recordings calibrated (0 of them before), 0 failed" in result.stdout
     names = {place.name for place in (tmp_path / "out").iterdir()}
     assert names == {"batch.json", "batch.csv", "batch.parquet", "index.html", "cameras", "recordings"}
-    assert (tmp_path / "out" / "cameras" / "A" / "calibration.json").exists()
+    for name in ("calibration.json", "report.html"):
+        assert (tmp_path / "out" / "cameras" / "A" / name).exists()
+    assert 'href="cameras/A/report.html"' in (tmp_path / "out" / "index.html").read_text()
     again = run(folder, "-o", tmp_path / "out", *SETTINGS)
     assert "(2 of them before)" in again.stdout
 

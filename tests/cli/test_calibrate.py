@@ -294,7 +294,7 @@ class TestFailures:
         assert stored(tmp_path / "out") == before
 
     def test_a_full_disk_is_said_and_costs_no_file_that_fitted(self, recording, tmp_path, method, monkeypatch):
-        def fail(_vignette, path):
+        def fail(_vignette, path, _description):
             raise OspcError(f"{path}: cannot be written (No space left on device)")
 
         monkeypatch.setattr("ospc.output.write_vignette", fail)

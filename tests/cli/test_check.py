@@ -103,3 +103,13 @@ def test_missing_exposures_name_the_way_without_them(late: Path, tmp_path: Path)
             assert "'ospc calibrate --unknown-exposures'" in str(result.exception)
     (tmp_path / "bare" / "times.txt").write_text(lines[0])
     assert "--unknown-exposures" not in str(check(tmp_path / "bare").exception)  # it would not help
+
+
+def test_unknown_exposures_are_estimated_and_everything_labelled(late: Path) -> None:
+    assert "--unknown-exposures" in str(check(late / "images").exception)
+    result = check(late / "images", "--unknown-exposures", "--json")
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout)
+    for name, reason in said["reasons"].items():
+        assert said["verdicts"][name] == "marginal"
+        assert f"the {name} to any power" in reason

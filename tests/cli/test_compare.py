@@ -67,6 +67,8 @@ def test_a_file_of_another_kind_is_not_sent_to_the_repair(folders, tmp_path):
         result = ospc("compare", str(tmp_path / name), folders[0])
         assert isinstance(result.exception, FormatError)
         assert "--repair" not in str(result.exception)
+    result = ospc("compare", str(tmp_path / "lens.txt"), folders[0])
+    assert "other files are recognised by their suffix: .pto (hugin)" in str(result.exception)
 
 
 def test_plot(folders, tmp_path):

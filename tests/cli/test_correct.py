@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from dataclasses import replace
 from functools import partial
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from command_line import ospc
 from ospc.correction.recording import correct_recording
@@ -16,7 +19,9 @@ from ospc.errors import ExposureError, FormatError, NotObservableError, OspcErro
 from ospc.formats.opening import open_photometry
 from ospc.formats.validation import validate
 from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.response import Response
 from ospc.recording import open_recording
+from ospc.recording.options import ReadingOptions
 from ospc.simulation import SimulationSettings, irradiances, simulate
 
 SETTINGS = SimulationSettings(
@@ -245,24 +250,196 @@ def test_nothing_but_an_earlier_output_is_replaced_and_only_with_force(made, cal
     assert {p.suffix for p in (out / "images").iterdir()} == {".tiff"}
 
 
-def test_an_interrupted_run_leaves_no_recording_and_can_be_repeated(made, calibration, tmp_path, monkeypatch):
-    def interrupted(recording, photometry, folder, settings, _progress):
+def interrupt(monkeypatch):
+    """Interrupt corrections after two images."""
+
+    def interrupted(source, photometry, folder, settings, _progress):
         def stop(done, _total):
             if done == 2:
                 raise KeyboardInterrupt
 
-        return correct_recording(recording, photometry, folder, settings, stop)
+        return correct_recording(source, photometry, folder, settings, stop)
 
     monkeypatch.setattr("ospc.correction.recording.correct_recording", interrupted)
+
+
+def test_an_interrupted_run_leaves_no_recording_and_is_completed_by_the_same_command(
+    made, calibration, tmp_path, monkeypatch
+):
+    interrupt(monkeypatch)
     result = run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8")
     assert result.exit_code == 130
-    assert "unfinished" in result.output
+    assert "unfinished; the same command completes it" in result.output
     assert json.loads((tmp_path / "out" / "correction.json").read_text())["finished"] is False
     with pytest.raises(RecordingError):
         open_recording(tmp_path / "out")
     monkeypatch.undo()
-    assert run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8").exit_code == 0
-    assert len(open_recording(tmp_path / "out")) == 6
+    first = tmp_path / "out" / "images" / "00000.png"
+    written_at = first.stat().st_ctime_ns
+    with (tmp_path / "out" / "written.txt").open("a") as torn:
+        torn.write("\n2 30")
+    resumed = run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8")
+    assert resumed.exit_code == 0
+    assert "2 images of an interrupted run were kept" in resumed.output
+    assert first.stat().st_ctime_ns == written_at
+    assert run(made.path, calibration, "-o", tmp_path / "whole", "--output", "grey8").exit_code == 0
+    assert content_of(tmp_path / "out") == content_of(tmp_path / "whole")
+
+
+def test_an_interrupted_run_is_not_continued_with_other_settings_or_calibration(
+    made, calibration, tmp_path, monkeypatch
+):
+    out = tmp_path / "out"
+    interrupt(monkeypatch)
+    run(made.path, calibration, "-o", out, "--output", "grey8")
+    run(made.path, calibration, "-o", out, "--output", "grey16")
+    monkeypatch.undo()
+    mine = tmp_path / "mine.json"
+    Calibration(SETTINGS.size, Response.gamma(2.0), made.vignette).save(mine)
+    assert "interrupted run" not in run(made.path, mine, "-o", out).output
+    assert {p.suffix for p in (out / "images").iterdir()} == {".tiff"}
+    interrupt(monkeypatch)
+    run(made.path, mine, "-o", tmp_path / "b")
+    monkeypatch.undo()
+    Calibration(SETTINGS.size, Response.gamma(1.5), made.vignette).save(mine)
+    assert "interrupted run" not in run(made.path, mine, "-o", tmp_path / "b").output
+
+
+# --- any source of images ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def photographs(made, tmp_path_factory):
+    """A folder of colour JPEGs with EXIF that does not state exposures, and of a certain age."""
+    folder = tmp_path_factory.mktemp("photographs")
+    exif = Image.Exif()
+    exif[0x010F] = "Acme"
+    for number, frame in enumerate(open_recording(made.path)):
+        grey = frame.image
+        colour = np.dstack([grey, (grey * 0.8).astype(np.uint8), (grey * 0.6).astype(np.uint8)])
+        place = folder / f"IMG_{number + 8}.JPG"
+        Image.fromarray(colour).save(place, quality=97, exif=exif, icc_profile=b"profile")
+        os.utime(place, (1.5e9, 1.5e9 + number))
+    return folder
+
+
+def test_a_folder_of_photographs_keeps_names_exif_and_times(made, photographs, calibration, tmp_path):
+    out = tmp_path / "out"
+    result = run(photographs, calibration, "-o", out, "--keep-response")
+    assert result.exit_code == 0, result.output
+    assert "exposure" not in result.output
+    assert not (out / "times.txt").exists()
+    assert sorted(p.name for p in (out / "images").iterdir()) == sorted(p.name for p in photographs.iterdir())
+    attenuation = made.vignette.image()
+    clear = attenuation > 0.999
+    for before in photographs.iterdir():
+        after = out / "images" / before.name
+        assert after.stat().st_mtime_ns == before.stat().st_mtime_ns
+        with Image.open(before) as old, Image.open(after) as new:
+            assert (new.format, new.mode, new.getexif()[0x010F]) == ("JPEG", "RGB", "Acme")
+            assert new.info["icc_profile"] == b"profile"
+            grown = np.asarray(new, float) - np.asarray(old, float)
+        assert abs(grown[clear].mean()) < 1
+        assert grown[attenuation < 0.8].mean() > 3
+    assert "colour" in json.loads((out / "correction.json").read_text())["notes"][-1]
+
+
+@pytest.mark.parametrize(("output", "suffix"), [("grey8", ".png"), ("grey16", ".png"), ("irradiance", ".tiff")])
+def test_linear_output_of_photographs_is_in_colour(made, photographs, calibration, tmp_path, output, suffix):
+    assert run(photographs, calibration, "-o", tmp_path / "out", "--output", output).exit_code == 0
+    for before in photographs.iterdir():
+        after = tmp_path / "out" / "images" / f"{before.stem}{suffix}"
+        image = cv2.imread(str(after), cv2.IMREAD_UNCHANGED)
+        assert image.shape == (48, 64, 3)
+        assert after.stat().st_mtime_ns == before.stat().st_mtime_ns
+        if suffix == ".png":
+            with Image.open(after) as opened:
+                assert opened.getexif()[0x010F] == "Acme"
+
+
+def test_a_channel_makes_grey_images(photographs, calibration, tmp_path):
+    assert run(photographs, calibration, "-o", tmp_path / "out", "--channel", "green").exit_code == 0
+    assert {image.shape for image in written(tmp_path / "out")} == {(48, 64)}
+
+
+def test_single_images_patterns_and_lists_of_files(photographs, calibration, tmp_path):
+    def names(name, *sources):
+        result = run(*sources, calibration, "-o", tmp_path / name, "--output", "grey8")
+        assert result.exit_code == 0, result.output
+        return sorted(p.name for p in (tmp_path / name / "images").iterdir())
+
+    assert names("one", photographs / "IMG_9.JPG") == ["IMG_9.png"]
+    assert names("two", photographs / "IMG_9.JPG", photographs / "IMG_8.JPG") == ["IMG_8.png", "IMG_9.png"]
+    assert names("pattern", photographs / "IMG_1*.JPG") == [f"IMG_{i}.png" for i in (10, 11, 12, 13)]
+    other = tmp_path / "other"
+    shutil.copytree(photographs, other / "a")
+    shutil.copytree(photographs, other / "b")
+    result = run(other / "*" / "IMG_9.JPG", calibration, "-o", tmp_path / "nested")
+    assert result.exit_code == 0
+    assert sorted(str(p.relative_to(tmp_path)) for p in (tmp_path / "nested").rglob("*.tiff")) == [
+        "nested/images/a/IMG_9.tiff",
+        "nested/images/b/IMG_9.tiff",
+    ]
+
+
+def test_a_photograph_and_its_copy_in_another_format_stay_two(photographs, calibration, tmp_path):
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "a.png"), cv2.imread(str(photographs / "IMG_9.JPG")))
+    shutil.copy(photographs / "IMG_9.JPG", folder / "a.jpg")
+    assert run(folder, calibration, "-o", tmp_path / "out", "--output", "grey8").exit_code == 0
+    assert sorted(p.name for p in (tmp_path / "out" / "images").iterdir()) == ["a.jpg.png", "a.png"]
+
+
+def test_a_video_without_exposures_keeps_its_time_stamps(made, calibration, tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "phone.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, SETTINGS.size)
+    for frame in open_recording(made.path):
+        writer.write(cv2.cvtColor(frame.image, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    result = run(tmp_path / "phone.avi", calibration, "-o", tmp_path / "out", "--keep-response")
+    assert result.exit_code == 0, result.output
+    opened = open_recording(tmp_path / "out", options=ReadingOptions(unknown_exposures=True))
+    np.testing.assert_allclose(opened.stamps_s, np.arange(6) / 25)
+    assert (tmp_path / "out" / "times.txt").read_text().splitlines()[1] == "1 0.040000000"
+
+
+def test_only_what_needs_exposures_asks_for_them(photographs, calibration, tmp_path):
+    refused = run(photographs, calibration, "-o", tmp_path / "out", "--normalise-exposure")
+    assert isinstance(refused.exception, ExposureError)
+    assert "--normalise-exposure" in str(refused.exception)
+    assert not (tmp_path / "out").exists()
+
+
+def test_sources_that_are_no_images_are_one_error(made, calibration, tmp_path):
+    (tmp_path / "notes.txt").write_text("no image")
+    for sources in (
+        [made.path / "*.nothing"],
+        [made.path, made.path],
+        [tmp_path / "notes.txt", tmp_path / "notes.txt"],
+        [made.path / "images" / "00000.png", tmp_path / "none.png"],
+    ):
+        assert isinstance(run(*sources, calibration, "-o", tmp_path / "out").exception, RecordingError)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("depth", ["made", "deep"])
+def test_kept_response_changes_only_what_the_vignette_did(depth, request, tmp_path):
+    recording = request.getfixturevalue(depth)
+    out = tmp_path / "out"
+    assert run(recording.path, recording.path, "-o", out, "--keep-response").exit_code == 0
+    limit = 255 if recording.settings.max_grey == 255 else 65535
+    tolerance = 0.52 * limit / recording.settings.max_grey  # half a grey level of the camera
+    attenuation = recording.vignette.image() / recording.vignette.image().max()
+    for frame, image in zip(open_recording(recording.path), written(out), strict=True):
+        light = recording.response.inverse(frame.image / recording.settings.max_grey) / attenuation
+        expected = recording.response(np.minimum(light, 1)) * limit
+        assert np.abs(image - expected).max() <= tolerance
+    again = open_recording(out)
+    assert again.max_grey == limit
+    np.testing.assert_allclose(again.exposures_ms, recording.exposures_ms, rtol=1e-8)
+    now = open_photometry(out)
+    np.testing.assert_allclose(now.response.inverse_table, recording.response.resampled(256), atol=1e-4)
+    np.testing.assert_array_equal(now.vignette.image(), 1)
 
 
 # --- wrong usage -------------------------------------------------------------------------------------------------
@@ -274,6 +451,7 @@ def test_an_interrupted_run_leaves_no_recording_and_can_be_repeated(made, calibr
         (["--reference-ms", "5"], SettingError),
         (["--normalise-exposure", "--reference-ms", "-5"], ExposureError),
         (["--white", "0"], SettingError),
+        (["--keep-response", "--output", "irradiance"], SettingError),
         (["--white", "nan"], SettingError),
         (["--kind", "polaroid"], RecordingError),
     ],

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from command_line import ospc
+from ospc.simulation import SimulationSettings, simulate
 
 
 @pytest.fixture
@@ -46,3 +47,16 @@ def test_relative_errors_that_cannot_be_known_do_not_hide_the_others(files):
     assert "apart" in result.output
     content = json.loads(ospc("evaluate", "ealign", *files, "--interval", "100", "--json").output)
     assert content["rpe_translation"] is None
+
+
+def test_tracking_needs_no_exposures_and_says_that_it_had_none(tmp_path):
+    settings = SimulationSettings(size=(128, 96), frames=6)
+    recording = simulate(tmp_path / "recording", settings).path
+    (recording / "times.txt").unlink()
+    result = ospc("evaluate", "tracking", recording / "images", "--calibration", recording)
+    assert result.exit_code == 0, result.output
+    assert "exposures are unknown and taken as equal" in result.output
+    content = json.loads(
+        ospc("evaluate", "tracking", recording / "images", "--calibration", recording, "--json").output
+    )
+    assert content["exposures_known"] is False

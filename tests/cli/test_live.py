@@ -94,6 +94,17 @@ def test_the_view_fits_the_terminal_and_shows_everything(recording, terminal):
         assert part in shown
 
 
+def test_a_stage_of_unknown_length_shows_no_full_bar(terminal):
+    line = ProgressLine(terminal)
+    line.show("comparing", 24, 24)
+    line.show("estimating", 0, 0)
+    assert line.bar.tasks[0].total is None
+    terminal.print(line.bar)
+    assert "24/24" not in terminal.file.getvalue()
+    line.show("comparing", 6, 24)
+    assert (line.bar.tasks[0].completed, line.bar.tasks[0].total) == (6, 24)
+
+
 def test_watching_changes_nothing(recording, terminal):
     watched, alone = OnlineCalibrator(), OnlineCalibrator()
     with LiveView(len(recording), terminal, Pace(0.0, 1.0)).shown() as show:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -19,3 +20,14 @@ def test_site_builds_without_warnings(tmp_path: Path) -> None:
         text=True,
     )
     assert built.returncode == 0, built.stderr
+
+
+FORMULA = re.compile(r"\$\$(.+?)\$\$|\$([^$\n]+?)\$", re.DOTALL)
+
+
+@pytest.mark.parametrize("page", sorted(p for p in DOCS.rglob("*.md") if "$" in p.read_text()), ids=lambda p: p.name)
+def test_formulas_show_without_a_network(page: Path) -> None:
+    latex2mathml = pytest.importorskip("docutils.utils.math.latex2mathml", reason="needs the extra 'docs'")
+    text = re.sub(r"```.*?```|`[^`]*`", "", page.read_text(), flags=re.DOTALL)
+    for block, inline in FORMULA.findall(text):
+        assert latex2mathml.tex2mathml(block or inline, as_block=bool(block)).startswith("<math")

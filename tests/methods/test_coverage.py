@@ -72,3 +72,14 @@ def test_tables_that_do_not_fit_together_are_refused(name, value):
     content = coverage_of(observations(), None, SIZE).as_dict()
     with pytest.raises(FormatError):
         Coverage.from_dict(content | {name: value})
+
+
+def test_gaps_are_named_by_their_ends():
+    grey, radius = np.full((6, 32), 100), np.full((20, 20), 100)
+    grey[:, :4] = 0
+    radius[:, -2:] = radius[-2:] = 0
+    holes = Coverage(np.geomspace(1, 10, 7), grey, radius)
+    assert "grey levels 0–32:" in holes.gaps(255)[0]
+    assert "grey levels 0–512:" in holes.gaps(4095)[0]
+    assert "radii 0.90–1.00 " in holes.gaps(255)[1]
+    assert Coverage(holes.exposure_edges_ms, grey + 100, radius + 100).gaps(255) == ()

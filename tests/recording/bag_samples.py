@@ -62,7 +62,11 @@ SEQUENCE = Definition(
     "image_exposure_msgs/msg/ExposureSequence",
     "std_msgs/Header header\nfloat32[] shutter\nfloat32 gain\nuint16 white_balance_blue\nuint16 white_balance_red\n",
 )
-DEFINITIONS = (FLIR, REALSENSE, ARAVIS, SEQUENCE)
+CUSTOM = Definition(
+    "acme_msgs/msg/Frame",
+    "std_msgs/Header header\nfloat32 shutter\nstring name\nsensor_msgs/RegionOfInterest window\n",
+)
+DEFINITIONS = (FLIR, REALSENSE, ARAVIS, SEQUENCE, CUSTOM)
 
 
 def header(stamp_ns: int, ros1: bool = False) -> dict[str, Any]:

@@ -259,3 +259,15 @@ def test_real_auto_exposures_of_an_industrial_camera(real_data: Path) -> None:
     assert (len(table), table.exposures_ms.min(), table.exposures_ms.max()) == (1692, 171, 516)
     assert any("taken as ms" in note for note in table.notes)
     assert any("microseconds" in note for note in table.notes)
+
+
+def test_lists_of_exposures_above_are_named_and_lists_of_times_are_not(tmp_path: Path) -> None:
+    images = tmp_path / "undistorted_images" / "cam0"
+    images.mkdir(parents=True)
+    for name in ("1.png", "2.png"):
+        (images / name).write_bytes(encoded(grey()))
+    for text, named in (("1 0.0 8.0\n2 0.1 8.0\n", True), ("0.0\n0.1\n", False)):
+        (tmp_path / "times.txt").write_text(text)
+        with pytest.raises(ExposureError, match="has no list of exposures") as caught:
+            open_recording(images)
+        assert (f"copy {tmp_path / 'times.txt'} there" in str(caught.value)) is named

@@ -14,6 +14,7 @@ from image_samples import encoded, grey
 from ospc.cli.main import cli
 from ospc.errors import ExposureError, RecordingError
 from ospc.recording import cameras_of, open_recording
+from ospc.recording.options import ReadingOptions
 from ospc.recording.rig import safe_name
 
 SIZE = (64, 48)
@@ -55,6 +56,23 @@ def folders(place: Path) -> Path:
 
 
 RIGS = {"EuRoC": euroc, "bag": bag, "folders side by side": folders}
+
+
+def test_a_stated_topic_of_one_camera_serves_no_other(tmp_path: Path) -> None:
+    options = ReadingOptions(exposure_topic="/cam1/exposure_ms")
+    found = cameras_of(bag(tmp_path / "made"), options=options)
+    assert {name: opened().exposures_ms.tolist() for name, opened in found.items()} == MS
+    sent = [
+        message for camera in MS for message in images([frame(camera, i) for i in range(3)], f"/{camera}/image_raw")
+    ]
+    only_one = write_bag1(tmp_path / "only", sent + floats(MS["cam0"], "/cam0/exposure_ms"))
+    found = cameras_of(only_one, options=ReadingOptions(exposure_topic="/cam0/exposure_ms"))
+    assert found["cam0"]().exposures_ms.tolist() == MS["cam0"]
+    with pytest.raises(ExposureError, match="the exposures of /cam1/image_raw"):
+        found["cam1"]()
+    shared = write_bag1(tmp_path / "shared", sent + floats(MS["cam0"], "/trigger/exposure_ms"))
+    found = cameras_of(shared, options=ReadingOptions(exposure_topic="/trigger/exposure_ms"))
+    assert [opened().exposures_ms.tolist() for opened in found.values()] == [MS["cam0"]] * 3
 
 
 @pytest.mark.parametrize("name", RIGS)

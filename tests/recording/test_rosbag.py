@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bag_samples import (
     ARAVIS,
+    CUSTOM,
     FLIR,
     REALSENSE,
     SEQUENCE,
@@ -226,6 +227,10 @@ def test_any_field_can_be_named_with_its_unit(tmp_path: Path) -> None:
     assert open_recording(path, options=options).exposures_ms == pytest.approx([us / 10 * 2 for us in US])
     with pytest.raises(RecordingError, match="no field shutter; it has header, camera_time"):
         open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="shutter"))
+    sent = metadata([{"shutter": 1.0, "name": ""}] * 4, CUSTOM, "/own")
+    options = ReadingOptions(exposure_topic="/own")
+    with pytest.raises(ExposureError, match=r"with --exposure-field: shutter, window\.x_offset, "):
+        open_recording(write_mcap2(tmp_path / "own", images(FRAMES) + sent), options=options)
     with pytest.raises(RecordingError, match="has no topic '/z'; it has"):
         open_recording(path, options=ReadingOptions(exposure_topic="/z"))
     with pytest.raises(ExposureError, match="not the name of a field"):
@@ -299,7 +304,7 @@ def test_a_damaged_image_is_one_unreadable_frame(tmp_path: Path) -> None:
 
 BROKEN: dict[str, tuple[list[Sent], str]] = {
     "no images": (floats(MS), "has no topic with images; it has /cam/exposure"),
-    "no exposures": (images(FRAMES), "no topic is known to hold exposures; state it with --exposure-topic"),
+    "no exposures": (images(FRAMES), "no topic is known to hold the exposures of .*; state it with --exposure-topic"),
     "two exposures": (
         images(FRAMES) + floats(MS, "/a/exposure") + floats(MS, "/b/exposure"),
         "several topics may hold the exposures of /cam/image_raw",

@@ -133,7 +133,7 @@ BROKEN: dict[str, tuple[str, dict[str, bytes], type[Exception], tuple[str, ...]]
         ("0.png", "0.jpg"),
     ),
     "no images": ("0 1 1\n", {}, RecordingError, ("images", "holds no images")),
-    "only other files": ("0 1 1\n", {"0.gif": b"GIF89a", ".0.png": b""}, RecordingError, ("holds no images",)),
+    "only other files": ("0 1 1\n", {"0.csv": b"no image", ".0.png": b""}, RecordingError, ("holds no images",)),
     "no readable image": (
         "0 1 1\n1 2 1\n",
         {"0.png": b"", "1.png": b"no image"},

@@ -12,6 +12,8 @@ from image_samples import grey
 
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.recording import identity, open_recording, video_stream
+from ospc.recording.channel import Channel
+from ospc.recording.options import ReadingOptions
 from ospc.recording.video_stream import VideoStream, count_frames
 
 LIST = "timestamp_s,exposure_ms\n" + "".join(f"{i / 10},{i + 1}\n" for i in range(6))
@@ -153,3 +155,14 @@ def test_its_identity_follows_the_file(video: Callable[..., Path], tmp_path: Pat
     data[-200] ^= 1
     (tmp_path / "walk.mkv").write_bytes(data)
     assert identity(open_recording(path))["images_sha256"] != before["images_sha256"]
+
+
+def test_colours_can_be_kept(tmp_path: Path) -> None:
+    writer = cv2.VideoWriter(str(tmp_path / "walk.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, SIZE)
+    for _ in range(3):
+        writer.write(np.full((SIZE[1], SIZE[0], 3), (20, 120, 220), np.uint8))
+    writer.release()
+    options = ReadingOptions(channel=Channel.ALL, unknown_exposures=True)
+    for frame in open_recording(tmp_path / "walk.avi", options=options):
+        assert frame.image.shape == (SIZE[1], SIZE[0], 3)
+        np.testing.assert_allclose(frame.image.mean(axis=(0, 1)), (20, 120, 220), atol=6)

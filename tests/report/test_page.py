@@ -189,10 +189,12 @@ def test_what_is_missing_is_said():
     assert "stopped before the end of the recording" in page(Findings(CASES["interrupted"]))
 
 
-def test_gaps_of_the_data_become_advice():
-    text = Outline(page(Findings(calibration()))).text
-    assert "Few observations have grey levels 0–32" in text
-    assert "Few observations lie at radii 0.90–1.00" in text
+def test_all_advice_is_that_of_the_calibration():
+    known = replace(calibration(), advice=("film darker things", "pan"))
+    text = Outline(page(Findings(known))).text
+    assert "Film darker things." in text
+    assert "Pan." in text
+    assert "nothing to improve" in Outline(page(Findings(replace(known, advice=())))).text
 
 
 def test_a_check_of_the_recording_is_shown():

@@ -6,14 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from recordings import SIZE, calibration, coverage
+from recordings import SIZE, calibration
 
 from ospc.photometry.calibration import ExposureRatios, Verdict
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import PolynomialVignette
+from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 from ospc.report.words import (
     facts,
-    gaps,
     headline,
     overall_state,
 )
@@ -68,6 +67,15 @@ def test_the_corners_are_those_of_the_vignette():
     assert "hardly any vignetting" in said(vignette=PolynomialVignette(SIZE, (-0.005, 0.0, 0.0)))
 
 
+def test_corners_that_differ_and_a_bright_place_beside_the_centre_are_named():
+    x, y = np.meshgrid(np.linspace(-1, 1, SIZE[0]), np.linspace(-1, 1, SIZE[1]))
+    decentred = RasterVignette((1 - 0.2 * ((x - 0.4) ** 2 + y**2)).astype(np.float32))
+    text = said(vignette=decentred)
+    low, high = (100 * (1 - 0.2 * (x**2 + 1)) / (1 - 0.2 * 0.4**2) for x in (1.4, 0.6))
+    assert f"on average ({low:.0f} to {high:.0f} %)" in text
+    assert "vignette.png is relative to the brightest place" in text
+
+
 def test_the_corners_are_those_of_the_file():
     known = calibration()
     share = float(re.search(r"receive ([\d.]+)", said()).group(1))
@@ -80,11 +88,3 @@ def test_agreement_weights_pairs_by_their_samples():
     frames = np.stack([np.arange(40), np.arange(40) + 1], axis=1)
     ratios = ExposureRatios(frames, k, np.where(wrong, k * 3, k * np.exp(0.02)), np.where(wrong, 4, 200))
     assert "agree with the metadata to 2.0 % (median over 40 pairs" in said(exposure_ratios=ratios)
-
-
-def test_gaps_are_named_by_their_ends():
-    assert "grey levels 0–32:" in " ".join(gaps(coverage(), 255))
-    assert "grey levels 0–512:" in " ".join(gaps(coverage(), 4095))
-    assert "radii 0.90–1.00 " in " ".join(gaps(coverage(), 255))
-    assert "radii" not in " ".join(gaps(coverage(still=True), 255))
-    assert gaps(None, 255) == []

@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 from ospc.cli.main import cli
 from ospc.errors import NotObservableError, RecordingError
+from ospc.formats.dso import CAVEAT
+from ospc.output import OutputFolder
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording, open_recording
@@ -123,6 +126,19 @@ def test_the_command_asks_for_it_explicitly_and_labels_every_output(folder: Path
     assert "up to one common exponent" in (out / "report.html").read_text()
     assert not (out / "state.ospc").exists()
     assert (out / "pcalib.txt").is_file()
+    assert "up to one common exponent" in (out / CAVEAT).read_text()
+    with Image.open(out / "vignette.png") as vignette:
+        assert "up to one common exponent" in vignette.info["Description"]
+    assert CliRunner().invoke(cli, ["export", str(out), "--to", "dso", "-o", str(tmp_path / "dso")]).exit_code == 0
+    assert (tmp_path / "dso" / CAVEAT).read_text() == (out / CAVEAT).read_text()
+    for command in (
+        ["export", str(out), "--to", "opencv", "-o", str(tmp_path / "c.yml")],
+        ["correct", str(folder), str(out), "-o", str(tmp_path / "corrected")],
+    ):
+        assert "up to one common exponent" in CliRunner().invoke(cli, command).stderr
+    # Once exposures are known, nothing of it remains.
+    OutputFolder.at(out).write(replace(Calibration.load(out), exponent_sigma=0.0))
+    assert not (out / CAVEAT).exists()
 
 
 def test_pictures_are_labelled(found: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,7 +102,8 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
             )
         merged = merge(pool)
         place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
-        written = place.write(replace(merged.calibration, source=merged.calibration.source | {"name": name}))
+        calibration = replace(merged.calibration, source=merged.calibration.source | {"name": name})
+        written = place.write(calibration) + place.report(calibration)
         pool.save(place.path / STATE_NAME)
     except OspcError as error:
         return replace(camera, error=str(error))

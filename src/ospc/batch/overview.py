@@ -93,7 +93,7 @@ def _cameras(cameras: Iterable[Camera]) -> Html:
 
 
 def _item(camera: Camera) -> Html:
-    link = f"{camera.folder}/calibration.json"
+    link = f"{camera.folder}/report.html"
     attention = [camera.error, f"{len(camera.differing)} contradict the others" if camera.differing else ""]
     return tag(
         "li",

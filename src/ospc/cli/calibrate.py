@@ -24,6 +24,7 @@ from ospc.cli.options import (
     path_argument,
     quiet_option,
     truth_option,
+    unknown_exposures_option,
 )
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
@@ -149,12 +150,7 @@ class _Request:
     help="Calibrate every camera of a rig (a EuRoC folder, a bag, folders side by side), each into OUT/CAMERA; "
     "--truth and --start-from may be folders of the same names.",
 )
-@click.option(
-    "--unknown-exposures",
-    is_flag=True,
-    help="Estimate the exposures from the images, whatever the recording says of them: everything is then known only "
-    "up to one exponent, and labelled so.",
-)
+@unknown_exposures_option
 @list_topics_option
 @click.pass_obj
 def command(interruption: Interruption, /, *, list_topics: bool, **options: Any) -> int | None:

@@ -13,7 +13,8 @@ import click
 
 from ospc.cli.calibration_report import result_as_dict, say_notes, say_result
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
-from ospc.cli.live import Watcher, Watching
+from ospc.cli.live import COMPARING, Watcher, Watching
+from ospc.cli.progress import progress_line
 from ospc.errors import OspcError, one_line
 
 if TYPE_CHECKING:
@@ -86,7 +87,9 @@ class CalibrationRun:
         with leaving("no result was written"), self.interruption.deferred():
             outcome = self._estimated()
             with self.interruption.held():
-                outcome, written = self._written(outcome)
+                with progress_line(quiet=self.quiet) as show_writing:
+                    show_writing("writing", 0, 0)
+                    outcome, written = self._written(outcome)
                 if self.checkpoints is not None and self.checkpoints.saved:
                     written += Written((self.checkpoints.place,))
                 self._say(outcome, written)
@@ -121,7 +124,7 @@ class CalibrationRun:
         from ospc.calibrator import drive
 
         def after(frame: Frame, used: bool) -> None:
-            show(calibrator, "comparing", frame if used else None)
+            show(calibrator, COMPARING, frame if used else None)
             if self.checkpoints is not None:
                 self.checkpoints.after_frame(calibrator)
             self.interruption.check()

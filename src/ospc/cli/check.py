@@ -16,6 +16,7 @@ from ospc.cli.options import (
     list_topics_option,
     path_argument,
     plot_option,
+    unknown_exposures_option,
 )
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
@@ -45,6 +46,7 @@ _LABEL_COLUMNS = 14
 @click.option("--frames", type=click.IntRange(min=2), help="Take only so many frames from the beginning.")
 @correct_lag_option
 @reading_options
+@unknown_exposures_option
 @list_topics_option
 def command(
     path: Path,
@@ -67,7 +69,16 @@ def command(
     if list_topics:
         print_topics(path)
         return COMPLETE
-    recording = Reading.taken_from(reading).open(path)
+    taken = Reading.taken_from(reading)
+    recording = taken.open(path)
+    if taken.options.unknown_exposures:
+        from ospc.unknown_exposures import recover_exposures
+
+        if taken.mask is not None:
+            raise click.UsageError("--unknown-exposures does not go with --mask")
+        with progress_of("exposures") as step:
+            recording = recover_exposures(recording, step)
+        correct_lag = "trusted"
     with progress_of("checking") as step:
         report = check_recording(recording, frames=frames, correct_lag=correct_lag, progress=step)
     code = COMPLETE if report.complete else UNDETERMINED

@@ -1,7 +1,8 @@
-"""``ospc correct``: correct the images of a recording for response and vignette."""
+"""``ospc correct``: correct images for response and vignette."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from ospc.cli.options import (
     quiet_option,
 )
 from ospc.cli.progress import progress_of
+from ospc.cli.reading import stated_options, taken_options
 
 _REASONS_SHOWN = 3
 
@@ -26,20 +28,27 @@ _REASONS_SHOWN = 3
 @click.command(
     "correct",
     epilog=exit_codes(
-        {0: "written", INTERRUPTED: "interrupted; OUT holds part of the images and no times.txt"},
+        {0: "written", INTERRUPTED: "interrupted; the same command completes OUT"},
     ),
 )
-@click.argument("path", metavar="RECORDING", type=PATH)
+@click.argument("sources", metavar="SOURCE...", type=PATH, nargs=-1, required=True)
 @click.argument("calibration")
 @out_option(help="Folder to write.")
 @click.option(
     "--output",
     type=click.Choice(["irradiance", "grey8", "grey16"]),
-    default="irradiance",
-    show_default=True,
-    help="32-bit float TIFF, or PNG of 8 or 16 bit; all linear in the irradiance.",
+    help="32-bit float TIFF, or PNG of 8 or 16 bit; all linear in the irradiance. By default irradiance, and with "
+    "--keep-response the depth of the originals.",
 )
-@click.option("--normalise-exposure", is_flag=True, help="Bring all images to one exposure.")
+@click.option(
+    "--keep-response",
+    is_flag=True,
+    help="Undo only the vignette: the grey levels that the camera would have recorded without it, as PNG, TIFF or "
+    "JPEG like the originals.",
+)
+@click.option(
+    "--normalise-exposure", is_flag=True, help="Bring all images to one exposure; SOURCE has to state them."
+)
 @click.option(
     "--reference-ms",
     type=float,
@@ -57,44 +66,62 @@ _REASONS_SHOWN = 3
 @click.option("--mask-saturated", is_flag=True, help="Make saturated pixels NaN, or the largest grey value.")
 @assume_missing_option
 @kind_option
-@force_option("Replace an earlier corrected recording in OUT.")
+@stated_options
+@force_option("Replace finished corrected images in OUT.")
 @quiet_option
 def command(
-    *, path: Path, calibration: str, out: Path, kind: str | None, force: bool, quiet: bool, **options: Any
+    *,
+    sources: tuple[Path, ...],
+    calibration: str,
+    out: Path,
+    kind: str | None,
+    force: bool,
+    quiet: bool,
+    **options: Any,
 ) -> None:
-    """Correct the images of RECORDING for response and vignette.
+    """Correct the images of SOURCE for response and vignette.
+
+    SOURCE is a recording of any kind, a folder of images, a video, or image files, also as a pattern such as
+    'photos/*.jpg'. Exposures are not needed, except to normalise them. Images in colour stay so, unless a --channel
+    is chosen.
 
     CALIBRATION is a calibration.json or its folder, a pair 'pcalib.txt,vignette.png', a folder with these, or a file
     of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml).
 
-    OUT becomes a recording: images/, times.txt with the exposures of the corrected images, the original camera.txt,
-    and correction.json, which describes the correction. With 8- and 16-bit images come a linear pcalib.txt and a
-    constant vignette.png that are valid for them.
+    OUT/images gets the corrected images under their own names, with EXIF (PNG and JPEG) and the times of their
+    files. Beside them are correction.json, which describes the correction, the original camera.txt, and times.txt if
+    stamps are known, which makes OUT a recording. With 8- and 16-bit images come a pcalib.txt and a constant
+    vignette.png that are valid for them.
 
     Do this before any undistortion, rectification or scaling, never after it.
     """
     from ospc.correction.folder import CorrectedFolder
     from ospc.correction.recording import correct_recording
     from ospc.correction.settings import CorrectionSettings
+    from ospc.correction.source import open_source
     from ospc.formats.opening import open_photometry
-    from ospc.recording import open_recording
+    from ospc.recording.channel import Channel
 
+    stated = taken_options(options)
     settings = CorrectionSettings(**options)
-    recording = open_recording(path, kind)
-    photometry = open_photometry(calibration, recording.size)
-    folder = CorrectedFolder.at(out, recording.path, force=force)
-    with leaving(f"{out} is unfinished"), progress_of("correcting", quiet=quiet) as step:
-        result = correct_recording(recording, photometry, folder, settings, step)
+    source = open_source(sources, kind, replace(stated, channel=stated.channel or Channel.ALL))
+    photometry = open_photometry(calibration, source.recording.size)
+    folder = CorrectedFolder.at(out, source.recording.path, force=force)
+    state = f"{out} is unfinished; the same command completes it"
+    with leaving(state), progress_of("correcting", quiet=quiet) as step:
+        result = correct_recording(source, photometry, folder, settings, step)
     if quiet:
         return
+    if result.kept:
+        click.echo(f"{result.kept} images of an interrupted run were kept", err=True)
     warn_of_assumed(result.assumed)
     if result.skipped:
         reasons = "; ".join(result.reasons[:_REASONS_SHOWN])
         click.echo(f"warning: {result.skipped} frames were skipped: {reasons}", err=True)
     say_notes(result.notes)
-    click.echo(f"{result.path}: {len(result.frames)} images")
+    click.echo(f"{result.path / 'images'}: {len(result.frames)} images")
     click.echo(f"each pixel is {result.formula}")
-    share = f"{result.saturated:.2%} of the pixels were saturated"
+    share = f"{result.saturated:.2%} of the values were saturated"
     click.echo(share + (f", {result.clipped:.2%} more are brighter than white" if result.clipped else ""))
 
 

@@ -100,34 +100,43 @@ def tracking(recording: Path, calibration: str, assume_missing: bool, kind: str 
 
     The brightness residual is the change of a track's mean grey level since its start, relative to the contrast
     within its window. A direct method has to account for it.
+
+    Where exposures are unknown, they are taken as equal: only the vignette is corrected.
     """
     from ospc.correction.recording import corrector_for
+    from ospc.correction.source import open_source
     from ospc.evaluation.tracking import compare_tracking
     from ospc.formats.opening import open_photometry
-    from ospc.recording import open_recording
 
-    frames = open_recording(recording, kind)
+    source = open_source([recording], kind)
+    frames = source.recording
     corrector = corrector_for(frames, open_photometry(calibration), assume_missing=assume_missing)
     with progress_of("tracking", quiet=as_json) as step:
         result = compare_tracking(frames, corrector, progress=step)
     if as_json:
         ratios = {"life_ratio": result.life_ratio, "residual_ratio": result.residual_ratio}
-        head = {"sentence": result.sentence, "assumed_identity": list(corrector.assumed)}
+        head = {
+            "sentence": result.sentence,
+            "assumed_identity": list(corrector.assumed),
+            "exposures_known": source.unexposed is None,
+        }
         print_json(head | asdict(result) | ratios)
         return
     warn_of_assumed(corrector.assumed)
-    _print_tracking(result)
+    _print_tracking(result, exposures_known=source.unexposed is None)
 
 
-def _print_tracking(result: TrackingComparison) -> None:
+def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> None:
     from ospc.report.sections import tracking_rows
 
     for label, before, after, unit in [("", "raw", "corrected", ""), *tracking_rows(result)]:
         click.echo(f"{label:20} {before:>10} {after:>10}   {unit}".rstrip())
-    click.echo(
-        f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; exposures change by "
-        f"up to {result.largest_step:.3g}:1 from frame to frame"
+    exposures = (
+        f"exposures change by up to {result.largest_step:.3g}:1 from frame to frame"
+        if exposures_known
+        else "exposures are unknown and taken as equal, so only the vignette is corrected"
     )
+    click.echo(f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; {exposures}")
     if result.skipped:
         click.echo(f"{result.skipped} frames could not be read", err=True)
     click.echo(result.sentence)

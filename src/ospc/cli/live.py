@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 Watcher = Callable[["OnlineCalibrator", str, "Frame | None"], None]
 """Is told where a run stands: the calibrator, the stage in one word, and the frame just used, None where none was."""
 
+COMPARING = "comparing"
+"""The stage of which it is known how far it is."""
+
 _REFRESH_S = 0.4
 """Shortest time between two pictures, in seconds."""
 
@@ -93,7 +96,8 @@ def _bar_shown(total: int) -> Iterator[Watcher]:
 
 def _show_status(show: Callable[..., None], calibrator: OnlineCalibrator, stage: str, total: int) -> None:
     status = calibrator.status
-    show(stage, status.frames, total, figures(status))
+    done, of = (status.frames, total) if stage == COMPARING else (0, 0)
+    show(stage, done, of, figures(status))
 
 
 @dataclass
@@ -126,7 +130,7 @@ class LiveView:
         with Live(line.bar, console=console, transient=True, auto_refresh=False) as live:
 
             def show(calibrator: OnlineCalibrator, stage: str, _frame: Frame | None) -> None:
-                if self._pace.due or stage != "comparing":
+                if self._pace.due or stage != COMPARING:
                     with self._pace.look():
                         _show_status(line.show, calibrator, stage, self.total)
                         live.update(self.picture(line.bar, calibrator.preview(), console.width), refresh=True)

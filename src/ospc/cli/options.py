@@ -119,6 +119,12 @@ truth_option = click.option(
 assume_missing_option = click.option(
     "--assume-missing", is_flag=True, help="Take an unknown response as linear, and an unknown vignette as none."
 )
+unknown_exposures_option = click.option(
+    "--unknown-exposures",
+    is_flag=True,
+    help="Estimate the exposures from the images, whatever the recording says of them: everything is then known only "
+    "up to one exponent, and labelled so.",
+)
 list_topics_option = click.option(
     "--list-topics", is_flag=True, help="Print the topics of the bag at PATH, and do nothing else."
 )

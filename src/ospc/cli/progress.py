@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from ospc.cli.interruption import Interruption
@@ -24,26 +24,31 @@ class ProgressLine:
 
     def __init__(self, console: Console | None = None) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
         self.bar = Progress(
             TextColumn("{task.description:10}"),
             BarColumn(bar_width=24),
-            MofNCompleteColumn(),
+            TextColumn("{task.fields[count]}"),
             TextColumn("{task.fields[figures]}"),
             TimeRemainingColumn(compact=True),
             console=console or Console(stderr=True),
             transient=True,
         )
-        self._task = self.bar.add_task("", total=None, figures="")
+        self._task = self.bar.add_task("", total=None, figures="", count="")
         self._done = 0.0
 
     def show(self, stage: str, done: float, total: float, figures: str = "") -> None:
-        """Show a stage; one of which less is done than before starts the clock anew."""
+        """Show a stage; one of which less is done than before starts the clock anew.
+
+        With a total of 0, nobody knows how far it is: the bar moves to and fro instead of standing still.
+        """
         if done < self._done:
-            self.bar.reset(self._task, total=total)
+            self.bar.reset(self._task)
         self._done = done
-        self.bar.update(self._task, description=stage, completed=done, total=total or None, figures=figures)
+        self.bar.tasks[self._task].total = total or None
+        count = f"{done:.0f}/{total:.0f}" if total else ""
+        self.bar.update(self._task, description=stage, completed=done, figures=figures, count=count)
 
 
 @contextmanager
@@ -61,7 +66,7 @@ def progress_line(*, quiet: bool = False) -> Iterator[Callable[..., None]]:
 def progress_of(
     stage: str, *, quiet: bool = False, interruption: Interruption | None = None
 ) -> Iterator[Callable[[int, int], None]]:
-    """Give a function to call with the number of steps done and of all.
+    """Give a function to call with the number of steps done and of all; what follows the last is "finishing".
 
     Parameters
     ----------
@@ -73,13 +78,14 @@ def progress_of(
         Its signals are deferred to the end of a step, which then raises ``KeyboardInterrupt``.
     """
     with progress_line(quiet=quiet) as show:
-        if interruption is None:
-            yield lambda done, total: show(stage, done, total)
-            return
 
         def step(done: int, total: int) -> None:
-            interruption.check()
-            show(stage, done, total)
+            if interruption is not None:
+                interruption.check()
+            if done < total:
+                show(stage, done, total)
+            else:
+                show("finishing", 0, 0)
 
-        with interruption.deferred():
+        with nullcontext() if interruption is None else interruption.deferred():
             yield step

@@ -56,13 +56,10 @@ class Reading:
     @classmethod
     def taken_from(cls, options: dict[str, Any]) -> Reading:
         """Take these options out of all options of a command."""
-        unknown_exposures = bool(options.pop("unknown_exposures", False))
-        texts = {name: options.pop(name) for name in declared_options() if name in options}
-        each = texts.get("channel") == EACH
+        each = options.get("channel") == EACH
         if each:
-            del texts["channel"]
-        stated = replace(ReadingOptions.of(texts), unknown_exposures=unknown_exposures)
-        return cls(stated, options.pop("kind"), options.pop("mask"), options.pop("roi"), each)
+            del options["channel"]
+        return cls(taken_options(options), options.pop("kind"), options.pop("mask"), options.pop("roi"), each)
 
     def open(self, path: Path) -> Recording:
         """Open a recording.
@@ -161,27 +158,36 @@ def stated_option(name: str, *, each: bool = False) -> Callable[[_Command], _Com
     )
 
 
+def taken_options(options: dict[str, Any]) -> ReadingOptions:
+    """Take what the user states about a recording out of all options of a command."""
+    unknown_exposures = bool(options.pop("unknown_exposures", False))
+    texts = {name: options.pop(name) for name in declared_options() if name in options}
+    return replace(ReadingOptions.of(texts), unknown_exposures=unknown_exposures)
+
+
+def stated_options(command: _Command, *, each: bool = False) -> _Command:
+    """Give a command an option for every field but ``unknown_exposures``, which only some commands accept."""
+    names = [name for name in declared_options() if name != "unknown_exposures"]
+    for name in reversed(names):
+        command = stated_option(name, each=each and name == "channel")(command)
+    return command
+
+
 def reading_options(command: _Command) -> _Command:
     """Give a command the options that :class:`Reading` takes; 'ospc calibrate' adds ``--unknown-exposures``."""
-    names = [name for name in declared_options() if name != "unknown_exposures"]
-    options = (
-        click.option(
-            "--kind", callback=_check_kind, help="Kind of recording, instead of recognising it (tum_mono, euroc, …)."
-        ),
-        *(stated_option(name, each=name == "channel") for name in names),
-        click.option(
-            "--mask",
-            type=PATH,
-            metavar="IMAGE",
-            help="Image of the frames' size; pixels that are black in it are not used.",
-        ),
-        click.option(
-            "--roi", metavar="X,Y,W,H", callback=_parse_region, help="Use only this part of the image, in pixels."
-        ),
+    mask = click.option(
+        "--mask",
+        type=PATH,
+        metavar="IMAGE",
+        help="Image of the frames' size; pixels that are black in it are not used.",
     )
-    for option in reversed(options):
-        command = option(command)
-    return command
+    region = click.option(
+        "--roi", metavar="X,Y,W,H", callback=_parse_region, help="Use only this part of the image, in pixels."
+    )
+    kind = click.option(
+        "--kind", callback=_check_kind, help="Kind of recording, instead of recognising it (tum_mono, euroc, …)."
+    )
+    return kind(stated_options(mask(region(command)), each=True))
 
 
 def print_topics(path: Path) -> None:

@@ -1,13 +1,14 @@
-"""The folder of a corrected recording, in the layout of the TUM monocular data set."""
+"""The folder of corrected images: a recording in the layout of the TUM monocular data set if exposures are known."""
 
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -16,7 +17,8 @@ import numpy.typing as npt
 from ospc.arrays import ImageSize
 from ospc.errors import OspcError, SettingError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
-from ospc.formats.files import json_object, read_bytes, write_bytes, write_text
+from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
+from ospc.formats.metadata import with_metadata
 from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
@@ -24,24 +26,38 @@ from ospc.photometry.vignette import RasterVignette
 NOTE = "correction.json"
 """Describes the correction; every output folder has it, written before the first image."""
 
-SCHEMA = "ospc-correction/1"
+SCHEMA = "ospc-correction/2"
 
-_IMAGE = re.compile(r"\d{5,}\.(png|tiff)")
+_DONE = "written.txt"
+"""The images of an unfinished folder that are whole: index and counts, a line each."""
+
 _PARAMETERS = ("pcalib.txt", "pcalib_16bit.txt", "vignette.png")
 _GEOMETRY = ("camera.txt", "groundtruthSync.txt")
 
-_PNG_COMPRESSION = 1
-"""zlib level from 0 to 9; higher ones take several times as long for files a few per cent smaller."""
+_ENCODING = {
+    ".png": [cv2.IMWRITE_PNG_COMPRESSION, 1],
+    ".tif": [cv2.IMWRITE_TIFF_COMPRESSION, 1],
+    ".tiff": [cv2.IMWRITE_TIFF_COMPRESSION, 1],
+    ".jpg": [cv2.IMWRITE_JPEG_QUALITY, 97],
+    ".jpeg": [cv2.IMWRITE_JPEG_QUALITY, 97],
+}
+"""PNG: higher zlib levels take several times as long for files a few per cent smaller. TIFF: 1 is the tag's value
+for uncompressed. JPEG: the quantisation error is about one grey level."""
 
-_TIFF_UNCOMPRESSED = 1
-"""Value of the TIFF tag Compression."""
+
+class Counts(NamedTuple):
+    """Values of an image over all channels: how many there are, are saturated, and are beyond the output's range."""
+
+    values: int
+    saturated: int
+    clipped: int
 
 
 @dataclass(frozen=True)
 class CorrectedFolder:
-    """A folder for a corrected recording; make one with :meth:`at`.
+    """A folder for corrected images; make one with :meth:`at`.
 
-    ``times.txt`` is written last: a folder without it is unfinished, and nothing opens it as a recording.
+    A folder whose note says that it is unfinished has no ``times.txt``, and nothing opens it as a recording.
 
     Attributes
     ----------
@@ -62,7 +78,7 @@ class CorrectedFolder:
         recording
             The recording to correct; its own folder is refused.
         force
-            Whether a finished corrected recording may be replaced, too.
+            Whether finished corrected images may be replaced, too.
 
         Raises
         ------
@@ -81,58 +97,94 @@ class CorrectedFolder:
             raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another") from None
         return cls(place)
 
-    def begin(self, note: dict[str, Any]) -> None:
-        """Create the folder, remove an earlier corrected recording from it, and write the note.
+    def begin(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> dict[int, Counts]:
+        """Prepare the folder: go on with an unfinished one of the same note, otherwise replace what was written.
+
+        Parameters
+        ----------
+        note
+            Everything that the images depend on, as JSON-compatible values.
+        files
+            Names of the images that will be written.
+
+        Returns
+        -------
+        dict
+            The images that an interrupted correction finished, by their index.
 
         Raises
         ------
         SettingError
             If that fails.
         """
+        planned = {"schema": SCHEMA, "finished": False, "files": [str(name) for name in files], **note}
+        before = json_object(self.path / NOTE)
         try:
-            for path in _written_before(self.path):
-                path.unlink()
-            (self.path / "images").mkdir(parents=True, exist_ok=True)
+            done = self._done() if before == json.loads(json.dumps(planned)) else {}
+            if before and not done:
+                # Until everything is removed, the folder must be known as an unfinished one.
+                self._write_note(before | {"finished": False})
+                for path in self._written(before):
+                    path.unlink(missing_ok=True)
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._write_note(planned)
+            for folder in {self._place(name).parent for name in files}:
+                folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise SettingError(f"{self.path}: cannot be written ({error.strerror}); choose another folder") from None
-        self.write_note(note)
+        return done
 
-    def write_note(self, note: dict[str, Any]) -> None:
-        """Write the description of the correction."""
-        content = {"schema": SCHEMA, **note}
-        write_text(self.path / NOTE, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    def write_image(
+        self,
+        name: PurePosixPath,
+        image: npt.NDArray[np.generic],
+        original: bytes = b"",
+        modified_ns: int | None = None,
+    ) -> None:
+        """Write an image in the format of its name; safe to call from several threads.
 
-    def write_image(self, index: int, image: npt.NDArray[np.generic]) -> None:
-        """Write the image of a frame; safe to call from several threads.
+        Parameters
+        ----------
+        name
+            Name of the file.
+        image
+            The pixels.
+        original
+            The file it was made from, whose metadata are kept.
+        modified_ns
+            The file's time of modification; None for now.
 
         Raises
         ------
         SettingError
             If that fails, as on a full disk.
         """
-        floats = image.dtype == np.float32
-        suffix = ".tiff" if floats else ".png"
-        options = (
-            [cv2.IMWRITE_TIFF_COMPRESSION, _TIFF_UNCOMPRESSED]
-            if floats
-            else [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION]
-        )
-        place = self.path / "images" / f"{index:05d}{suffix}"
-        done, coded = cv2.imencode(suffix, image, options)
+        place = self._place(name)
+        suffix = name.suffix.lower()
+        done, coded = cv2.imencode(suffix, image, _ENCODING.get(suffix, []))
         if not done:
             raise SettingError(f"{place}: the image cannot be encoded")
         try:
-            with place.open("wb") as file:
-                file.write(coded.data)
+            place.write_bytes(with_metadata(coded.tobytes(), original))
+            if modified_ns is not None:
+                os.utime(place, ns=(modified_ns, modified_ns))
         except OSError as error:
             raise SettingError(f"{place}: cannot be written ({error.strerror}); free some space") from None
 
-    def write_linear_parameters(self, size: ImageSize, max_grey: int) -> None:
-        """Write the response and vignette of the corrected images: linear, and 1 everywhere."""
-        linear = Response(np.linspace(0.0, 1.0, 256), model={"name": "linear"})
-        write_pcalib(linear, self.path / "pcalib.txt")
+    def mark_written(self, index: int, counts: Counts) -> None:
+        """Note that an image is whole, so that an interrupted correction need not write it again."""
+        try:
+            with (self.path / _DONE).open("a", encoding="ascii") as file:
+                # The line break comes first: a torn line before it stays on its own.
+                file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
+        except OSError as error:
+            raise SettingError(f"{self.path}: cannot be written ({error.strerror}); free some space") from None
+
+    def write_parameters(self, response: Response, size: ImageSize, max_grey: int) -> None:
+        """Write the response and vignette of the corrected images; the latter is 1 everywhere."""
+        write_pcalib(response, self.path / "pcalib.txt")
         if max_grey > 255:
-            write_pcalib(linear, self.path / "pcalib_16bit.txt", MOST_VALUES)
+            write_pcalib(response, self.path / "pcalib_16bit.txt", MOST_VALUES)
         write_vignette(RasterVignette(np.ones((size[1], size[0]), np.float32)), self.path / "vignette.png")
 
     def copy_geometry(self, recording: Path) -> list[str]:
@@ -147,22 +199,39 @@ class CorrectedFolder:
                 copied.append(name)
         return copied
 
-    def write_times(self, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike) -> None:
-        """Write times.txt, which makes the folder a recording."""
+    def write_times(self, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike | None) -> None:
+        """Write times.txt, which makes the folder a recording; without exposures if they are unknown."""
         write_times(self.path / "times.txt", ids, stamps_s, exposures_ms)
+
+    def finish(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> None:
+        """Write the final note: the folder is complete."""
+        self._write_note({"schema": SCHEMA, "finished": True, "files": [str(name) for name in files], **note})
+        (self.path / _DONE).unlink(missing_ok=True)
+
+    def _place(self, name: PurePosixPath) -> Path:
+        return self.path / "images" / name
+
+    def _write_note(self, content: dict[str, Any]) -> None:
+        write_text(self.path / NOTE, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+    def _done(self) -> dict[int, Counts]:
+        """Return the finished images; torn lines, which do not end with a full stop, do not count."""
+        if not (self.path / _DONE).is_file():
+            return {}
+        whole = re.findall(r"^(\d+) (\d+) (\d+) (\d+) \.$", read_text(self.path / _DONE), re.ASCII | re.MULTILINE)
+        return {int(index): Counts(*map(int, counts)) for index, *counts in whole}
+
+    def _written(self, note: dict[str, Any]) -> list[Path]:
+        """Return what an earlier correction wrote; all other files stay."""
+        images = [PurePosixPath(str(name)) for name in note.get("files", [])]
+        inside = [self._place(name) for name in images if not name.is_absolute() and ".." not in name.parts]
+        # times.txt first: a half-removed recording must not look like a whole one.
+        return [self.path / name for name in ("times.txt", _DONE, *_PARAMETERS, *_GEOMETRY)] + inside
 
 
 def _check_replaceable(place: Path, force: bool) -> None:
     note = json_object(place / NOTE)
     if note.get("schema") != SCHEMA:
-        raise SettingError(f"{place}: holds something other than a corrected recording; choose another folder")
+        raise SettingError(f"{place}: holds something other than corrected images; choose another folder")
     if note.get("finished") is not False and not force:
-        raise SettingError(f"{place}: holds an earlier corrected recording; choose another folder, or add --force")
-
-
-def _written_before(place: Path) -> list[Path]:
-    """Return the files of an earlier corrected recording; all others stay."""
-    images = place / "images"
-    numbered = [p for p in images.iterdir() if _IMAGE.fullmatch(p.name)] if images.is_dir() else []
-    # times.txt first: a half-removed recording must not look like a whole one.
-    return [p for name in ("times.txt", *_PARAMETERS, *_GEOMETRY) if (p := place / name).is_file()] + numbered
+        raise SettingError(f"{place}: holds corrected images already; choose another folder, or add --force")

@@ -1,27 +1,36 @@
-"""Correct a recording image by image and write it as another."""
+"""Correct images one by one and write them as a folder."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from hashlib import sha256
+from pathlib import Path, PurePosixPath
 
 import cv2
 import numpy as np
 
 from ospc.arrays import FloatArray, Image
-from ospc.correction.folder import CorrectedFolder
-from ospc.correction.settings import DTYPES, CorrectionSettings
+from ospc.correction.folder import CorrectedFolder, Counts
+from ospc.correction.settings import CorrectionSettings
+from ospc.correction.source import Source, ids_for
 from ospc.correction.threads import mapped
-from ospc.errors import FrameError, NotObservableError, RecordingError, SettingError
+from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
+from ospc.formats.metadata import WITH_METADATA
 from ospc.formats.opening import Photometry
 from ospc.photometry.correction import Corrector, wrong_size
+from ospc.photometry.response import Response
 from ospc.recording import Frame, Recording, identity
+from ospc.recording.frame_table import NO_EXPOSURES, NO_STAMPS
+from ospc.recording.image_sequence import ImageSequence
 
 _DEFAULT = CorrectionSettings()
 _REASONS_KEPT = 20
 """Reasons for unreadable frames that are kept; thousands of equal ones help nobody."""
 
+_KEPT_8_BIT = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff"})
+_KEPT_16_BIT = frozenset({".png", ".tif", ".tiff"})
+"""Formats that re-encoded images keep; others become PNG."""
 
 _WIDE = 4.0
 """Ratio of exposures above which 8-bit output at one scale loses two of its bits."""
@@ -38,9 +47,9 @@ class Corrected:
     formula
         The meaning of a pixel value, as a sentence.
     frames
-        Indices of the written frames; also their numbers in times.txt and their file names.
+        Indices of the written frames.
     exposures_ms
-        Exposures of the corrected images, shape (frames,).
+        Exposures of the corrected images, shape (frames,); all 1 ms if they are unknown.
     skipped
         Number of frames that could not be read.
     reasons
@@ -53,6 +62,8 @@ class Corrected:
         Names of the unknown parts of the calibration, which were taken to be the identity.
     notes
         Further remarks for the user.
+    kept
+        Number of frames that an interrupted correction had written already.
     """
 
     path: Path
@@ -65,6 +76,7 @@ class Corrected:
     clipped: float
     assumed: tuple[str, ...]
     notes: tuple[str, ...]
+    kept: int = 0
 
 
 def corrector_for(recording: Recording, photometry: Photometry, *, assume_missing: bool = False) -> Corrector:
@@ -93,22 +105,23 @@ def corrector_for(recording: Recording, photometry: Photometry, *, assume_missin
 
 
 def correct_recording(
-    recording: Recording,
+    source: Source,
     photometry: Photometry,
     folder: CorrectedFolder,
     settings: CorrectionSettings = _DEFAULT,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Corrected:
-    """Write a recording whose images are corrected for response and vignette.
+    """Write images that are corrected for response and vignette, under their own names.
 
-    Images are read one by one, and corrected and written by a few threads; only a few are in memory at a time.
+    Images are read one by one, and corrected and written by a few threads; only a few are in memory at a time. What
+    an interrupted correction has written to the folder is kept, if everything it depends on is the same.
 
     Parameters
     ----------
-    recording
-        The recording to correct.
+    source
+        The images to correct.
     photometry
-        Response and vignette of its camera.
+        Response and vignette of their camera.
     folder
         The output folder.
     settings
@@ -119,8 +132,8 @@ def correct_recording(
     Returns
     -------
     Corrected
-        What was written; ``correction.json`` in the folder has the same and more. ``grey8`` and ``grey16`` also get
-        a pcalib.txt and a vignette.png that describe the corrected images: linear, without vignette.
+        What was written; ``correction.json`` in the folder has the same and more. Integer output also gets a
+        pcalib.txt and a vignette.png that describe the corrected images.
 
     Raises
     ------
@@ -128,116 +141,170 @@ def correct_recording(
         If the calibration is for images of another size, or the folder cannot be written.
     NotObservableError
         If response or vignette is unknown and not assumed to be the identity.
+    ExposureError
+        If exposures are to be normalised, and are unknown.
     RecordingError
         If no image can be read.
     """
+    recording = source.recording
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
+    if source.unexposed is not None and settings.normalise_exposure:
+        raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs them")
+    settings = settings.for_images(recording.max_grey)
     reference_ms = settings.reference_for(recording.exposures_ms)
-    notes = tuple(_notes_on(recording, photometry, settings))
+    notes = tuple(_notes_on(source, photometry, settings))
     note = {
         "formula": settings.formula(reference_ms),
         "settings": vars(settings) | {"reference_ms": reference_ms},
         "calibration": photometry.name,
+        "calibration_sha256": _sha256(photometry),
         "assumed_identity": list(corrector.assumed),
         "recording": identity(recording),
         "notes": list(notes),
     }
-    folder.begin({"finished": False, **note})
+    names = _output_names(source, settings)
+    done = folder.begin(note, names)
+    counts = dict(done)
     reasons: list[str] = []
-    written: list[_Written] = []
-    for done in mapped(_Work(corrector, folder, settings, reference_ms), _readable(recording, reasons)):
-        written.append(done)
-        progress(len(written) + len(reasons), len(recording))
-    if not written:
+    work = _Work(source, corrector, folder, settings, reference_ms, names)
+    for index, counted in mapped(work, _readable(recording, done, reasons)):
+        folder.mark_written(index, counted)
+        counts[index] = counted
+        progress(len(counts) + len(reasons), len(recording))
+    if not counts:
         raise RecordingError(f"{recording.path}: none of its {len(recording)} images can be read; {reasons[0]}")
-    pixels = len(written) * recording.size[0] * recording.size[1]
-    frames = [w.index for w in written]
+    values, saturated, clipped = (sum(column) for column in zip(*counts.values(), strict=True))
+    if values > len(counts) * recording.size[0] * recording.size[1]:
+        notes = (*notes, "images are in colour: response and vignette are applied to each of their channels")
+    frames = sorted(counts)
+    exposures_ms = recording.exposures_ms[frames]
     result = Corrected(
         path=folder.path,
         formula=settings.formula(reference_ms),
         frames=tuple(frames),
-        exposures_ms=recording.exposures_ms[frames] if reference_ms is None else np.full(len(frames), reference_ms),
+        exposures_ms=exposures_ms if reference_ms is None else np.full(len(frames), reference_ms),
         skipped=len(reasons),
         reasons=tuple(reasons[:_REASONS_KEPT]),
-        saturated=sum(w.saturated for w in written) / pixels,
-        clipped=sum(w.clipped for w in written) / pixels,
+        saturated=saturated / values,
+        clipped=clipped / values,
         assumed=corrector.assumed,
         notes=notes,
+        kept=len(done),
     )
-    if settings.limit is not None:
-        folder.write_linear_parameters(recording.size, settings.limit)
-    folder.write_note(
-        {
-            "finished": True,
-            **note,
-            "frames": len(frames),
-            "skipped": {"frames": result.skipped, "reasons": list(result.reasons)},
-            "saturated_share": result.saturated,
-            "clipped_share": result.clipped,
-            "original_exposures_ms": recording.exposures_ms[frames].tolist(),
-            "copied": folder.copy_geometry(recording.path),
-        }
-    )
-    # Last, for it makes the folder a recording.
-    folder.write_times(frames, recording.stamps_s[frames], result.exposures_ms)
+    files = [names[index] for index in frames]
+    work.describe(files, result)
+    facts = {
+        "frames": len(frames),
+        "skipped": {"frames": result.skipped, "reasons": list(result.reasons)},
+        "saturated_share": result.saturated,
+        "clipped_share": result.clipped,
+        "original_exposures_ms": None if source.unexposed else exposures_ms.tolist(),
+        "copied": folder.copy_geometry(recording.path),
+    }
+    folder.finish(note | {"notes": list(notes)} | facts, files)
     return result
 
 
-def _notes_on(recording: Recording, photometry: Photometry, settings: CorrectionSettings) -> Iterator[str]:
+def _output_names(source: Source, settings: CorrectionSettings) -> list[PurePosixPath]:
+    """Return the names of the corrected images: those of the originals, with the suffix of another format."""
+    kept = {None: set(), 255: _KEPT_8_BIT, 65535: _KEPT_16_BIT}[settings.limit if settings.keep_response else None]
+    other = ".tiff" if settings.limit is None else ".png"
+    originals = source.names()
+    names = [name if name.suffix.lower() in kept else name.with_suffix(other) for name in originals]
+    if len(set(names)) == len(names):
+        return names
+    # Such as a photograph beside its raw conversion: only the whole name tells them apart.
+    return [
+        name if name == original else original.with_name(original.name + other)
+        for name, original in zip(names, originals, strict=True)
+    ]
+
+
+def _sha256(photometry: Photometry) -> str:
+    """Identify a calibration by its content."""
+    response, vignette = photometry.response, photometry.vignette
+    table = b"" if response is None else response.inverse_table.tobytes()
+    return sha256(table + (b"" if vignette is None else vignette.image().tobytes())).hexdigest()
+
+
+def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettings) -> Iterator[str]:
     """Yield remarks that the user should read before using the result."""
+    recording = source.recording
     calibrated = None if photometry.calibration is None else photometry.calibration.max_grey
     if calibrated not in (None, recording.max_grey):
         yield (
             f"the calibration was made with grey values up to {calibrated}; its response is stretched to those of "
             f"the recording, up to {recording.max_grey}"
         )
+    if photometry.caveat:
+        yield photometry.caveat
     low, high = np.min(recording.exposures_ms), np.max(recording.exposures_ms)
     if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:
         yield (
             f"8 bits are too few for exposures from {low:.3g} to {high:.3g} ms at one scale; use grey16 or irradiance"
         )
-    yield from recording.notes
-
-
-@dataclass(frozen=True)
-class _Written:
-    """One written frame: how many pixels were saturated, and how many others exceed the range of the output."""
-
-    index: int
-    saturated: int
-    clipped: int
+    yield from (n for n in recording.notes if source.unexposed is None or not n.endswith((NO_EXPOSURES, NO_STAMPS)))
 
 
 @dataclass(frozen=True)
 class _Work:
-    """Corrects and writes one image."""
+    """Corrects and writes one image; returns its index and counts."""
 
+    source: Source
     corrector: Corrector
     folder: CorrectedFolder
     settings: CorrectionSettings
     reference_ms: float | None
+    names: Sequence[PurePosixPath]
 
-    def __call__(self, item: tuple[Frame, Image]) -> _Written:
+    def __call__(self, item: tuple[Frame, Image]) -> tuple[int, Counts]:
         frame, image = item
-        corrected = self.corrector.correct(
+        settings = self.settings
+        correct = self.corrector.without_vignette if settings.keep_response else self.corrector.correct
+        corrected = correct(
             image,
             None if self.reference_ms is None else frame.exposure_ms / self.reference_ms,
-            dtype=DTYPES[self.settings.output],
-            white=self.settings.white,
-            mark_saturated=self.settings.mask_saturated,
+            dtype=settings.dtype,
+            white=settings.white,
+            mark_saturated=settings.mask_saturated,
         )
-        self.folder.write_image(frame.index, corrected)
-        saturated = cv2.compare(image, float(self.corrector.max_grey), cv2.CMP_GE)
+        name = self.names[frame.index]
+        original = self._original(frame.index) if name.suffix.lower() in WITH_METADATA else b""
+        self.folder.write_image(name, corrected, original, self.source.modified_ns(frame.index))
+        # Channels side by side, for OpenCV counts in one channel only.
+        before, after = image.reshape(len(image), -1), corrected.reshape(len(image), -1)
+        saturated = cv2.compare(before, float(self.corrector.max_grey), cv2.CMP_GE)
         clipped = 0
-        if self.settings.limit is not None:
-            white = cv2.compare(corrected, float(self.settings.limit), cv2.CMP_EQ)
+        if settings.limit is not None:
+            white = cv2.compare(after, float(settings.limit), cv2.CMP_EQ)
             clipped = cv2.countNonZero(cv2.subtract(white, saturated))
-        return _Written(frame.index, cv2.countNonZero(saturated), clipped)
+        return frame.index, Counts(image.size, cv2.countNonZero(saturated), clipped)
+
+    def describe(self, files: Sequence[PurePosixPath], result: Corrected) -> None:
+        """Write what describes the images to other programs: parameters, time stamps, exposures."""
+        recording, limit = self.source.recording, self.settings.limit
+        if limit is not None:
+            kept = self.corrector.response if self.settings.keep_response else None
+            linear = Response(np.linspace(0.0, 1.0, 256), model={"name": "linear"})
+            self.folder.write_parameters(kept if isinstance(kept, Response) else linear, recording.size, limit)
+        ids = ids_for(files)
+        numbered = np.array_equal(recording.stamps_s, np.arange(len(recording)))
+        if ids is None or (self.source.unexposed and numbered):
+            return  # no time stamps, or none that a list could assign to these names
+        exposures_ms = None if self.source.unexposed else result.exposures_ms
+        self.folder.write_times(ids, recording.stamps_s[list(result.frames)], exposures_ms)
+
+    def _original(self, index: int) -> bytes:
+        """Return the file of an image, whose metadata are kept."""
+        recording = self.source.recording
+        return recording.stored_bytes(index) if isinstance(recording, ImageSequence) else b""
 
 
-def _readable(recording: Recording, reasons: list[str]) -> Iterator[tuple[Frame, Image]]:
-    """Yield the readable frames with their images, and collect the reasons for the others."""
+def _readable(recording: Recording, done: Container[int], reasons: list[str]) -> Iterator[tuple[Frame, Image]]:
+    """Yield the readable frames that are not done, with their images, and collect the reasons for the others."""
     for frame in recording:
+        if frame.index in done:
+            continue
         try:
             image = frame.image
         except FrameError as error:

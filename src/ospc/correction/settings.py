@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -23,7 +23,10 @@ class CorrectionSettings:
     Attributes
     ----------
     output
-        Kind of output images.
+        Kind of output images. If None: ``irradiance``, or with ``keep_response`` the depth of the originals.
+    keep_response
+        Whether only the vignette is removed: integer grey levels that the camera would have recorded without it,
+        instead of values linear in the irradiance.
     normalise_exposure
         Whether to bring all images to one exposure, e·L · reference/e, instead of keeping their own, e·L.
     reference_ms
@@ -31,7 +34,7 @@ class CorrectionSettings:
         millisecond; the shortest of the recording for ``grey16``, so that nothing is clipped; the median for
         ``grey8``, which has too few bits for that.
     white
-        For ``grey8`` and ``grey16``: the irradiance that becomes the largest grey value. 1 saturates the camera where
+        For integers: the irradiance that becomes the largest grey value. 1 saturates the camera where
         V = 1; only brighter places away from the centre are clipped.
     mask_saturated
         Whether saturated pixels become NaN (``irradiance``) or the largest grey value.
@@ -39,7 +42,8 @@ class CorrectionSettings:
         Whether an unknown response or vignette is taken to be the identity.
     """
 
-    output: Output = "irradiance"
+    output: Output | None = None
+    keep_response: bool = False
     normalise_exposure: bool = False
     reference_ms: float | None = None
     white: float = 1.0
@@ -48,8 +52,12 @@ class CorrectionSettings:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        if self.output not in DTYPES:
+        if self.output is not None and self.output not in DTYPES:
             raise SettingError(f"output is {self.output!r}; choose one of {', '.join(DTYPES)}")
+        if self.keep_response and self.output == "irradiance":
+            raise SettingError(
+                "irradiance has no response to keep; choose grey8 or grey16, or leave one of the two out"
+            )
         if self.reference_ms is not None and not self.normalise_exposure:
             raise SettingError("a reference exposure needs normalised exposures; add --normalise-exposure")
         if not (np.isfinite(self.white) and self.white > 0):
@@ -57,10 +65,22 @@ class CorrectionSettings:
         if self.reference_ms is not None and not 1e-9 <= self.reference_ms <= 1e9:
             raise ExposureError(f"the reference exposure {self.reference_ms} ms is not a positive number below 1e9")
 
+    def for_images(self, max_grey: int) -> CorrectionSettings:
+        """Return the same settings with the output stated, for images of a bit depth."""
+        if self.output is not None:
+            return self
+        as_they_are: Output = "grey8" if max_grey <= 255 else "grey16"
+        return replace(self, output=as_they_are if self.keep_response else "irradiance")
+
+    @property
+    def dtype(self) -> type[np.generic]:
+        """Data type of the output."""
+        return DTYPES[self.output or "irradiance"]
+
     @property
     def limit(self) -> int | None:
         """Largest grey value of the output; None for floats, which have none."""
-        return {"grey8": 255, "grey16": 65535}.get(self.output)
+        return {"grey8": 255, "grey16": 65535}.get(self.output or "")
 
     def reference_for(self, exposures_ms: FloatArray) -> float | None:
         """Return the exposure in milliseconds that all images are brought to; None if each keeps its own."""
@@ -68,12 +88,17 @@ class CorrectionSettings:
             return None
         if self.reference_ms is not None:
             return self.reference_ms
-        if self.output == "irradiance":
+        if self.limit is None:
             return 1.0
         return float(exposures_ms.min() if self.output == "grey16" else np.median(exposures_ms))
 
     def formula(self, reference_ms: float | None) -> str:
         """Return the meaning of a pixel value, as a sentence; the exposure is that of :meth:`reference_for`."""
+        if self.keep_response:
+            exposure = "" if reference_ms is None else f" at an exposure of {reference_ms:g} ms"
+            white = "" if self.white == 1 else f", where an irradiance of {self.white:g} becomes white"
+            grey = f"the grey level f(g(M)/V) that the camera would have recorded without vignette{exposure}{white}"
+            return f"{grey}, at most {self.limit}"
         if reference_ms is None:
             light = "irradiance e·L = g(M)/V"
         elif reference_ms == 1 and self.limit is None:

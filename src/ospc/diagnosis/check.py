@@ -14,6 +14,7 @@ from ospc.errors import RecordingError
 from ospc.exposures.findings import LagChoice
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
+from ospc.unknown_exposures import labelled
 
 
 def check_recording(
@@ -72,7 +73,7 @@ def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -
     if evidence is None or pixels is None:
         why = calibrator.first_reasons[0] if calibrator.first_reasons else "there are none"
         raise RecordingError(f"{recording.path}: none of its frames can be used; the first: {why}")
-    found, calibration = calibrator.exposure_findings(), calibrator.calibration()
+    found, calibration = calibrator.exposure_findings(), labelled(calibrator.calibration(), recording)
     when = timing(recording.stamps_s[:frames], evidence.repeated, evidence.compared)
     told = notes(found, pixels, when, calibration.counts["skipped"])
     return RecordingReport(

@@ -21,6 +21,9 @@ from ospc.formats.rules_pcalib import PCALIB
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 
+CAVEAT = "EXPOSURES_UNKNOWN.txt"
+"""Stands beside a pcalib.txt that was made without exposures; that format holds nothing but numbers."""
+
 LARGEST_ID = 2**31 - 1
 """Largest frame id that a 32-bit ``%d`` holds."""
 
@@ -44,6 +47,11 @@ def write_pcalib(response: Response, path: str | Path, values: int = FEWEST_VALU
     return write_text(path, table_text(response.resampled(values)))
 
 
+def write_caveat(path: str | Path, caveat: str) -> Path:
+    """Write what to know of the files beside it, a sentence, atomically, and return the path."""
+    return write_text(path, f"{caveat}.\nThis holds for pcalib.txt, vignette.png and times.txt in this folder.\n")
+
+
 def read_pcalib(path: str | Path) -> Response:
     """Read the inverse response in a pcalib.txt as DSO does: only the first line counts.
 
@@ -65,10 +73,11 @@ def read_pcalib(path: str | Path) -> Response:
     return Response.from_values(values, model={"name": "table", "source": place.name})
 
 
-def write_vignette(vignette: Vignette, path: str | Path) -> Path:
+def write_vignette(vignette: Vignette, path: str | Path, description: str = "") -> Path:
     """Write a vignette as a grey 16-bit PNG of its own size, atomically, and return the path.
 
-    The largest value becomes 65535. A value that would round to 0 becomes 1, because the programs divide by it.
+    The largest value becomes 65535. A value that would round to 0 becomes 1, because the programs divide by it. A
+    ``description`` is stored in the PNG as text.
 
     Raises
     ------
@@ -79,7 +88,7 @@ def write_vignette(vignette: Vignette, path: str | Path) -> Path:
     if not np.all(np.isfinite(image)) or image.min() < 0 or image.max() <= 0:
         raise FormatError(f"{path}: the vignette is negative or not finite in places")
     scaled = np.round(image / image.max() * 65535)
-    return write_png(path, np.clip(scaled, 1, 65535).astype(np.uint16))
+    return write_png(path, np.clip(scaled, 1, 65535).astype(np.uint16), description)
 
 
 def read_vignette(path: str | Path) -> RasterVignette:
@@ -105,7 +114,9 @@ def read_vignette(path: str | Path) -> RasterVignette:
     return RasterVignette(image.astype(np.float32), {"file": Path(path).name, "bits": image.dtype.itemsize * 8})
 
 
-def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike) -> Path:
+def write_times(
+    path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike | None
+) -> Path:
     """Write times.txt, one line ``id stamp exposure`` per image, atomically, and return its path.
 
     Parameters
@@ -116,6 +127,7 @@ def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, e
         Integers below 2³¹ that identify the images.
     stamps_s, exposures_ms
         One per image: time stamps, written to the nanosecond, and positive exposures, as zero means unknown to DSO.
+        None for unknown exposures, which have no column.
 
     Raises
     ------
@@ -126,7 +138,7 @@ def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, e
         If an exposure is not a positive number.
     """
     stamps = np.asarray(stamps_s, dtype=np.float64)
-    exposures = np.asarray(exposures_ms, dtype=np.float64)
+    exposures = np.ones(stamps.shape) if exposures_ms is None else np.asarray(exposures_ms, dtype=np.float64)
     if not stamps.shape == exposures.shape == (len(ids),):
         raise FormatError(
             f"{path}: {len(ids)} ids, {stamps.size} stamps and {exposures.size} exposures; each image needs all three"
@@ -139,5 +151,8 @@ def write_times(path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, e
         stored = exposures.astype(np.float32)
     if not np.all(np.isfinite(stored) & (stored > 0)):
         raise ExposureError(f"{path}: exposures must be finite and positive, in milliseconds")
-    lines = (f"{i:d} {s:.9f} {e:.9g}\n" for i, s, e in zip(ids, stamps, exposures, strict=True))
+    lines = (
+        f"{i:d} {s:.9f}\n" if exposures_ms is None else f"{i:d} {s:.9f} {e:.9g}\n"
+        for i, s, e in zip(ids, stamps, exposures, strict=True)
+    )
     return write_text(path, "".join(lines))

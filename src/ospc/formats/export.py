@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.formats.adobe import write_lcp
-from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_vignette
 from ospc.formats.hugin import EmorBasis, write_pto
 from ospc.formats.lensfun import write_lensfun
 from ospc.formats.opencv import write_opencv
@@ -172,7 +172,7 @@ def export(
         case "adobe":
             fit = write_lcp(_vignette(photometry, program), place, chosen.optics)
     left_out = "" if photometry.response is None else f"{program} has no response; only the vignette was written"
-    return Exported((place,), tuple(filter(None, (fit.note, left_out))))
+    return Exported((place,), tuple(filter(None, (fit.note, left_out, photometry.caveat))))
 
 
 def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> Exported:
@@ -185,7 +185,9 @@ def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> E
     if photometry.response is not None:
         files.append(write_pcalib(photometry.response, folder / "pcalib.txt", settings.values))
     if photometry.vignette is not None:
-        files.append(write_vignette(photometry.vignette, folder / "vignette.png"))
+        files.append(write_vignette(photometry.vignette, folder / "vignette.png", photometry.caveat))
+    if photometry.caveat:
+        files.append(write_caveat(folder / CAVEAT, photometry.caveat))
     return Exported(tuple(files), _unknown(photometry))
 
 
@@ -225,4 +227,4 @@ def _unknown(photometry: Photometry) -> tuple[str, ...]:
             verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(name)
             reason = "" if verdict is None else f": {verdict.reason} {verdict.remedy}".rstrip()
             notes.append(f"the {name} is not known and was not written{reason}")
-    return tuple(notes)
+    return (*notes, photometry.caveat) if photometry.caveat else tuple(notes)

@@ -9,6 +9,7 @@ from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.formats.adobe import read_lcp
 from ospc.formats.dso import read_pcalib, read_vignette
+from ospc.formats.files import read_text
 from ospc.formats.hugin import read_pto
 from ospc.formats.lensfun import read_lensfun
 from ospc.formats.opencv import read_opencv
@@ -36,6 +37,11 @@ class Photometry:
     response: Response | None
     vignette: Vignette | None
     calibration: Calibration | None = None
+
+    @property
+    def caveat(self) -> str:
+        """What everything made from it has to say; empty if there is nothing."""
+        return "" if self.calibration is None else self.calibration.caveat
 
     @property
     def size(self) -> ImageSize | None:
@@ -90,6 +96,7 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
         case ".xml":
             vignette = _only(place, read_lensfun(place, size))
         case _:
+            _check_numeric(place)
             response = read_pcalib(place)
     return Photometry(str(place), response, vignette, calibration)
 
@@ -120,6 +127,16 @@ def _only(place: Path, fits: tuple[RadialFit, ...]) -> Vignette:
         count = f"{len(different)} different vignettes; remove all but one" if different else "no vignette"
         raise FormatError(f"{place}: holds {count}")
     return fits[0].vignette()
+
+
+def _check_numeric(place: Path) -> None:
+    """Refuse a file that does not begin like a pcalib.txt, of which any other advice would mislead."""
+    words = read_text(place).split(maxsplit=1)
+    if words and not words[0][0].isdigit() and words[0][0] not in "+-.":
+        raise FormatError(
+            f"{place}: does not hold the numbers of a pcalib.txt; other files are recognised by their suffix: "
+            f".pto (hugin), .lcp (Adobe), .xml (lensfun), .yml (OpenCV), .json"
+        )
 
 
 def _folder(place: Path) -> Photometry:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -14,6 +16,9 @@ from ospc.formats.image_header import read_header
 from ospc.photometry.geometry import MOST_PIXELS
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+HEADER_END = 33
+"""The signature and the first chunk of a PNG, IHDR, always take this many bytes."""
 
 _LARGEST_FILE = 2**30
 """Bytes; a 16-bit picture of the most pixels, uncompressed, has a quarter of this."""
@@ -45,9 +50,23 @@ def read_png(path: str | Path) -> Image:
     return np.asarray(image)
 
 
-def write_png(path: str | Path, image: Image) -> Path:
-    """Write an image of 8 or 16 bit as PNG, atomically, and return its path; FormatError if that fails."""
+def write_png(path: str | Path, image: Image, description: str = "") -> Path:
+    """Write an image of 8 or 16 bit as PNG, atomically, and return its path; FormatError if that fails.
+
+    A ``description`` is stored as text that image programs show.
+    """
     done, encoded = cv2.imencode(".png", image)
     if not done:
         raise FormatError(f"{path}: an image of shape {image.shape} and type {image.dtype} cannot be stored as PNG")
-    return write_bytes(path, encoded.tobytes())
+    data = encoded.tobytes()
+    if description:
+        # Keyword, no compression, and neither language nor translated keyword: an iTXt chunk of the specification.
+        content = b"Description\0\0\0\0\0" + description.encode("utf-8")
+        data = data[:HEADER_END] + chunk(b"iTXt", content) + data[HEADER_END:]
+    return write_bytes(path, data)
+
+
+def chunk(kind: bytes, content: bytes) -> bytes:
+    """Return a chunk of a PNG file with its length and checksum."""
+    whole = kind + content
+    return struct.pack(">I", len(content)) + whole + struct.pack(">I", zlib.crc32(whole))

@@ -27,6 +27,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         "vignette": vignette_verdict(settings, fit, reach, inputs.standing_still, inputs.usable_radius),
     }
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
+    coverage = None if observations is None else coverage_of(observations, fit, inputs.size)
     return Calibration(
         size=inputs.size,
         response=None if fit is None or not response_known else fit.response(inputs.max_grey, support),
@@ -39,8 +40,11 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         max_grey=inputs.max_grey,
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
         counts={"pairs": inputs.pairs, "samples": points},
-        advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
-        coverage=None if observations is None else coverage_of(observations, fit, inputs.size),
+        advice=(
+            *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
+            *(() if coverage is None else coverage.gaps(inputs.max_grey)),
+        ),
+        coverage=coverage,
     )
 
 

@@ -116,6 +116,16 @@ class Calibration:
         sure = all(verdict.state == "identifiable" for verdict in self.verdicts.values())
         return known and sure and not self.warnings
 
+    @property
+    def caveat(self) -> str:
+        """What everything made from it has to say if the exposures were unknown; empty if they were known."""
+        if not self.exponent_sigma:
+            return ""
+        return (
+            "The exposures were unknown: response, vignette and exposures are estimated up to one common exponent γ "
+            f"(ln γ ± {self.exponent_sigma:.2f})"
+        )
+
     def __repr__(self) -> str:
         """Return on one line what it is of, and how well it is known."""
         states = [f"{name} {verdict.state}" for name, verdict in self.verdicts.items()]

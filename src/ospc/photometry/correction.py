@@ -137,15 +137,59 @@ class Corrector:
             bound = np.nan if mark_saturated else scale
             light = look_up(pixels, self._filled(self._inverse_columns * scale, bound, pixels).astype(np.float32))
             return light if inverse is None else np.asarray(cv2.multiply(light, inverse, light))
-        if not (np.isfinite(white) and _WHITE_RANGE[0] < white < _WHITE_RANGE[1]):
-            raise SettingError(f"white is {white}; give the irradiance, a positive number, that becomes white")
         limit = float(np.iinfo(kind).max)
-        scale *= limit / white
+        scale *= limit / _checked_white(white)
         table = self._filled(self._inverse_columns * scale, _BEYOND if mark_saturated else scale, pixels)
         if inverse is None:
             return look_up(pixels, np.rint(np.minimum(table, limit)).astype(kind))
         light = look_up(pixels, np.minimum(table, _BEYOND).astype(np.float32))
         return np.asarray(cv2.multiply(light, inverse, dtype=cv2.CV_8U if kind == np.uint8 else cv2.CV_16U))
+
+    def without_vignette(
+        self,
+        image: Image,
+        exposure_ms: float | None = None,
+        *,
+        dtype: npt.DTypeLike = np.uint8,
+        white: float = 1.0,
+        mark_saturated: bool = True,
+    ) -> Image:
+        """Return the grey levels that the camera would have recorded without its vignette: f(g(M)/V).
+
+        Parameters
+        ----------
+        image, exposure_ms, white, mark_saturated
+            As for :meth:`correct`.
+        dtype
+            uint8 or uint16; the largest grey level of the camera becomes the largest value.
+
+        Returns
+        -------
+        numpy.ndarray
+            With the shape of the image. Where V = 1, the image is as it was. Where V is below
+            :data:`LEAST_ATTENUATION` it is 0.
+
+        Raises
+        ------
+        NotObservableError, SettingError, FrameError, ExposureError
+            As for :meth:`correct`.
+        """
+        kind = np.dtype(dtype)
+        if kind not in _OUTPUT_TYPES[1:]:
+            raise SettingError(f"dtype is {kind}; re-encoded images are uint8 or uint16")
+        pixels = self._checked(image)
+        self._require("response", "vignette")
+        scale = (1.0 if exposure_ms is None else 1.0 / _checked_exposure(exposure_ms)) / _checked_white(white)
+        # In 16 bits, the square root of the irradiance keeps apart the darkest grey levels of a gamma curve.
+        saturated = _BEYOND if mark_saturated else scale
+        table = 65535 * np.sqrt(self._filled(self._inverse_columns * scale, saturated, pixels))
+        root = look_up(pixels, table.astype(np.float32))
+        inverse = self._inverse_vignette(pixels)
+        ones = np.ones(root.shape, np.float32)
+        roots = np.asarray(cv2.multiply(root, ones if inverse is None else np.sqrt(inverse), dtype=cv2.CV_16U))
+        irradiance = (np.arange(65536) / 65535) ** 2
+        greys = [irradiance if response is None else response(irradiance) for response in self._responses]
+        return look_up(roots, np.rint(np.stack(greys, axis=-1) * np.iinfo(kind).max).astype(kind))
 
     def saturated(self, image: Image) -> BoolArray:
         """Return which pixels have the largest grey value: only a lower bound of their irradiance is known.
@@ -276,6 +320,12 @@ def _checked_exposure(exposure_ms: float) -> float:
             f"exposure {exposure_ms} ms is not a positive number of milliseconds; give the exposure of the image"
         )
     return float(exposure_ms)
+
+
+def _checked_white(white: float) -> float:
+    if not (np.isfinite(white) and _WHITE_RANGE[0] < white < _WHITE_RANGE[1]):
+        raise SettingError(f"white is {white}; give the irradiance, a positive number, that becomes white")
+    return float(white)
 
 
 def look_up(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:

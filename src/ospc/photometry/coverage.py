@@ -15,6 +15,9 @@ from ospc.errors import FormatError
 QUANTILES = (0.16, 0.5, 0.84)
 """Quantiles of the residuals: the median and the ends of the middle 68 per cent, ±1σ of a normal distribution."""
 
+_FEW_OBSERVATIONS = 30
+"""A class of grey levels or radii with fewer observations counts as not covered: one per cent of a usual class."""
+
 _MAX_CLASSES = 128
 """Most classes along any axis of a table that is read: bounds the memory a damaged file can ask for."""
 
@@ -60,6 +63,22 @@ class Coverage:
         """Observations by radius, shape (radii,)."""
         return np.asarray(self.radius_radius.sum(axis=0))
 
+    def gaps(self, max_grey: int) -> tuple[str, ...]:
+        """Return what the observations do not cover and how to record it, a phrase each."""
+        found = []
+        greys = [f"{a * max_grey:.0f}–{b * max_grey:.0f}" for a, b in _uncovered(self.by_grey)]
+        if greys:
+            found.append(
+                f"few observations have grey levels {', '.join(greys)}: film even surfaces that bright, at several "
+                f"exposures"
+            )
+        radii = [f"{a:.2f}–{b:.2f}" for a, b in _uncovered(self.by_radius)]
+        if radii:
+            found.append(
+                f"few observations lie at radii {', '.join(radii)} (1 = corner): let even surfaces pass there"
+            )
+        return tuple(found)
+
     def as_dict(self) -> dict[str, Any]:
         """Return all tables as JSON-compatible values; NaN becomes None."""
         return {
@@ -99,6 +118,13 @@ class Coverage:
         if max(*grey_exposure.shape, radii) > _MAX_CLASSES or (by_place is not None and by_place.ndim != 2):
             raise FormatError("the tables of the coverage are too large")
         return cls(edges, grey_exposure, radius_radius, by_grey, by_radius, by_place)
+
+
+def _uncovered(counts: IntArray) -> list[tuple[float, float]]:
+    """Return the ranges with few observations, in shares of the whole range."""
+    few = np.concatenate([[False], counts < _FEW_OBSERVATIONS, [False]])
+    edges = np.flatnonzero(np.diff(few.astype(int))) / len(counts)
+    return [(float(low), float(high)) for low, high in edges.reshape(-1, 2)]
 
 
 def _listed(values: FloatArray | None) -> list[Any] | None:

@@ -161,7 +161,7 @@ class PriorCalibration:
             },
             covariance=together.covariance,
             converged=together.converged,
-            advice=together.advice,
+            advice=(*together.advice, *(() if own.coverage is None else own.coverage.gaps(own.max_grey))),
             source=source,
         )
 

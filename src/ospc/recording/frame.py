@@ -14,7 +14,7 @@ from ospc.errors import FrameError
 
 @dataclass(frozen=True)
 class Frame:
-    """A grey image and its exposure; decoded only when :attr:`image` is first read.
+    """An image and its exposure; decoded only when :attr:`image` is first read.
 
     The exposure is known before the image is decoded, so a calibrator can choose from exposures alone which frames
     to decode.
@@ -40,6 +40,8 @@ class Frame:
         True where pixels may be used, shape (height, width); None for all pixels.
     threads
         Whether :attr:`load` and :attr:`verify` may be called from any thread.
+    colour
+        Whether the image may have the channels blue, green and red; otherwise it is grey.
     """
 
     index: int
@@ -51,6 +53,7 @@ class Frame:
     verify: Callable[[], None] | None = field(default=None, repr=False, compare=False)
     mask: BoolArray | None = field(default=None, repr=False, compare=False)
     threads: bool = field(default=False, repr=False, compare=False)
+    colour: bool = field(default=False, repr=False, compare=False)
 
     @classmethod
     def of_array(
@@ -78,14 +81,14 @@ class Frame:
 
     @cached_property
     def image(self) -> Image:
-        """Grey image, shape (height, width), uint8 or uint16.
+        """Grey image, shape (height, width), uint8 or uint16; (height, width, 3) if :attr:`colour` allows it.
 
         Raises
         ------
         FrameError
             If the image cannot be read.
         """
-        return check_image(self.load(), self.name)
+        return check_image(self.load(), self.name, colour=self.colour)
 
     @property
     def image_8_bit(self) -> Image:
@@ -95,9 +98,10 @@ class Frame:
         return np.rint(np.minimum(self.image, self.max_grey) * (255 / self.max_grey)).astype(np.uint8)
 
 
-def check_image(image: Image, name: str) -> Image:
-    """Return the image if it is a grey image of 8 or 16 bits; FrameError if it is not."""
-    if image.ndim != 2 or image.size == 0:
+def check_image(image: Image, name: str, *, colour: bool = False) -> Image:
+    """Return the image if it is grey, or in colour if allowed, with 8 or 16 bits; FrameError if it is not."""
+    three = colour and image.ndim == 3 and image.shape[2] == 3
+    if not (image.ndim == 2 or three) or image.size == 0:
         raise FrameError(f"{name}: a grey image has two dimensions, but this array has shape {image.shape}")
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: grey values must be uint8 or uint16, not {image.dtype}")

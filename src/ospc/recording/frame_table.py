@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, RecordingError, listed, quoted
+from ospc.errors import ExposureError, MissingExtraError, RecordingError, listed, quoted
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.image_source import by_name, is_image_name
 
@@ -143,19 +143,24 @@ def _read_only(values: FloatArray) -> FloatArray:
 
 
 def table_or_unlisted(read: Callable[[], FrameTable], source: str, frames: int, *, allowed: bool) -> FrameTable:
-    """Return the listed frames, or, if that is allowed, :func:`unlisted` ones if reading raises an ExposureError."""
+    """Return the listed frames, or, if that is allowed, :func:`unlisted` ones if no exposures can be read."""
     try:
         return read()
-    except ExposureError:
+    except (ExposureError, MissingExtraError):
         if not allowed or not frames:
             raise
     return unlisted(source, np.arange(frames, dtype=np.float64), stamped=False)
 
 
+NO_EXPOSURES = "holds no usable exposures"
+NO_STAMPS = "has no time stamps; frames are numbered, one per second"
+"""Notes on frames whose exposures or times are unknown."""
+
+
 def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
     """Return frames with unknown exposures, 1 ms each."""
     ones = _read_only(np.ones(len(stamps_s)))
-    return FrameTable(source, (), stamps_s, ones, (f"{source}: holds no usable exposures",), stamped)
+    return FrameTable(source, (), stamps_s, ones, (f"{source}: {NO_EXPOSURES}",), stamped)
 
 
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

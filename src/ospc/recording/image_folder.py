@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import RecordingError
-from ospc.recording.exposure_lists import lists_in, only_list, read_list
+from ospc.recording.exposure_lists import lists_in, only_list, read_list, read_times
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -30,8 +30,11 @@ class ImageFolder:
             "add times.txt with lines 'id stamp[s] exposure[ms]', or exposures.csv with a header "
             "'file,timestamp_s,exposure_ms'"
         )
-        if (path.parent / "times.txt").is_file():
+        full = path.resolve()
+        if full.name == "images" and (full.parent / "times.txt").is_file():
             advice += f", or open {path.parent} if its times.txt belongs to these images"
+        else:
+            advice += "".join(f", or copy {p} there if it is theirs" for p in _times_above(full))
         return open_sequence(
             path,
             self.name,
@@ -39,6 +42,18 @@ class ImageFolder:
             lambda: read_list(only_list(lists_in(path), path, advice), options),
             options=options,
         )
+
+
+def _times_above(folder: Path) -> list[Path]:
+    """Return the files times.txt with exposures in the two folders above; data sets of rigs have them there."""
+    found = []
+    for above in folder.parents[:2]:
+        try:
+            read_times(above / "times.txt")
+        except RecordingError:
+            continue
+        found.append(above / "times.txt")
+    return found
 
 
 KIND = ImageFolder()

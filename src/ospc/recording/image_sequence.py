@@ -12,11 +12,12 @@ from ospc.errors import OspcError, RecordingError, escaped
 from ospc.formats.image_header import read_header
 from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame, check_size
-from ospc.recording.frame_table import FrameTable, match_images, table_or_unlisted
+from ospc.recording.frame_table import NO_STAMPS, FrameTable, match_images, table_or_unlisted
 from ospc.recording.image_source import ImageSource
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
+from ospc.recording.unread import why_unread
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,7 +99,8 @@ def open_sequence(
     place = str(source.place)
     try:
         if not source.names:
-            raise RecordingError(f"{place}: holds no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there")
+            why = why_unread(source.place) or "holds no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there"
+            raise RecordingError(f"{place}: {why}")
         table = table_or_unlisted(read_table, place, len(source.names), allowed=options.unknown_exposures)
         names, matching = match_images(table, source.names, place)
 
@@ -110,7 +112,9 @@ def open_sequence(
     except OspcError:
         source.close()
         raise
-    numbered = () if table.stamped else (f"{table.source}: has no time stamps; frames are numbered, one per second",)
+    if table.source == place:
+        matching = ()  # without a list, there is nothing to match
+    numbered = () if table.stamped else (f"{table.source}: {NO_STAMPS}",)
     return ImageSequence(
         path=path,
         kind=kind,

@@ -18,6 +18,7 @@ from typing import Protocol
 from ospc.errors import RecordingError, quoted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
+from ospc.recording.unread import why_unread
 
 _MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder", "video", "rosbag")
 """Modules of this package with a ``KIND``; the first kind that recognises a path opens it."""
@@ -91,7 +92,7 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     if kind is not None:
         names = ", ".join(k.name for k in known)
         raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")
-    raise RecordingError(f"{place}: {_reason(place)}; {_EXPECTED}")
+    raise RecordingError(f"{place}: {why_unread(place) or f'{_reason(place)}; {_EXPECTED}'}")
 
 
 def _reason(place: Path) -> str:

@@ -46,6 +46,10 @@ def _values(kind: type[Enum]) -> tuple[str, ...]:
     return tuple(str(member.value) for member in kind)
 
 
+_CHANNELS = tuple(name for name in _values(Channel) if name != Channel.ALL.value)
+"""Channels that can be calibrated."""
+
+
 @dataclass(frozen=True)
 class ReadingOptions:
     """What the user states about a recording; None wherever its content decides."""
@@ -56,7 +60,7 @@ class ReadingOptions:
             "Channel of colour or Bayer images; by default the luminance of colour images and the green pixels of a "
             "Bayer mosaic.",
             Channel,
-            _values(Channel),
+            _CHANNELS,
         ),
     ] = None
     bayer: Annotated[

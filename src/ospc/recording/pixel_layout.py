@@ -169,26 +169,29 @@ def find_layout(
     SettingError
         If the images do not have the requested channel.
     """
+    wanted = None if options.channel is Channel.ALL else options.channel
     first = _first(read, len(exposures_ms), place)
     depth = detect_bit_depth(_samples(first.pixels, read, exposures_ms))
     notes = [] if depth.note is None else [depth.note]
     size = size_of(first.pixels)
     if first.colour:
+        if options.channel is Channel.ALL:
+            return PixelLayout(size, depth), notes
         luma = "colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B"
-        taken = options.channel or Channel.LUMINANCE
+        taken = wanted or Channel.LUMINANCE
         said = luma if taken is Channel.LUMINANCE else f"the {taken.value} channel is taken of colour images"
         return PixelLayout(size, depth), [*notes, said]
     mosaic = options.bayer or first.mosaic or find_mosaic(first.pixels)
     if mosaic is None:
-        if options.channel not in (None, Channel.LUMINANCE):
-            raise SettingError(f"{place}: its images are grey and have no {options.channel.value} channel")
+        if wanted not in (None, Channel.LUMINANCE):
+            raise SettingError(f"{place}: its images are grey and have no {wanted.value} channel")
         return PixelLayout(size, depth), notes
-    if options.channel is None and not mosaic.complete and not take_green:
+    if wanted is None and not mosaic.complete and not take_green:
         notes.append(
             "images look like a Bayer mosaic, whose colours have different responses; choose one with --channel"
         )
         return PixelLayout(size, depth), notes
-    channel = options.channel or Channel.GREEN
+    channel = wanted or Channel.GREEN
     if channel is not Channel.GREEN and not mosaic.complete:
         raise SettingError(
             f"{place}: its images do not state where {channel.value} is in the Bayer mosaic; state the pattern with "

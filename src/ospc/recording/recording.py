@@ -82,7 +82,7 @@ class StoredRecording(ABC):
     path, kind, size, max_grey, exposures_ms, stamps_s, notes
         As in :class:`Recording`.
     channel
-        Channel taken from colour images; the default one if None.
+        Channel taken from colour images; the default one if None, and the colour images as they are if ``ALL``.
     """
 
     path: Path
@@ -125,4 +125,5 @@ class StoredRecording(ABC):
         threads: bool = False,
     ) -> Frame:
         stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
-        return Frame(index, stamp_s, exposure_ms, name, load, self.max_grey, verify, threads=threads)
+        colour = self.channel is Channel.ALL
+        return Frame(index, stamp_s, exposure_ms, name, load, self.max_grey, verify, threads=threads, colour=colour)

@@ -19,7 +19,7 @@ from ospc.recording.bags.image_messages import read_stamp_ns
 from ospc.recording.bags.image_stream import ImageStream
 from ospc.recording.bags.matching import Times, match
 from ospc.recording.bags.messages import DamagedMessageError
-from ospc.recording.bags.topics import exposure_topic, image_topic, image_topics
+from ospc.recording.bags.topics import exposure_topic, image_topic, image_topics, own_exposure_topic
 from ospc.recording.exposure_units import GainUnit, infer_unit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, checked_exposures, unlisted
@@ -92,7 +92,14 @@ class Rosbag:
         """Return the cameras of the bag by the names of their topics; only the stated topic if there is one."""
         bag = Bag.at(path)
         topics = image_topics(bag) if options.image_topic is None else []
-        return _camera_names(topics or [image_topic(bag, options)[0]], path, options)
+        cameras = _camera_names(topics or [image_topic(bag, options)[0]])
+        found = {}
+        for name, topic in cameras.items():
+            exposures = options.exposure_topic
+            if exposures is not None:
+                exposures = own_exposure_topic(bag, exposures, topic, list(cameras.values()))
+            found[name] = path, replace(options, image_topic=topic.name, exposure_topic=exposures)
+        return found
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -127,14 +134,12 @@ class BagRecording(StoredRecording):
         return self.layout.grey(stream.image(number).pixels, stream.label(number))
 
 
-def _camera_names(
-    topics: Sequence[Topic], path: Path, options: ReadingOptions
-) -> dict[str, tuple[Path, ReadingOptions]]:
+def _camera_names(topics: Sequence[Topic]) -> dict[str, Topic]:
     """Name cameras after their topics: ``/cam0/image_raw`` is ``cam0`` unless another topic would get that name."""
     short = [_short_name(topic.name) for topic in topics]
     full = [topic.name.strip("/").replace("/", "_") for topic in topics]
     names = [name if short.count(name) == 1 else long for name, long in zip(short, full, strict=True)]
-    return {name: (path, replace(options, image_topic=topic.name)) for name, topic in zip(names, topics, strict=True)}
+    return dict(zip(names, topics, strict=True))
 
 
 def _short_name(topic: str) -> str:

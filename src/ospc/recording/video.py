@@ -125,7 +125,8 @@ def _list_of(path: Path) -> Path:
 def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the time stamps in the list, or those of the frame rate if it has none, and the notes."""
     taken = "luma" if channel in (None, Channel.LUMINANCE) else channel.value
-    notes = (*table.notes, f"{path}: frames are converted to 8-bit {taken}")
+    converted = () if channel is Channel.ALL else (f"{path}: frames are converted to 8-bit {taken}",)
+    notes = (*table.notes, *converted)
     if table.stamped or not 0 < fps < _MAX_FPS:
         return table.stamps_s, notes
     stamps_s = np.arange(len(table)) / fps

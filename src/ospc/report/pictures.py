@@ -45,17 +45,8 @@ def write_picture(name: str, findings: Findings, path: Path) -> Path | None:
         figure.suptitle(
             printable(_title(calibration)), fontsize=9, y=1 - 0.12 / _HEIGHT_IN, va="top", parse_math=False
         )
-        figure.supxlabel(_caveat(calibration), fontsize=8, color=ORANGE)
+        figure.supxlabel(calibration.caveat, fontsize=8, color=ORANGE)
         return save(figure, path)
-
-
-def _caveat(calibration: Calibration) -> str:
-    if not calibration.exponent_sigma:
-        return ""
-    return (
-        "The exposures were unknown: response, vignette and exposures are estimated up to one common exponent γ "
-        f"(ln γ ± {calibration.exponent_sigma:.2f})"
-    )
 
 
 def _title(calibration: Calibration) -> str:

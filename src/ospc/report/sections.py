@@ -13,7 +13,7 @@ from ospc.evaluation.tracks import TrackFigures
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.report.charts import Chart, Findings, charts_of
 from ospc.report.examples import PicturePair
-from ospc.report.words import facts, gaps, headline
+from ospc.report.words import facts, headline
 
 SUMMARY = "Summary"
 """Heading of the first section."""
@@ -91,7 +91,6 @@ def sections_of(findings: Findings) -> Iterator[Section]:
         if existing(*names):
             yield Section(heading, charts=existing(*names))
     improvements = [sentence(advice) for advice in calibration.advice if advice]
-    improvements += gaps(calibration.coverage, calibration.max_grey)
     nothing = () if improvements else ("This recording shows nothing to improve.",)
     yield Section("How to improve it", nothing, tuple(improvements))
     if findings.check is not None:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray
 from ospc.evaluation.tracking import TrackingComparison
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
-from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, diagonal_profile
 
-_FEW_OBSERVATIONS = 30
-"""A class of grey levels or radii with fewer observations counts as not covered: one per cent of a usual class."""
-
 _LINEAR_WITHIN = 0.05
 """Largest distance of the gamma exponent from 1 at which a response is called linear."""
+
+_UNEVEN = 0.01
+"""Difference between the corners, or between the centre and the brightest place, that is mentioned."""
 
 _HARDLY_VIGNETTED = 0.98
 """Attenuation at the corners above which there is hardly any vignetting: less than 3 hundredths of a stop."""
@@ -34,11 +33,8 @@ def headline(calibration: Calibration) -> str:
         parts.append(f"The {_both(rough)} {_are(rough)} known only roughly.")
     if unknown:
         parts.append(f"This recording does not determine the {_both(unknown)}; no estimate is given.")
-    if calibration.exponent_sigma:
-        parts.append(
-            "The exposures were unknown: response, vignette and exposures are estimated up to one common exponent, "
-            "chosen so that the response resembles that of a typical camera."
-        )
+    if calibration.caveat:
+        parts.append(f"{calibration.caveat}, chosen so that the response resembles that of a typical camera.")
     if calibration.partial:
         parts.append("The run stopped before the end of the recording; more frames would improve the result.")
     return " ".join(parts) or "This calibration does not say how well it is known."
@@ -66,24 +62,6 @@ def facts(calibration: Calibration, tracking: TrackingComparison | None = None) 
     if tracking is not None:
         sentence = tracking.sentence
         found.append(f"In an excerpt of this recording, {sentence[0].lower()}{sentence[1:]}")
-    return found
-
-
-def gaps(coverage: Coverage | None, max_grey: int) -> list[str]:
-    """Return what the observations do not cover and how to record it, one sentence each."""
-    if coverage is None:
-        return []
-    found = []
-    greys = [(a * max_grey, b * max_grey) for a, b in _uncovered(coverage.by_grey)]
-    if greys:
-        named = ", ".join(f"{low:.0f}–{high:.0f}" for low, high in greys)
-        found.append(
-            f"Few observations have grey levels {named}: film even surfaces that bright, at several exposures."
-        )
-    radii = _uncovered(coverage.by_radius)
-    if radii:
-        named = ", ".join(f"{low:.2f}–{high:.2f}" for low, high in radii)
-        found.append(f"Few observations lie at radii {named} (1 = corner): let even surfaces pass there.")
     return found
 
 
@@ -127,9 +105,19 @@ def _like_curve(middle: float) -> str:
 def _vignette_fact(vignette: Vignette, sigma: FloatArray | None) -> str:
     corner = float(diagonal_profile(vignette, PROFILE_RADII[-1:])[0])
     said = f"The corners receive {_percent(corner, None if sigma is None else sigma[-1])} of the light at the centre"
+    image = vignette.image()
+    centre = float(vignette.at((np.array(vignette.size) - 1) / 2))
+    corners, brightest = image[[0, 0, -1, -1], [0, -1, 0, -1]] / centre, float(image.max()) / centre
+    if np.ptp(corners) > _UNEVEN:
+        said += f" on average ({100 * corners.min():.0f} to {100 * corners.max():.0f} %)"
     if corner > _HARDLY_VIGNETTED:
-        return f"{said}: there is hardly any vignetting."
-    return f"{said}, {-np.log2(corner):.1f} stops less." if corner > 0 else f"{said}."
+        said += ": there is hardly any vignetting"
+    elif corner > 0:
+        said += f", {-np.log2(corner):.1f} stops less"
+    if brightest - 1 > _UNEVEN:
+        relative = _percent(corner / brightest)
+        said += f"; vignette.png is relative to the brightest place, of which they receive {relative}"
+    return f"{said}."
 
 
 def _percent(share: float, sigma: float | None = None) -> str:
@@ -145,10 +133,3 @@ def _both(names: list[str]) -> str:
 
 def _are(names: list[str]) -> str:
     return "is" if len(names) == 1 else "are"
-
-
-def _uncovered(counts: IntArray) -> list[tuple[float, float]]:
-    """Return the ranges with few observations, in shares of the whole range."""
-    few = np.concatenate([[False], np.asarray(counts) < _FEW_OBSERVATIONS, [False]])
-    edges = np.flatnonzero(np.diff(few.astype(int))) / len(counts)
-    return [(float(low), float(high)) for low, high in edges.reshape(-1, 2)]

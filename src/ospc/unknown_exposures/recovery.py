@@ -151,9 +151,10 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
 def _labelled_verdict(name: str, verdict: Verdict, sigma: float) -> Verdict:
     if not verdict.known:
         return verdict
+    others = " and ".join(part for part in ("response", "vignette", "exposures") if part != name)
     return Verdict(
         "marginal",
-        f"up to one exponent: no exposures were known, and the {name} to any power, together with exposures to the "
+        f"up to one exponent: no exposures were known, and the {name} to any power, together with {others} to the "
         f"same power, explains the images as well; the power is taken to be that of a usual camera "
         f"(ln γ ± {sigma:.2f})",
         _REMEDY,

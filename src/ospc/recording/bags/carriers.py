@@ -15,7 +15,7 @@ import numpy as np
 
 from ospc.errors import ExposureError, escaped, quoted
 from ospc.recording.bags.container import Topic
-from ospc.recording.bags.messages import DamagedMessageError, MessageType, is_field, value_at
+from ospc.recording.bags.messages import DamagedMessageError, MessageType, is_field, shown, value_at
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
 
@@ -197,6 +197,15 @@ def _known(topic: Topic) -> Carrier | None:
     return _KNOWN.get(topic.type.rpartition("/")[2])
 
 
+def _choice(topic: Topic) -> str:
+    """Return the fields that an exposure may be in, as the end of a message."""
+    try:
+        numbers = MessageType(topic.type, topic.encoding, topic.definition, idl=topic.idl).numbers()
+    except DamagedMessageError:
+        return ""
+    return f": {shown(numbers)}" if numbers else ""
+
+
 def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
     """Return how the messages of a topic carry exposures; the user's statements take precedence.
 
@@ -214,7 +223,7 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
     if carrier is None:
         raise ExposureError(
             f"{escaped(topic.name)} has type {escaped(topic.type)}; state which of its fields is the exposure with "
-            f"--exposure-field"
+            f"--exposure-field{_choice(topic)}"
         )
     return replace(
         carrier, unit=options.exposure_unit or carrier.unit, gain_unit=options.gain_unit or carrier.gain_unit

@@ -103,7 +103,7 @@ def _raw(message: Any, name: str, channel: Channel | None) -> StoredImage:
         ordered = np.ascontiguousarray(pixels.reshape(height, width, layout.channels)[:, :, list(layout.order)])
         return StoredImage((channel or Channel.LUMINANCE).of(ordered), colour=True)
     if layout.order or encoding.startswith("nv"):
-        if channel not in (None, Channel.LUMINANCE):
+        if channel not in (None, Channel.LUMINANCE, Channel.ALL):
             raise FrameError(f"{name}: {encoding} has no {channel.value} channel; take the luminance")
         luma = pixels.reshape(height, width, layout.channels)[:, :, layout.order[0] if layout.order else 0]
         return StoredImage(np.ascontiguousarray(luma), colour=True)

@@ -7,7 +7,7 @@ that far, constants are dropped, and a definition can neither grow a reader nor 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,12 @@ MAX_MESSAGE_BYTES = 2**20
 
 _SHOWN_FIELDS, _SHOWN_CHARACTERS = 12, 200
 """Fields of a message that an error lists, and the characters they may take."""
+
+_WITHOUT_EXPOSURES = ("header", "stamp", "roi")
+"""Inner messages of which no number is an exposure."""
+
+_DEEPEST = 2
+"""Levels of inner messages whose fields are listed."""
 
 _TYPE_NAME = re.compile(r"[A-Za-z]\w{0,99}(?:/[A-Za-z]\w{0,99}){1,3}", re.ASCII)
 _FIELD_NAME = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
@@ -82,6 +88,17 @@ class MessageType:
             raise DamagedMessageError(
                 f"the bag does not define the type {quoted(name)}; record it as .mcap or use 'ros2 bag convert'"
             )
+
+    def numbers(self) -> list[str]:
+        """Return the fields that hold a number, those of inner messages with a dot, such as ``info.shutter``."""
+        return list(self._numbers_in(self._name, ""))
+
+    def _numbers_in(self, name: str, prefix: str) -> Iterator[str]:
+        for field, (kind, detail) in self._store.fielddefs[name][1]:
+            if kind == _BASE and detail[0] != "string":
+                yield prefix + field
+            elif kind == _NAME and field not in _WITHOUT_EXPOSURES and prefix.count(".") < _DEEPEST:
+                yield from self._numbers_in(str(detail), f"{prefix}{field}.")
 
     def decode(self, data: bytes) -> Any:
         """Return a message as an object whose attributes are its fields; arrays of numbers are NumPy arrays.
@@ -163,9 +180,14 @@ def value_at(message: Any, field: str) -> Any:
         elif index and isinstance(value, list | np.ndarray) and int(index) < len(value):
             value = value[int(index)]
         else:
-            has = escaped(", ".join(_fields(message)[:_SHOWN_FIELDS])[:_SHOWN_CHARACTERS])
+            has = shown(_fields(message))
             raise DamagedMessageError(f"the message has no field {field}; it has {has}")
     return value
+
+
+def shown(fields: Sequence[str]) -> str:
+    """Return names of fields as a list of bounded length."""
+    return escaped(", ".join(fields[:_SHOWN_FIELDS])[:_SHOWN_CHARACTERS])
 
 
 def _fields(value: Any) -> list[str]:

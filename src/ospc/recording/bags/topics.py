@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ospc.errors import ExposureError, RecordingError, escaped, listed, quoted
 from ospc.recording.bags.bag import Bag
 from ospc.recording.bags.carriers import candidates
@@ -56,11 +58,13 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     """
     if options.exposure_topic is not None:
         return _named(bag, options.exposure_topic)
-    found = [t for t in candidates(bag.topics) if t.messages != 0]
+    cameras = image_topics(bag)
+    carriers = (t for t in candidates(bag.topics) if t.messages != 0)
+    found = [t for t in carriers if own_exposure_topic(bag, t.name, images, cameras) == t.name]
     if not found:
         raise ExposureError(
-            f"{bag.path}: no topic is known to hold exposures; state it with --exposure-topic and --exposure-field; "
-            f"there are {_names(bag.topics)}"
+            f"{bag.path}: no topic is known to hold the exposures of {escaped(images.name)}; state it with "
+            f"--exposure-topic and --exposure-field; there are {_names(bag.topics)}"
         )
     shared = [_shared(t.name, images.name) for t in found]
     best = [t for t, count in zip(found, shared, strict=True) if count == max(shared)]
@@ -70,6 +74,22 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
             f"({listed([t.name for t in best])}); state one with --exposure-topic"
         )
     return best[0]
+
+
+def own_exposure_topic(bag: Bag, stated: str, images: Topic, cameras: Sequence[Topic]) -> str | None:
+    """Return the topic with the exposures of one of several cameras, when the user stated one topic for all.
+
+    Exposures below the name of one camera, such as ``/cam0/exposure``, are those of this camera; others have them at
+    the same place below their own name, otherwise None. A topic of no particular camera serves all.
+    """
+    shared = {camera.name: _shared(camera.name, stated) for camera in (images, *cameras)}
+    owner = max(shared, key=shared.__getitem__)
+    if shared[images.name] == shared[owner]:
+        return stated
+    differing = _shared(owner, images.name)
+    parts, own = stated.strip("/").split("/"), images.name.strip("/").split("/")
+    sibling = "/".join([*own[: differing + 1], *parts[differing + 1 :]])
+    return next((topic.name for topic in bag.topics if topic.name.strip("/") == sibling), None)
 
 
 def _shared(name: str, other: str) -> int:

@@ -1,0 +1,137 @@
+"""The images to correct: a recording, a folder, a video, or image files; none of them needs exposures."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+from ospc.errors import ExposureError, MissingExtraError, OspcError, RecordingError
+from ospc.formats.dso import LARGEST_ID
+from ospc.recording import Recording, open_recording
+from ospc.recording.frame_table import FrameTable
+from ospc.recording.image_sequence import ImageSequence, open_sequence
+from ospc.recording.image_source import FolderImages, by_name, is_image_name
+from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.unread import why_unread
+
+_DIGITS = 5
+"""Least digits of the numbers of images that have no names of their own."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Images to correct.
+
+    Attributes
+    ----------
+    recording
+        The images; if their exposures are unknown, each has 1 ms.
+    unexposed
+        Why the exposures are unknown; None if they are known.
+    """
+
+    recording: Recording
+    unexposed: OspcError | None = None
+
+    def modified_ns(self, index: int) -> int | None:
+        """Return when the file of an image was modified, in ns; None if it is not a file of its own."""
+        recording = self.recording
+        if isinstance(recording, ImageSequence) and isinstance(recording.source, FolderImages):
+            return (recording.source.place / recording.names[index]).stat().st_mtime_ns
+        return None
+
+    def names(self) -> list[PurePosixPath]:
+        """Return the file name of every image: its own, otherwise its number.
+
+        Folders are part of the names only where files of several folders would have the same name.
+        """
+        recording = self.recording
+        if not isinstance(recording, ImageSequence):
+            digits = max(_DIGITS, len(str(len(recording) - 1)))
+            return [PurePosixPath(f"{index:0{digits}d}") for index in range(len(recording))]
+        inner = [PurePosixPath(name) for name in recording.names]
+        outer = [PurePosixPath(name.name) for name in inner]
+        return outer if len(set(outer)) == len(outer) else inner
+
+
+def ids_for(names: Sequence[PurePosixPath]) -> list[int] | None:
+    """Return the ids by which ``times.txt`` names images: their own numbers, or their order.
+
+    None if readers that go by either would assign them wrongly.
+    """
+    stems = [name.stem for name in names]
+    numbers = [int(stem) for stem in stems if stem.isascii() and stem.isdigit() and len(stem) <= 10]
+    if len(numbers) == len(names) == len(set(numbers)) and max(numbers) <= LARGEST_ID:
+        return numbers
+    in_order = [str(name) for name in names]
+    order = range(len(names))
+    return list(order) if in_order == sorted(in_order, key=by_name) and not set(numbers) & set(order) else None
+
+
+def open_source(paths: Sequence[str | Path], kind: str | None = None, options: ReadingOptions = DEFAULT) -> Source:
+    """Open images to correct.
+
+    Parameters
+    ----------
+    paths
+        One recording of any kind, with exposures or without; or image files, and patterns such as ``photos/*.jpg``.
+    kind, options
+        As for :func:`~ospc.recording.kinds.open_recording`.
+
+    Raises
+    ------
+    RecordingError
+        If there are no images, or their list of exposures is damaged.
+    """
+    places = [place for path in paths for place in _expanded(Path(path))]
+    if len(places) > 1 or (places[0].is_file() and is_image_name(places[0].name)):
+        return _image_files(places, options)
+    try:
+        return Source(open_recording(places[0], kind, options))
+    except (RecordingError, MissingExtraError) as error:
+        try:
+            without = open_recording(places[0], kind, replace(options, unknown_exposures=True))
+        except OspcError:
+            raise error from None
+        return Source(without, error)
+
+
+def _expanded(path: Path) -> list[Path]:
+    """Return the files that match a pattern; a path that exists, or is none, as it is."""
+    if path.exists() or not glob.has_magic(str(path)):
+        return [path]
+    found = list(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+    images = sorted((p for p in found if is_image_name(p.name)), key=lambda p: by_name(str(p)))
+    if not images:
+        why = next((why for p in found if (why := why_unread(p))), "check it, or name a folder")
+        raise RecordingError(f"{path}: no image matches this pattern; {why}")
+    return images
+
+
+def _image_files(places: Sequence[Path], options: ReadingOptions) -> Source:
+    """Open image files as they are named; which list of exposures would be theirs is unknown."""
+    for place in places:
+        if not place.is_file():
+            what = "is a folder; name it alone, or only files" if place.is_dir() else "there is no such file"
+            raise RecordingError(f"{place}: {what}")
+        if not is_image_name(place.name):
+            raise RecordingError(
+                f"{place}: {why_unread(place) or 'is not an image; of several files, each has to be one'}"
+            )
+    full = [place.absolute() for place in places]
+    folder = Path(os.path.commonpath([place.parent for place in full]))
+    names = tuple(dict.fromkeys(place.relative_to(folder).as_posix() for place in full))
+    missing = ExposureError(
+        f"{places[0]}: exposures of single files are unknown; give the folder that has their list"
+    )
+
+    def no_list() -> FrameTable:
+        raise missing
+
+    images = open_sequence(
+        folder, "images", FolderImages(folder, names), no_list, options=replace(options, unknown_exposures=True)
+    )
+    return Source(images, missing)

@@ -1,0 +1,69 @@
+"""Why a path holds no images that can be read, and what to do about it."""
+
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+
+from ospc.errors import escaped, listed
+from ospc.recording.image_source import FolderImages, is_image_name
+
+_MOST_FOLDERS = 1000
+"""Folders searched for images; data sets have fewer above their images."""
+
+_CONVERSIONS = {
+    "HEIC": (
+        frozenset({".heic", ".heif", ".hif", ".avif"}),
+        "convert them to JPEG, as with 'heif-convert' of libheif",
+    ),
+    "raw": (
+        frozenset({".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef"}),
+        "convert them to 16-bit TIFF without a curve, as with 'dcraw -4 -d -T'",
+    ),
+    "WebP, JPEG XL, JPEG 2000, EXR or GIF": (
+        frozenset({".webp", ".jxl", ".jp2", ".exr", ".gif"}),
+        "convert them to PNG",
+    ),
+}
+"""Photographs that are not read: what they are called, their suffixes, and the remedy."""
+
+
+def why_unread(place: Path) -> str | None:
+    """Return why no images are found at an existing path, with a remedy; None if nothing there looks like images."""
+    if place.is_file():
+        if is_image_name(place.name):
+            return "is a single image, and a recording is many; name the folder that holds them"
+        return _conversion(place)
+    if not place.is_dir():
+        return None
+    for path in place.iterdir():
+        reason = _conversion(path)
+        if reason is not None:
+            return reason
+    inner = _folders_with_images(place)
+    if not inner:
+        return None
+    names = listed([path.relative_to(place) for path in inner])
+    return f"holds no images itself; name one of the folders in it that do: {names}"
+
+
+def _conversion(path: Path) -> str | None:
+    for kind, (suffixes, remedy) in _CONVERSIONS.items():
+        if path.suffix.lower() in suffixes:
+            return f"{kind} photographs such as {escaped(path.name)} are not read; {remedy}"
+    return None
+
+
+def _folders_with_images(place: Path) -> list[Path]:
+    """Return the folders below a path that hold images, those nearest first."""
+    found, waiting, seen = [], deque([place]), 0
+    while waiting and seen < _MOST_FOLDERS:
+        folder = waiting.popleft()
+        seen += 1
+        try:
+            waiting.extend(sorted(p for p in folder.iterdir() if p.is_dir() and not p.is_symlink()))
+        except OSError:
+            continue
+        if FolderImages.of(folder).names:
+            found.append(folder)
+    return found
