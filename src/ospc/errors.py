@@ -17,7 +17,17 @@ _SHOWN_ITEMS = 3
 
 
 class OspcError(Exception):
-    """Root of all errors raised by the library."""
+    """Root of all errors raised by the library.
+
+    Parameters
+    ----------
+    message
+        One sentence. What it quotes of a file or a name is escaped, so that it stays on one line and no terminal
+        obeys it.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(escaped(message))
 
 
 class RecordingError(OspcError):

@@ -104,6 +104,8 @@ class CalibrationRun:
                 calibrator = self.checkpoints.resumed(calibrator)
             failure = self._push_all(calibrator, show)
             early = self.interruption.requested
+            if early and self.checkpoints is not None:
+                self.checkpoints.before_estimating(calibrator)
             show(calibrator, "estimating", None)
             if early and not self.quiet:
                 frames = calibrator.status.frames
