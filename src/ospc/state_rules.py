@@ -46,9 +46,10 @@ _LARGEST = 1e12
 _LOG = 50.0
 """Largest magnitude of the logarithm of an exposure in milliseconds or of a ratio."""
 
-_LARGEST_GREY = 65535
-_LONGEST_LAG_FRAMES = 1000
-_MOST_INTERVALS, _MOST_RADIAL = 256, 16
+_LARGEST_GREY, _LONGEST_LAG_FRAMES, _MOST_INTERVALS, _MOST_RADIAL = 65535, 1000, 256, 16
+"""Largest grey value, of 16 bits; largest lag that a command takes; most terms of response and of vignette, eight and
+three times those of any preset."""
+
 _CHANGES = len(GREY_KNOTS) + 3
 """Parameters of a change of the camera."""
 
@@ -100,9 +101,7 @@ ANYTHING = "anything goes: a truth value, or texts that only people read"
 ELSEWHERE = "checked by a function below or by the class itself, because it depends on other values"
 
 COUNT = Numbers(0, _MOST)
-FRAME = Numbers(0, _MOST)
-LOG_EXPOSURE = Numbers(-_LOG, _LOG)
-RADIUS = Numbers(0, 2)
+"""How many, or the number of a frame."""
 
 
 def _count(*shape: int | str, most: int = _MOST) -> Numbers:
@@ -246,14 +245,14 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "lag_frames": Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES),
     },
     PairErrors: {
-        "frame0": FRAME,
-        "frame1": FRAME,
+        "frame0": COUNT,
+        "frame1": COUNT,
         "points": COUNT,
         "matrix": Numbers(shape=(_CHANGES, _CHANGES)),
         "vector": Numbers(shape=(_CHANGES,)),
         "carried": Numbers(shape=(_CHANGES, "parameters")),
         "error": Numbers(-_LOG, _LOG),
-        "reach": RADIUS,
+        "reach": Numbers(0, 2),
         "greys": _share(2),
     },
 }

@@ -38,3 +38,13 @@ def test_what_a_message_quotes_is_on_one_line(tmp_path):
         Calibration.load(place)
     assert str(caught.value).isprintable()
     assert str(OspcError("a\x1b[31m\nb")).isprintable()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [MemoryError(), RuntimeError("std::bad_alloc"), ImportError("x.so: failed to map segment from shared object")],
+)
+def test_too_little_memory_is_said_as_such(error):
+    from ospc.errors import one_line
+
+    assert one_line(error).startswith("there is not enough memory")

@@ -42,10 +42,7 @@ PARAMETERS = VIGNETTE_PART.stop
 
 _TRIANGLE = np.tril_indices(PARAMETERS)
 
-_MOST = 2**40
-_LONGEST_MS = 1e9
-_FARTHEST = 3.0
-_LARGEST = 1e15
+_MOST, _LONGEST_MS, _FARTHEST, _LARGEST = 2**40, 1e9, 3.0, 1e15
 """Limits of what is read from files: counts, an exposure, a displacement in half diagonals, and other numbers.
 Nothing measured comes near them, and nothing within them overflows."""
 

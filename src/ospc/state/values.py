@@ -22,6 +22,7 @@ from ospc.state.container import Array
 T = TypeVar("T")
 
 _LARGEST_INTEGER = 2**63 - 1
+"""Largest integer that is read, of 64 bits: arrays hold no larger ones."""
 
 
 def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
