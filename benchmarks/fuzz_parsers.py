@@ -1,4 +1,4 @@
-"""Give every parser of recordings as many damaged inputs as one likes, and count what comes of them.
+"""Give every parser of files as many damaged inputs as one likes, and count what comes of them.
 
     python benchmarks/fuzz_parsers.py [--inputs 100000] [--first 0] [--only NAME] ...
 
@@ -25,6 +25,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recording"))
 
 import cv2
 from parser_targets import Target, attempt, damaged_at_random, targets
+
+MEMORY = Path("/dev/shm")
+"""Folder in memory, where there is one: inputs are written as files, most of them durably."""
 
 
 def fuzz(name: str, target: Target, inputs: range, folder: Path) -> str:
@@ -54,7 +57,7 @@ def main() -> None:
     parser.add_argument("--only", action="append", metavar="NAME", help="this parser")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
         known = targets(Path(folder))
         # Decoders written in C have their own remarks on every damaged image.
         kept = os.dup(2)

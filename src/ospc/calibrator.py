@@ -21,6 +21,7 @@ from ospc.recording.identity import identity
 from ospc.recording.stream import Item, frames_of
 from ospc.settings import DefaultSettings, Settings, preset, with_overrides
 from ospc.state.run import load_run, save_run
+from ospc.state_rules import check_run
 
 __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 
@@ -117,10 +118,11 @@ class OnlineCalibrator(Engine):
         run, method = load_run(path, EngineState, MaximumLikelihoodState)
         settings = _settings_of(run.settings, str(path))
         try:
+            check_run(run, method, settings)
             lag: LagChoice = "trusted" if run.correct_lag == "trusted" else lag_choice(run.correct_lag)
             calibrator = cls(settings, correct_lag=lag)
             calibrator.restore(run, method)
-        except (ValueError, SettingError) as error:
+        except (FormatError, SettingError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise FormatError(f"{path}: not readable as a state ({error})") from None
         calibrator.source, calibrator.saved_by = run.source, run.versions
         return calibrator

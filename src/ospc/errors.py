@@ -16,8 +16,22 @@ _SHOWN_ITEMS = 3
 """Items of a list that a message names."""
 
 
+_NO_MEMORY = ("std::bad_alloc", "Failed to allocate", "failed to map segment", "Cannot allocate memory")
+"""What the libraries below, and the loader, say where memory ends."""
+
+
 class OspcError(Exception):
-    """Root of all errors raised by the library."""
+    """Root of all errors raised by the library.
+
+    Parameters
+    ----------
+    message
+        One sentence. What it quotes of a file or a name is escaped, so that it stays on one line and no terminal
+        obeys it.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(escaped(message))
 
 
 class RecordingError(OspcError):
@@ -78,6 +92,8 @@ def said_by(error: BaseException, most: int | None = None) -> str:
 def one_line(error: BaseException) -> str:
     """Return what an error says on one line; one that nobody expected with its type."""
     text = said_by(error)
+    if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY):
+        return "there is not enough memory; end other programs, or allow this one more (ulimit -v)"
     return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
 
 

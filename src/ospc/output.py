@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError
+from ospc.folders import check_usable
 from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_times, write_vignette
 from ospc.formats.files import json_object
 from ospc.formats.opening import Photometry
@@ -231,17 +231,14 @@ def _collected(parts: Iterator[Written], failure: str) -> Written:
 
 
 def _check(place: Path, recording: Path | None, force: bool) -> None:
-    if place.exists() and not place.is_dir():
-        raise SettingError(f"{place}: is a file; name a folder for the output")
+    check_usable(place)
     if recording is not None and _holds(recording.resolve(), place.resolve()):
         raise SettingError(f"{place}: holds the recording itself; choose another folder for the output")
     if not place.exists():
-        parent = next(folder for folder in place.absolute().parents if folder.exists())
-        if not (parent.is_dir() and os.access(parent, os.W_OK)):
-            raise SettingError(f"{place}: cannot be created: {parent} is not writable; choose another folder")
         return
-    if not os.access(place, os.W_OK):
-        raise SettingError(f"{place}: is not writable; choose another folder")
+    for name in OWN_NAMES:
+        if (place / name).is_dir():
+            raise SettingError(f"{place / name}: is a folder, but a file is to be written there; remove it")
     if any(place.iterdir()) and not force and not _is_earlier_output(place):
         raise SettingError(
             f"{place}: holds files that are not an earlier calibration; choose another folder, or add --force to "

@@ -348,6 +348,23 @@ class TestInterruptions:
         assert "no result was written" in result.stderr
         assert not (tmp_path / "out").exists()
 
+    def test_giving_up_on_the_estimate_keeps_the_state(self, recording, tmp_path, monkeypatch):
+        from ospc.calibrator import OnlineCalibrator
+        from ospc.cli.checkpoints import Checkpoints
+
+        def stop_at_the_fifth(_checkpoints, calibrator):
+            if calibrator.frames == 5:
+                os.kill(os.getpid(), signal.SIGINT)
+
+        def give_up(_calibrator):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(Checkpoints, "after_frame", stop_at_the_fifth)
+        monkeypatch.setattr(OnlineCalibrator, "calibration", give_up)
+        assert run(recording, "-o", tmp_path / "out").exit_code == 130
+        assert names(tmp_path / "out") == ["state.ospc"]
+        assert OnlineCalibrator.load_state(tmp_path / "out" / "state.ospc").frames == 5
+
     def test_before_the_first_frame(self, recording, tmp_path, monkeypatch):
         monkeypatch.setattr("ospc.recording.open_recording", lambda *_: os.kill(os.getpid(), signal.SIGINT))
         result = run(recording, "-o", tmp_path / "out")

@@ -99,3 +99,13 @@ def test_what_cannot_be_started_from_is_refused_by_name(tmp_path):
         PriorCalibration.open(forged.save(tmp_path / "c.json"))
     with pytest.raises(FormatError, match="there is no such"):
         PriorCalibration.open(tmp_path / "none")
+
+
+@pytest.mark.parametrize("name", ["prior_walk", "prior_drift"])
+@pytest.mark.parametrize("value", [1e300, -1.0, "nan", None])
+def test_a_calibration_with_an_impossible_prior_is_refused(yesterday, tmp_path, name, value):
+    content = json.loads((yesterday / "calibration.json").read_text())
+    content["response"]["model"][name] = value
+    (tmp_path / "calibration.json").write_text(json.dumps(content))
+    with pytest.raises(FormatError, match="no calibration of the default method"):
+        PriorCalibration.open(tmp_path / "calibration.json")

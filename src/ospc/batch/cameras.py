@@ -85,7 +85,11 @@ def merged_cameras(
 def folder_name(camera: str) -> str:
     """Return a name for a camera's folder: its own if that is safe, else its safe characters and a hash."""
     safe = _UNSAFE.sub("_", camera).strip("._")[:_LONGEST]
-    return camera if safe == camera else f"{safe or 'camera'}-{sha256(camera.encode()).hexdigest()[:8]}"
+    return (
+        camera
+        if safe == camera
+        else f"{safe or 'camera'}-{sha256(camera.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}"
+    )
 
 
 def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camera:

@@ -17,6 +17,7 @@ from ospc.batch.store import Store
 from ospc.batch.table import CSV_NAME, PARQUET_NAME, Row, write_csv, write_parquet
 from ospc.batch.work import Answer, Task
 from ospc.errors import MissingExtraError, OspcError, SettingError
+from ospc.folders import check_usable
 from ospc.formats.files import json_object, write_text
 from ospc.versions import versions
 
@@ -253,8 +254,7 @@ def _vignette_sigma(part: dict[str, Any] | None) -> float | None:
 
 
 def _check(place: Path, *, force: bool) -> None:
-    if place.exists() and not place.is_dir():
-        raise SettingError(f"{place}: is a file; name a folder for the output")
+    check_usable(place)
     if not place.exists() or not any(place.iterdir()):
         return
     if (place / _HEAD).exists():

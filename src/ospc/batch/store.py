@@ -8,6 +8,7 @@ from typing import Any
 
 from ospc.errors import FormatError
 from ospc.formats.files import write_bytes
+from ospc.photometry.calibration import Calibration
 from ospc.pooling.summary import Summary
 from ospc.state import container
 from ospc.state.container import Container
@@ -90,9 +91,11 @@ class Store:
         place = self._place(key)
         found = container.load(place, KIND, VERSION)
         try:
-            return unpack(Result, found.content, found.arrays)
-        except FormatError as error:
+            result = unpack(Result, found.content, found.arrays)
+            Calibration.from_dict(result.calibration)
+        except (FormatError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             raise FormatError(f"{place}: not readable as a result of a batch, {error}") from None
+        return result
 
     def has(self, key: str) -> bool:
         """Tell whether a result is there, whole and of this version."""

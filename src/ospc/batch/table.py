@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from ospc.errors import MissingExtraError
-from ospc.formats.files import write_bytes
+from ospc.formats.files import csv_text, write_bytes, write_text
 
 SCHEMA = "ospc-batch-table/1"
 """Version of the columns, repeated in the first of them."""
@@ -18,9 +17,6 @@ SCHEMA = "ospc-batch-table/1"
 CSV_NAME, PARQUET_NAME = "batch.csv", "batch.parquet"
 
 Status = Literal["done", "failed", "not done"]
-
-_BEGINS_FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""First characters of a cell that spreadsheets take for a formula and execute."""
 
 
 @dataclass(frozen=True)
@@ -83,19 +79,14 @@ _FLOATS = ("seconds", "response_sigma", "vignette_sigma")
 def write_csv(rows: Sequence[Row], path: Path) -> Path:
     """Write the table as CSV, whole or not at all, and return the path.
 
-    Text that a spreadsheet would take for a formula gets an apostrophe in front.
+    As :func:`~ospc.formats.files.csv_text` has it, no cell is a formula.
 
     Raises
     ------
     FormatError
         If it cannot be written.
     """
-    text = io.StringIO()
-    # Text is always quoted: the csv module would leave a carriage return in a name bare, which ends a row.
-    writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
-    writer.writeheader()
-    writer.writerows({name: _harmless(value) for name, value in _values(row).items()} for row in rows)
-    return write_bytes(path, text.getvalue().encode("utf-8", "surrogateescape"))
+    return write_text(path, csv_text([_COLUMNS, *(_values(row).values() for row in rows)]))
 
 
 def write_parquet(rows: Sequence[Row], path: Path) -> Path:
@@ -121,8 +112,9 @@ def write_parquet(rows: Sequence[Row], path: Path) -> Path:
 
 
 def _values(row: Row) -> dict[str, object]:
-    return {"schema": SCHEMA, **asdict(row)}
-
-
-def _harmless(value: object) -> object:
-    return f"'{value}" if isinstance(value, str) and value.startswith(_BEGINS_FORMULA) else value
+    """Return the cells of a row; what UTF-8 cannot express, as in names that were never UTF-8, is escaped."""
+    cells = {"schema": SCHEMA, **asdict(row)}
+    return {
+        name: cell.encode("utf-8", "backslashreplace").decode() if isinstance(cell, str) else cell
+        for name, cell in cells.items()
+    }

@@ -126,7 +126,7 @@ def _files(place: Path) -> str:
         return str(place.stat().st_size)
     total = sha256()
     for name, size in sorted(islice(_listed(place), _MOST_FILES)):
-        total.update(f"{name}\0{size}\n".encode())
+        total.update(f"{name}\0{size}\n".encode("utf-8", "surrogatepass"))
     return total.hexdigest()
 
 

@@ -11,6 +11,7 @@ from ospc.cli.calibration_report import print_json, say_notes
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.options import exit_codes, force_option, json_option, named, out_option, quiet_option
 from ospc.cli.progress import progress_line
+from ospc.cli.terminal import say
 
 if TYPE_CHECKING:
     from ospc.batch.entries import Entry
@@ -131,18 +132,18 @@ def _say(outcome: Outcome, out: Path) -> None:
     say_notes(_shortened(failed, f"in {out / 'batch.csv'}"), "failed")
     for camera in outcome.cameras:
         for difference in camera.differing[:_MOST_LISTED]:
-            click.echo(f"warning: {difference.name} contradicts others of {camera.name}: {difference.text}", err=True)
+            say(f"warning: {difference.name} contradicts others of {camera.name}: {difference.text}", err=True)
     done = [row for row in outcome.rows if row.status == "done"]
     earlier = sum(row.attempts == 0 for row in done)
     known = sum(camera.calibration is not None and camera.calibration.complete for camera in outcome.cameras)
-    click.echo(
+    say(
         f"{len(done)} of {len(outcome.rows)} recordings calibrated ({earlier} of them before), "
         f"{len(outcome.failed)} failed"
     )
-    click.echo(f"{known} of {len(outcome.cameras)} cameras fully calibrated")
+    say(f"{known} of {len(outcome.cameras)} cameras fully calibrated")
     if outcome.interrupted:
-        click.echo("interrupted; run the same command again to go on")
-    click.echo(f"written to {out}: {', '.join(file.name for file in outcome.files)}")
+        say("interrupted; run the same command again to go on")
+    say(f"written to {out}: {', '.join(file.name for file in outcome.files)}")
 
 
 def _as_json(outcome: Outcome, out: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from ospc.cli.studies import (
     run_tasks,
     study_out_option,
 )
+from ospc.cli.terminal import say
 
 if TYPE_CHECKING:
     from ospc.research.measurement import Measurement
@@ -112,7 +113,7 @@ def faults(
     chosen = chosen_faults(only)
     if only_list:
         for fault in chosen:
-            click.echo(f"{fault.name:20} {', '.join(f'{s:g}' for s in fault.strengths):20} {fault.text.format('…')}")
+            say(f"{fault.name:20} {', '.join(f'{s:g}' for s in fault.strengths):20} {fault.text.format('…')}")
         return
     sources, notes = good_sources(recordings, frames, data)
     tasks = fault_tasks(sources, chosen, strengths or STRENGTHS)

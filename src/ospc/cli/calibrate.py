@@ -28,6 +28,7 @@ from ospc.cli.options import (
 )
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
+from ospc.cli.terminal import say
 from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
@@ -196,6 +197,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     prior = None if request.start_from is None else PriorCalibration.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
     recording = opened()
+    folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
     if exposures_unknown:
         from ospc.unknown_exposures import recover_exposures
 
@@ -204,7 +206,6 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     check_lag(request.correct_lag, len(recording))
     if prior is not None:
         prior.check_size(recording.size)
-    folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
     # A state does not hold an exponent: it must not be merged with states of known exposures.
     checkpoints = None if exposures_unknown else Checkpoints(folder.path, request.checkpoint_s, request.resume, prior)
     return CalibrationRun(
@@ -231,13 +232,13 @@ def _calibrate_rig(request: _Request) -> int:
     cameras = request.reading.cameras(request.path)
     for name, opened in cameras.items():
         if request.talkative:
-            click.echo(f"{name}:")
+            say(f"{name}:")
         try:
             contents[name] = _calibrate_one(request.of_camera(name), opened)
         except OspcError as error:
             contents[name] = {"exit_code": 1, "error": str(error)}
         if contents[name]["error"]:
-            click.echo(f"ospc: error: {name}: {contents[name]['error']}", err=True)
+            say(f"ospc: error: {name}: {contents[name]['error']}", err=True)
         if request.interruption.requested:
             break
     codes = {content["exit_code"] for content in contents.values()}
@@ -247,7 +248,7 @@ def _calibrate_rig(request: _Request) -> int:
         try:
             scale = add_rig_scale(request.out, cameras, talkative=request.talkative)
         except OspcError as error:  # the calibrations are worth more than the scale
-            click.echo(f"ospc: error: no relative irradiance scale: {error}", err=True)
+            say(f"ospc: error: no relative irradiance scale: {error}", err=True)
             scale = {"error": str(error)}
     if request.as_json:
         print_json({"exit_code": code, "cameras": contents, "relative_scale": scale})

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import click
+from ospc.cli.terminal import console, say
 
 if TYPE_CHECKING:
     from ospc.evaluation.comparison import Comparison
@@ -32,7 +32,8 @@ ERRORS = {
 
 def print_json(content: Any) -> None:
     """Print one JSON document on standard output; numbers that are not finite become null."""
-    click.echo(json.dumps(_finite(content), indent=1, allow_nan=False, ensure_ascii=False))
+    for line in json.dumps(_finite(content), indent=1, allow_nan=False).split("\n"):
+        say(line.replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
 
 
 def _finite(content: Any) -> Any:
@@ -46,12 +47,11 @@ def _finite(content: Any) -> Any:
 def say_notes(notes: Iterable[str], label: str = "note") -> None:
     """Print notes on standard error, one a line."""
     for note in notes:
-        click.echo(f"{label}: {note}", err=True)
+        say(f"{label}: {note}", err=True)
 
 
 def say_verdicts(verdicts: Mapping[str, Verdict]) -> None:
     """Print what is known, why, and what to record instead of the rest."""
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -60,11 +60,12 @@ def say_verdicts(verdicts: Mapping[str, Verdict]) -> None:
         table.add_column(heading, overflow="fold")
     for name, verdict in verdicts.items():
         remedy = f"\n→ {verdict.remedy}" if verdict.remedy else ""
-        table.add_row(name, Text(verdict.state, style=_STYLES[verdict.state]), Text(f"{verdict.reason}{remedy}"))
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH_WHEN_PIPED)
-    console.print()
-    console.print(table)
-    console.print()
+        table.add_row(
+            Text(name), Text(verdict.state, style=_STYLES[verdict.state]), Text(f"{verdict.reason}{remedy}")
+        )
+    say()
+    console(width=None if sys.stdout.isatty() else _WIDTH_WHEN_PIPED).print(table)
+    say()
 
 
 def say_result(
@@ -73,22 +74,24 @@ def say_result(
     """Print the verdicts, what they rest on, where the files are, and how far the result is from a truth."""
     say_verdicts(calibration.verdicts)
     for line in basis:
-        click.echo(line)
-    click.echo(f"written to {folder.path}: {', '.join(str(f.relative_to(folder.path)) for f in written.files)}")
+        say(line)
+    say(f"written to {folder.path}: {', '.join(str(f.relative_to(folder.path)) for f in written.files)}")
     say_notes(written.notes)
     if truth is None:
         return
     comparison = _compared(calibration, truth)
     if comparison is None:
-        click.echo(f"\nnothing to compare with {truth.name}: the estimate knows none of what it holds")
+        say()
+        say(f"nothing to compare with {truth.name}: the estimate knows none of what it holds")
         return
-    click.echo(f"\nagainst {truth.name} (nothing aligned):")
+    say()
+    say(f"against {truth.name} (nothing aligned):")
     rows = error_rows(comparison)
     ratios = calibration.exposure_ratios
     if ratios.metadata.size:
         rows["exposure ratios, median |Δ ln k| (bias)"] = f"{ratios.misfit:.4f} ({ratios.bias:+.4f})"
     for label, figure in rows.items():
-        click.echo(f"  {label:42} {figure}")
+        say(f"  {label:42} {figure}")
 
 
 def error_rows(comparison: Comparison) -> dict[str, str]:

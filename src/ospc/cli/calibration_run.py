@@ -9,12 +9,11 @@ from dataclasses import dataclass, field, replace
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from ospc.cli.calibration_report import result_as_dict, say_notes, say_result
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.live import COMPARING, Watcher, Watching
 from ospc.cli.progress import progress_line
+from ospc.cli.terminal import say, styled
 from ospc.errors import OspcError, one_line
 
 if TYPE_CHECKING:
@@ -108,10 +107,12 @@ class CalibrationRun:
                 calibrator = self.checkpoints.resumed(calibrator)
             failure = self._push_all(calibrator, show)
             early = self.interruption.requested
+            if early and self.checkpoints is not None:
+                self.checkpoints.before_estimating(calibrator)
             show(calibrator, "estimating", None)
             if early and not self.quiet:
                 frames = calibrator.status.frames
-                click.echo(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
+                say(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
             calibration = labelled(_estimate(calibrator, failure, early=early), self.recording)
             if self.checkpoints is not None:
                 self.checkpoints.at_the_end(calibrator)
@@ -161,10 +162,10 @@ class CalibrationRun:
         if self.quiet:
             return
         for warning in calibration.warnings:
-            click.echo(f"{click.style('WARNING', fg='red', bold=True)}: {warning}", err=True)
+            say(styled("WARNING", fg="red", bold=True), f": {warning}", err=True)
         if calibration.warnings:
             remedy = calibration.verdicts["exposures"].remedy
-            click.echo(f"  response and vignette are marginal at best; {remedy}", err=True)
+            say(f"  response and vignette are marginal at best; {remedy}", err=True)
         if self.as_json:
             return
         say_notes((*calibration.notes, *self._saving_notes))

@@ -20,6 +20,7 @@ from ospc.cli.options import (
 )
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
+from ospc.cli.terminal import say
 
 if TYPE_CHECKING:
     from ospc.diagnosis import RecordingReport
@@ -90,15 +91,15 @@ def command(
         print_json(report.as_dict())
         return code
     width, height = report.size
-    click.echo(f"{path}: {report.frames} frames {width}×{height}, {report.processed} of them processed")
+    say(f"{path}: {report.frames} frames {width}×{height}, {report.processed} of them processed")
     say_verdicts(report.verdicts)
     for label, figure in _figures(report).items():
-        click.echo(f"{label:{_LABEL_COLUMNS}}{figure}")
-    click.echo()
+        say(f"{label:{_LABEL_COLUMNS}}{figure}")
+    say()
     for note in report.notes:
-        click.echo(f"• {note}")
+        say(f"• {note}")
     if plot is not None:
-        click.echo(f"plot: {plot}")
+        say(f"plot: {plot}")
     return code
 
 

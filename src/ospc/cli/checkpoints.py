@@ -99,6 +99,11 @@ class Checkpoints:
             with self._pace.look():
                 self._save(calibrator, complete=False)
 
+    def before_estimating(self, calibrator: OnlineCalibrator) -> None:
+        """Save the state of a run that was interrupted: who gives up now loses no frame."""
+        if calibrator.settings.keeps_state:
+            self._save(calibrator, complete=False)
+
     def at_the_end(self, calibrator: OnlineCalibrator) -> None:
         """Save the final state, with the summary that it can be merged by; or remove one of an earlier run."""
         difference = None if self.prior is None else self.prior.difference(calibrator.summary())

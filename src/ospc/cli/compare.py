@@ -9,6 +9,7 @@ import click
 
 from ospc.cli.calibration_report import error_rows, errors_as_dict, print_json
 from ospc.cli.options import json_option, plot_option
+from ospc.cli.terminal import console, say
 
 if TYPE_CHECKING:
     from ospc.evaluation.comparison import Comparison
@@ -51,11 +52,10 @@ def command(a: str, b: str, gamma: bool, plot: Path | None, as_json: bool) -> No
         return
     _print_table(f"{a}  against  {b}", list(results.values()))
     if plot is not None:
-        click.echo(f"plot: {plot}")
+        say(f"plot: {plot}")
 
 
 def _print_table(title: str, results: list[Comparison]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
     table = Table("", title=None)
@@ -64,9 +64,8 @@ def _print_table(title: str, results: list[Comparison]) -> None:
     columns = [error_rows(result) for result in results]
     for label in columns[0]:
         table.add_row(label, *(column.get(label, "") for column in columns))
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(title, markup=False)
-    console.print(table)
-    console.print(_FREEDOMS)
+    say(title)
+    console(soft_wrap=True).print(table)
+    say(_FREEDOMS)
     if len(results) > 1:
-        console.print("The second column raises response and vignette of the first to one common exponent.")
+        say("The second column raises response and vignette of the first to one common exponent.")

@@ -21,6 +21,7 @@ from ospc.cli.options import (
 )
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import stated_options, taken_options
+from ospc.cli.terminal import say
 
 _REASONS_SHOWN = 3
 
@@ -113,20 +114,20 @@ def command(
     if quiet:
         return
     if result.kept:
-        click.echo(f"{result.kept} images of an interrupted run were kept", err=True)
+        say(f"{result.kept} images of an interrupted run were kept", err=True)
     warn_of_assumed(result.assumed)
     if result.skipped:
         reasons = "; ".join(result.reasons[:_REASONS_SHOWN])
-        click.echo(f"warning: {result.skipped} frames were skipped: {reasons}", err=True)
+        say(f"warning: {result.skipped} frames were skipped: {reasons}", err=True)
     say_notes(result.notes)
-    click.echo(f"{result.path / 'images'}: {len(result.frames)} images")
-    click.echo(f"each pixel is {result.formula}")
+    say(f"{result.path / 'images'}: {len(result.frames)} images")
+    say(f"each pixel is {result.formula}")
     share = f"{result.saturated:.2%} of the values were saturated"
-    click.echo(share + (f", {result.clipped:.2%} more are brighter than white" if result.clipped else ""))
+    say(share + (f", {result.clipped:.2%} more are brighter than white" if result.clipped else ""))
 
 
 def warn_of_assumed(parts: tuple[str, ...]) -> None:
     """Print on standard error which parts of a calibration are unknown and taken to be the identity."""
     for part in parts:
         means = {"response": "linear", "vignette": "none"}[part]
-        click.echo(f"warning: the {part} is unknown and taken as {means}", err=True)
+        say(f"warning: the {part} is unknown and taken as {means}", err=True)

@@ -10,6 +10,7 @@ import click
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import out_option, quiet_option
 from ospc.cli.progress import progress_of
+from ospc.cli.terminal import say
 from ospc.errors import OspcError
 
 if TYPE_CHECKING:
@@ -48,11 +49,11 @@ def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int,
     recording, result, settings = out / "recording", out / "calibration", _settings(frames, seed)
     folder = OutputFolder.at(result)
     if not quiet:
-        click.echo(f"simulating {settings.frames} frames {settings.size[0]}×{settings.size[1]} in {recording}")
+        say(f"simulating {settings.frames} frames {settings.size[0]}×{settings.size[1]} in {recording}")
     with leaving("no result was written"), progress_of("simulating", quiet=quiet) as step:
         simulate(recording, settings, overwrite=True, progress=step)
     if not quiet:
-        click.echo(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
+        say(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
     content = CalibrationRun(
         open_recording(recording),
         preset("default"),
@@ -65,7 +66,8 @@ def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int,
         raise OspcError(content["error"])
     picture = result / "figure.png"
     if not quiet and picture.exists():
-        click.echo(f"\nestimate compared with the truth: {picture}")
+        say()
+        say(f"estimate compared with the truth: {picture}")
     return int(content["exit_code"])
 
 

@@ -13,6 +13,7 @@ from ospc.cli.correct import warn_of_assumed
 from ospc.cli.evaluate_odometry import odometry
 from ospc.cli.options import PATH, assume_missing_option, json_option, kind_option
 from ospc.cli.progress import progress_of
+from ospc.cli.terminal import say
 
 if TYPE_CHECKING:
     from ospc.evaluation.tracking import TrackingComparison
@@ -65,19 +66,19 @@ def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> Non
 
 
 def _print_drift(figures: dict[str, Any]) -> None:
-    click.echo("e_align  {e_align:.4f}   in units of the truth".format(**figures))
-    click.echo("e_s      {e_s:.4f}   scale of the first alignment over that of the second".format(**figures))
-    click.echo("e_r      {e_r_deg:.3f}°   in degrees".format(**figures))
-    click.echo("ATE      {ate:.4f}   after one alignment to all of the truth, in its units".format(**figures))
+    say("e_align  {e_align:.4f}   in units of the truth".format(**figures))
+    say("e_s      {e_s:.4f}   scale of the first alignment over that of the second".format(**figures))
+    say("e_r      {e_r_deg:.3f}°   in degrees".format(**figures))
+    say("ATE      {ate:.4f}   after one alignment to all of the truth, in its units".format(**figures))
     if figures["rpe_translation"] is None:
-        click.echo("RPE      {rpe_missing}".format(**figures))
+        say("RPE      {rpe_missing}".format(**figures))
     else:
         line = "RPE      {rpe_translation:.4f} and {rpe_rotation_deg:.3f}°   in motions over {rpe_interval_s:g} s"
-        click.echo(line.format(**figures))
+        say(line.format(**figures))
     line = "poses    {poses}, {first} with truth in its first half and {second} in its second"
-    click.echo(line.format(**figures))
+    say(line.format(**figures))
     if figures["unmatched"]:
-        click.echo("         {unmatched} have no row of the truth within 1 ms".format(**figures))
+        say("         {unmatched} have no row of the truth within 1 ms".format(**figures))
 
 
 @command.command("tracking")
@@ -130,13 +131,13 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
     from ospc.report.sections import tracking_rows
 
     for label, before, after, unit in [("", "raw", "corrected", ""), *tracking_rows(result)]:
-        click.echo(f"{label:20} {before:>10} {after:>10}   {unit}".rstrip())
+        say(f"{label:20} {before:>10} {after:>10}   {unit}".rstrip())
     exposures = (
         f"exposures change by up to {result.largest_step:.3g}:1 from frame to frame"
         if exposures_known
         else "exposures are unknown and taken as equal, so only the vignette is corrected"
     )
-    click.echo(f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; {exposures}")
+    say(f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; {exposures}")
     if result.skipped:
-        click.echo(f"{result.skipped} frames could not be read", err=True)
-    click.echo(result.sentence)
+        say(f"{result.skipped} frames could not be read", err=True)
+    say(result.sentence)

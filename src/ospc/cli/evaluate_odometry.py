@@ -20,7 +20,7 @@ from ospc.cli.studies import (
     until_interrupted,
     words,
 )
-from ospc.errors import SettingError
+from ospc.errors import SettingError, escaped
 
 if TYPE_CHECKING:
     from ospc.recording import Recording
@@ -105,7 +105,7 @@ def _recordings(places: tuple[Path, ...]) -> dict[str, Recording]:
 
     found: dict[str, Recording] = {}
     for place in places:
-        name = place.resolve().name
+        name = escaped(place.resolve().name)
         if name in found:
             raise SettingError(f"two recordings are called {name}; rename the folder of one of them")
         found[name] = open_recording(place)

@@ -10,6 +10,7 @@ import click
 
 from ospc.cli.calibration_report import say_notes
 from ospc.cli.options import PATH, SIZE, out_option
+from ospc.cli.terminal import say
 
 
 def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[int, int, int, int] | None:
@@ -31,7 +32,7 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
     required=True,
     help="Program that will read it.",
 )
-@out_option(help="File to write; a folder for dso.")
+@out_option(folder=False, help="File to write; a folder for dso.")
 @click.option("--crop", metavar="X,Y,WxH", callback=_parse_crop, help="For images cropped to this part.")
 @click.option(
     "--bin",
@@ -91,5 +92,5 @@ def command(
     )
     written = export(adapted(open_photometry(calibration), crop, size, binning), program, out, settings)
     for path in written.files:
-        click.echo(f"wrote {path}")
+        say(f"wrote {path}")
     say_notes(written.notes)

@@ -7,12 +7,13 @@ from pathlib import Path
 import click
 
 from ospc.cli.options import out_option, size_option
+from ospc.cli.terminal import say
 
 
 @click.command("import")
 @click.argument("pcalib")
 @click.argument("vignette", required=False)
-@out_option(help="calibration.json to write.")
+@out_option(folder=False, help="calibration.json to write.")
 @size_option
 @click.option(
     "--max-grey",
@@ -37,6 +38,6 @@ def command(pcalib: str, vignette: str | None, out: Path, size: tuple[int, int] 
     calibration = as_calibration(together(first, others[0]) if others else first, size, max_grey)
     place = calibration.save(out)
     width, height = calibration.size
-    click.echo(f"wrote {place}: images of {width}x{height} pixels, grey values up to {calibration.max_grey}")
+    say(f"wrote {place}: images of {width}x{height} pixels, grey values up to {calibration.max_grey}")
     for part, verdict in calibration.verdicts.items():
-        click.echo(f"{part}: {verdict.reason}" + (f"; {verdict.remedy}" if verdict.remedy else ""))
+        say(f"{part}: {verdict.reason}" + (f"; {verdict.remedy}" if verdict.remedy else ""))

@@ -14,6 +14,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.cli.pace import Pace
 from ospc.cli.progress import ProgressLine, progress_line
+from ospc.cli.terminal import console
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -122,18 +123,17 @@ class LiveView:
     @contextmanager
     def shown(self) -> Iterator[Watcher]:
         """Show it for the time of the context."""
-        from rich.console import Console
         from rich.live import Live
 
-        console = self.console or Console(stderr=True)
-        line = ProgressLine(console)
-        with Live(line.bar, console=console, transient=True, auto_refresh=False) as live:
+        on = self.console or console(stderr=True)
+        line = ProgressLine(on)
+        with Live(line.bar, console=on, transient=True, auto_refresh=False) as live:
 
             def show(calibrator: OnlineCalibrator, stage: str, _frame: Frame | None) -> None:
                 if self._pace.due or stage != COMPARING:
                     with self._pace.look():
                         _show_status(line.show, calibrator, stage, self.total)
-                        live.update(self.picture(line.bar, calibrator.preview(), console.width), refresh=True)
+                        live.update(self.picture(line.bar, calibrator.preview(), on.width), refresh=True)
 
             yield show
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from io import TextIOWrapper
 
 import click
 
 from ospc import __version__
 from ospc.cli.interruption import INTERRUPTED, Interruption
+from ospc.cli.terminal import escaped_lines, say
 from ospc.errors import OspcError, one_line
 
 _COMMANDS = {
@@ -58,8 +60,11 @@ class _Commands(click.Group):
             try:
                 code = super().invoke(ctx)
             except KeyboardInterrupt as interruption:
-                click.echo("; ".join(["ospc: interrupted", *map(str, interruption.args)]), err=True)
+                say("; ".join(["ospc: interrupted", *map(str, interruption.args)]), err=True)
                 code = INTERRUPTED
+            except click.UsageError as error:
+                # It quotes arguments, and a shell makes arguments of the names of files.
+                raise click.UsageError(escaped_lines(error.format_message()), error.ctx) from None
             except (OspcError, click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
                 raise
             except Exception as error:
@@ -75,8 +80,11 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command; expected errors become one line on standard error and exit code 1."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # what the terminal cannot show must not end a run
     try:
         cli(prog_name="ospc")
     except OspcError as error:
-        click.echo(f"ospc: error: {error}", err=True)
+        say(f"ospc: error: {error}", err=True)
         sys.exit(1)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
 from ospc.errors import SettingError
+from ospc.folders import check_usable, reserved
 
 if TYPE_CHECKING:
     from ospc.exposures.findings import LagChoice
@@ -72,15 +75,40 @@ STUDY_SIZE = _Size(16, 8192)
 """Size of the images of a study: smaller ones show nothing, and larger ones take days."""
 
 
+def reserving_out(command: _Command) -> _Command:
+    """Make the folder of the option ``out`` and keep other processes out of it while the command runs."""
+
+    @wraps(command)
+    def reserving(*args: Any, out: Path | None, **options: Any) -> Any:
+        with nullcontext() if out is None else reserved(out):
+            return command(*args, out=out, **options)
+
+    return cast("_Command", reserving)
+
+
+def _writable(_ctx: click.Context, _param: click.Parameter, place: Path | None) -> Path | None:
+    """Refuse a file that cannot be written before anything is computed for it."""
+    if place is not None:
+        if place.is_dir() or not place.parent.is_dir():
+            raise SettingError(f"{place}: is a folder, or lies in none; name a file in a folder that exists")
+        check_usable(place.parent)
+    return place
+
+
 def out_option(
     default: str | None = None,
     *,
     required: bool = True,
+    folder: bool = True,
     help: str,  # noqa: A002 (as click names it)
 ) -> Callable[[_Command], _Command]:
-    """Return the option for the file or folder to write; a default makes it optional."""
+    """Return the option for the file or folder to write; a default makes it optional.
+
+    A folder is made, and kept for this process alone while the command runs.
+    """
     usual: dict[str, Any] = {"default": Path(default), "show_default": True} if default else {"required": required}
-    return click.option("-o", "--out", type=PATH, help=help, **usual)
+    option = click.option("-o", "--out", type=PATH, help=help, **usual)
+    return lambda command: option(reserving_out(command) if folder else command)
 
 
 def exit_codes(meanings: dict[int, str]) -> str:
@@ -104,7 +132,7 @@ def force_option(help: str) -> Callable[[_Command], _Command]:  # noqa: A002 (as
 path_argument = click.argument("path", type=PATH)
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print only errors and warnings.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
-plot_option = click.option("--plot", type=PATH, help="Draw the result into this picture.")
+plot_option = click.option("--plot", type=PATH, callback=_writable, help="Draw the result into this picture.")
 kind_option = click.option(
     "--kind", metavar="KIND", help="Kind of recording (tum_mono, euroc, …); by default recognised."
 )

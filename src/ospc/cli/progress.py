@@ -8,6 +8,7 @@ from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from ospc.cli.interruption import Interruption
+from ospc.cli.terminal import console
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -18,21 +19,20 @@ class ProgressLine:
 
     Parameters
     ----------
-    console
+    on
         Where to show it; standard error if None.
     """
 
-    def __init__(self, console: Console | None = None) -> None:
-        from rich.console import Console
+    def __init__(self, on: Console | None = None) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
         self.bar = Progress(
-            TextColumn("{task.description:10}"),
+            TextColumn("{task.description:10}", markup=False),
             BarColumn(bar_width=24),
             TextColumn("{task.fields[count]}"),
-            TextColumn("{task.fields[figures]}"),
+            TextColumn("{task.fields[figures]}", markup=False),
             TimeRemainingColumn(compact=True),
-            console=console or Console(stderr=True),
+            console=on or console(stderr=True),
             transient=True,
         )
         self._task = self.bar.add_task("", total=None, figures="", count="")

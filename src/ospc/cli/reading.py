@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import click
 
 from ospc.cli.options import PATH
+from ospc.cli.terminal import console, say
 from ospc.errors import ExposureError, OspcError, RecordingError, SettingError
 from ospc.recording import Recording, cameras_of
 from ospc.recording.kinds import kinds
@@ -198,7 +199,6 @@ def print_topics(path: Path) -> None:
     RecordingError
         If the path is not a bag, or it is damaged.
     """
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -210,6 +210,8 @@ def print_topics(path: Path) -> None:
         table.add_column(heading, overflow="fold", justify="right" if heading == "messages" else "left")
     for topic, use in uses(Bag.at(path)):
         count = "?" if topic.messages is None else str(topic.messages)
-        table.add_row(Text(topic.name), Text(topic.type), count, use)
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH_WHEN_PIPED)
-    console.print(table if table.row_count else f"{path}: has no topics", markup=False)
+        table.add_row(Text(topic.name), Text(topic.type), count, Text(use))
+    if table.row_count:
+        console(width=None if sys.stdout.isatty() else _WIDTH_WHEN_PIPED).print(table)
+    else:
+        say(f"{path}: has no topics")

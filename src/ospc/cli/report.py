@@ -10,6 +10,7 @@ import click
 from ospc.cli.calibration_report import say_notes
 from ospc.cli.options import PATH, truth_option
 from ospc.cli.reading import Reading, reading_options
+from ospc.cli.terminal import say
 from ospc.errors import OspcError
 
 
@@ -38,4 +39,4 @@ def command(folder: Path, recording: Path | None, truth: str | None, pdf: bool, 
     if written.problems:
         raise OspcError("; ".join(written.problems))
     for file in written.files:
-        click.echo(str(file))
+        say(str(file))

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
+from ospc.cli.terminal import say
 from ospc.errors import NotObservableError
 
 if TYPE_CHECKING:
@@ -37,17 +36,17 @@ def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, 
         found = rig_scale(recordings, calibrations)
     except NotObservableError as error:
         if talkative:
-            click.echo(f"no relative irradiance scale: {error}")
+            say(f"no relative irradiance scale: {error}")
         return {"error": str(error)}
     found.save(out / RIG_NAME)
     if talkative:
-        click.echo(f"irradiance relative to {found.reference}, where views overlap:")
+        say(f"irradiance relative to {found.reference}, where views overlap:")
         for name, scale in found.scale.items():
             if name != found.reference:
-                click.echo(f"  {name}: {scale:.4f} ± {found.sigma[name]:.4f}")
+                say(f"  {name}: {scale:.4f} ± {found.sigma[name]:.4f}")
         for name, why in found.left_out.items():
-            click.echo(f"  {name}: unknown, {why}")
+            say(f"  {name}: unknown, {why}")
         if found.misfit > _LARGE_MISFIT:
-            click.echo(f"warning: overlaps contradict each other by {found.misfit:.0f} standard deviations", err=True)
-        click.echo(f"written to {out / RIG_NAME}")
+            say(f"warning: overlaps contradict each other by {found.misfit:.0f} standard deviations", err=True)
+        say(f"written to {out / RIG_NAME}")
     return found.as_dict()

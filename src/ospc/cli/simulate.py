@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.options import PATH, SIZE, force_option
+from ospc.cli.options import PATH, SIZE, force_option, reserving_out
 from ospc.cli.progress import progress_of
+from ospc.cli.terminal import say
 from ospc.errors import SettingError
 
 if TYPE_CHECKING:
@@ -96,6 +97,7 @@ def _exposures_of(path: Path) -> tuple[float, ...]:
 @click.option("--jpg", is_flag=True, help="Store JPEG instead of PNG.")
 @click.option("--archive", is_flag=True, help="Store images.zip instead of the folder images.")
 @force_option("Replace an earlier simulated recording at OUT.")
+@reserving_out
 def command(out: Path, force: bool, **options: Any) -> None:
     """Simulate a recording with known truth in the folder OUT.
 
@@ -108,7 +110,7 @@ def command(out: Path, force: bool, **options: Any) -> None:
     with progress_of("simulating") as step:
         made = simulate(out, settings, overwrite=force, progress=step)
     exposures = made.exposures_ms
-    click.echo(
+    say(
         f"{out}: {settings.frames} frames {settings.size[0]}×{settings.size[1]}, exposures {exposures.min():.3g} to "
         f"{exposures.max():.3g} ms; truth in {out / 'truth.json'}, pcalib.txt and vignette.png"
     )

@@ -13,6 +13,7 @@ import click
 from ospc.cli.calibration_report import print_json
 from ospc.cli.options import PATH, named, out_option
 from ospc.cli.progress import progress_line
+from ospc.cli.terminal import console, say
 from ospc.errors import SettingError
 
 if TYPE_CHECKING:
@@ -119,11 +120,10 @@ def until_interrupted(items: Iterable[_Item], finish: Callable[[], None], take: 
 
 def print_tables(tables: Iterable[Table]) -> None:
     """Print tables, with marked cells in bold."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table as RichTable
 
-    console = Console(highlight=False, width=_WIDTH)
+    shown_on = console(width=_WIDTH)
     for table in tables:
         shown = RichTable(title=escape(table.title), title_justify="left")
         for number, head in enumerate(table.header):
@@ -131,8 +131,8 @@ def print_tables(tables: Iterable[Table]) -> None:
         for i, row in enumerate(table.rows):
             cells = enumerate(map(escape, row))
             shown.add_row(*(f"[bold]{cell}[/bold]" if (i, j) in table.best else cell for j, cell in cells))
-        console.print(shown, soft_wrap=True)
-        console.print()
+        shown_on.print(shown, soft_wrap=True)
+        say()
 
 
 def finish_study(
@@ -142,9 +142,9 @@ def finish_study(
     if as_json is not None:
         print_json(as_json)
     for line in notes:
-        click.echo(line, err=as_json is not None)
+        say(line, err=as_json is not None)
     if written:
         names = ", ".join(path.name for path in written)
-        click.echo(f"written to {written[0].parent}: {names}", err=as_json is not None)
+        say(f"written to {written[0].parent}: {names}", err=as_json is not None)
     if not complete:
         raise KeyboardInterrupt("the same command continues where it stopped")

@@ -9,6 +9,7 @@ import click
 
 from ospc.cli.calibration_report import print_json
 from ospc.cli.options import PATH, json_option, size_option
+from ospc.cli.terminal import say, styled
 
 if TYPE_CHECKING:
     from ospc.formats.validation import Repair, Validation
@@ -74,19 +75,19 @@ def _print_text(result: Validation, repairs: list[Repair], failures: list[str]) 
     for file in result.files:
         findings = [finding for finding in result.findings if finding.file == str(file.path)]
         broken = any(finding.severity == "error" for finding in findings)
-        verdict = click.style("invalid", fg="red") if broken else click.style("valid", fg="green")
-        click.echo(f"{file.path}: {verdict} {file.kind} for {reader}")
+        verdict = styled("invalid", fg="red") if broken else styled("valid", fg="green")
+        say(f"{file.path}: ", verdict, f" {file.kind} for {reader}")
         for finding in findings:
-            click.echo(f"  {click.style(finding.severity, fg=_COLOURS[finding.severity])}: {finding.rule}")
-            click.echo(f"    it {finding.effect}")
+            say("  ", styled(finding.severity, fg=_COLOURS[finding.severity]), f": {finding.rule}")
+            say(f"    it {finding.effect}")
             if finding.remedy:
-                click.echo(f"    remedy: {finding.remedy}")
+                say(f"    remedy: {finding.remedy}")
     for repair in repairs:
         if repair.changes:
-            click.echo(f"{repair.path}: repaired copy of {repair.source.name}")
+            say(f"{repair.path}: repaired copy of {repair.source.name}")
             for change in repair.changes:
-                click.echo(f"  {change}")
+                say(f"  {change}")
         else:
-            click.echo(f"{repair.source}: nothing to repair")
+            say(f"{repair.source}: nothing to repair")
     for failure in failures:
-        click.echo(f"not repaired: {failure}")
+        say(f"not repaired: {failure}")

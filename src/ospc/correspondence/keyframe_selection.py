@@ -10,7 +10,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.flat_sampling import Samples
 from ospc.correspondence.preprocessing import PreprocessedFrame
 
-_AGES = 16
+AGES = 16
 """Classes of age, two for each doubling: up to 256 processed frames."""
 
 _FIRST_OVERLAP = 0.8
@@ -93,11 +93,11 @@ class KeyframeSelector:
     _kept: list[_Keyframe] = field(default_factory=list, repr=False)
     _added: int = field(default=0, repr=False)
     _selections: int = field(default=0, repr=False)
-    _overlap: FloatArray = field(default_factory=lambda: np.full(_AGES, _FIRST_OVERLAP), repr=False)
+    _overlap: FloatArray = field(default_factory=lambda: np.full(AGES, _FIRST_OVERLAP), repr=False)
     _motion: FloatArray = field(
-        default_factory=lambda: np.minimum(_FIRST_MOTION * 2.0 ** np.arange(_AGES), _LARGEST_MOTION), repr=False
+        default_factory=lambda: np.minimum(_FIRST_MOTION * 2.0 ** np.arange(AGES), _LARGEST_MOTION), repr=False
     )
-    _trials: FloatArray = field(default_factory=lambda: np.full(_AGES, _FIRST_TRIALS), repr=False)
+    _trials: FloatArray = field(default_factory=lambda: np.full(AGES, _FIRST_TRIALS), repr=False)
 
     def select(self, frame: PreprocessedFrame, log_exposure: float) -> PreprocessedFrame | None:
         """Return the keyframe to compare a frame of this ln exposure with; None where there is none yet."""
@@ -155,7 +155,7 @@ class KeyframeSelector:
         """
         tables = (state.overlap, state.motion, state.trials)
         lengths = {len(state.frames), len(state.orders), len(state.uses), len(state.log_exposure)}
-        if any(table.shape != (_AGES,) for table in tables) or len(lengths) != 1:
+        if any(table.shape != (AGES,) for table in tables) or len(lengths) != 1:
             raise ValueError("the state of the keyframe selection has tables of the wrong length")
         self._kept, self._added, self._selections = [], state.added, state.selections
         self._overlap, self._motion, self._trials = (table.copy() for table in tables)
@@ -174,4 +174,4 @@ class KeyframeSelector:
         return float((gain + _LEAST_WORTH) * self._overlap[age] ** _OVERLAP_POWER / (1 + kept.uses))
 
     def _age_class(self, order: int) -> int:
-        return min(int(2 * np.log2(max(self._added - order, 1))), _AGES - 1)
+        return min(int(2 * np.log2(max(self._added - order, 1))), AGES - 1)

@@ -12,7 +12,7 @@ from ospc.arrays import Float32Array, FloatArray, Image
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.recording.frame import Frame
 
-_BINS = 16
+BINS = 16
 """Equal ranges of grey level in which noise is measured: it changes little within one, and enough blocks fall into
 it."""
 
@@ -32,7 +32,7 @@ _QUANTILE_OF_NOISE = 0.627
 _MIN_BLOCKS = 40
 """Fewest blocks of a grey range in a frame: a tenth of them are then four."""
 
-_REMEMBERED = 64
+REMEMBERED = 64
 """Latest frames whose variances are kept; the median over them hardly changes with more."""
 
 _TRUSTED_SIGMAS = 4
@@ -60,7 +60,7 @@ class NoiseEstimator:
     """
 
     max_grey: int
-    _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(_BINS)], repr=False)
+    _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(BINS)], repr=False)
 
     def observe(self, frame: Frame) -> None:
         """Measure some bands of a frame."""
@@ -69,12 +69,12 @@ class NoiseEstimator:
         if min(image.shape) < _BLOCK + 2:
             return
         level, variance = self._blocks(image)
-        number = np.minimum((level * _BINS).astype(np.int64), _BINS - 1)
-        for b in range(_BINS):
+        number = np.minimum((level * BINS).astype(np.int64), BINS - 1)
+        for b in range(BINS):
             inside = variance[number == b]
             if len(inside) >= _MIN_BLOCKS:
                 least = float(np.quantile(inside, _SHARE)) / _QUANTILE_OF_NOISE
-                self._found[b] = [*self._found[b], least][-_REMEMBERED:]
+                self._found[b] = [*self._found[b], least][-REMEMBERED:]
 
     def _blocks(self, image: Image) -> FloatArray:
         """Return mean and variance of the exposed blocks of all bands, shape (2, blocks)."""
@@ -100,11 +100,11 @@ class NoiseEstimator:
         known = np.array([len(found) > 0 for found in self._found])
         if not known.any():
             return NoiseModel(max(floor, _ASSUMED_SIGMA**2), 0.0)
-        level = (np.arange(_BINS)[known] + 0.5) / _BINS
+        level = (np.arange(BINS)[known] + 0.5) / BINS
         variance = np.maximum([np.median(found) for found in self._found if found], floor)
         read, shot = nnls(np.stack([1 / variance, level / variance], axis=1), np.ones(len(level)))[0]
         trusted = _TRUSTED_SIGMAS * np.sqrt(variance) < np.minimum(level, 1 - level)
         table: tuple[float, ...] = ()
         if trusted.any():
-            table = tuple(np.interp(np.linspace(0, 1, _BINS + 1), level[trusted], variance[trusted]))
+            table = tuple(np.interp(np.linspace(0, 1, BINS + 1), level[trusted], variance[trusted]))
         return NoiseModel(max(float(read), floor), float(shot), table)

@@ -192,10 +192,14 @@ class PixelStatistics:
         )
 
 
+def level_count(max_grey: int) -> int:
+    """Return how many grey values, or ranges of them, are counted."""
+    return (max_grey >> max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)) + 1
+
+
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
     """Return how often each grey value occurs; of more than 12 bits, each value of the upper 12."""
-    shift = max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)
-    levels = (max_grey >> shift) + 1
+    shift, levels = max(0, max_grey.bit_length() - _MAX_COUNTED_BITS), level_count(max_grey)
     values = np.minimum(image >> shift, levels - 1) if image.dtype != np.uint8 or shift else image
     return np.bincount(values.ravel(), minlength=levels).astype(np.int64)[:levels]
 

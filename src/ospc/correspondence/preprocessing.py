@@ -106,7 +106,7 @@ class Preprocessor:
         """
         image, white = frame.image, frame.max_grey
         height, width = image.shape
-        reduction = -(-max(width, height) // self.longest_side)
+        reduction = self._reduction((width, height))
         reduced = _reduced(image, reduction)
         grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px) / np.float32(white)
         # Variances of smoothings add up, so that the one for gradients continues from that of the grey levels.
@@ -138,8 +138,20 @@ class Preprocessor:
         """
         image = frame.image
         height, width = image.shape
-        reduced = _reduced(image, -(-max(width, height) // self.longest_side))
+        reduced = _reduced(image, self._reduction((width, height)))
         return thumbnail_of(frame.index, reduced, frame.max_grey, frame.mask, (width, height))
+
+    def small_size(self, size: ImageSize) -> ImageSize:
+        """Return width and height at which frames of a size are registered."""
+        width, height = (side // self._reduction(size) for side in size)
+        further = self._further_reduction(max(width, height))
+        return width // further, height // further
+
+    def _reduction(self, size: ImageSize) -> int:
+        return -(-max(size) // self.longest_side)
+
+    def _further_reduction(self, longest: int) -> int:
+        return int(2 ** max(0, int(np.ceil(np.log2(longest / self.registration_side)))))
 
     def _clipped_nearby(self, image: Image, white: int, reduction: int) -> BoolArray:
         # Near the ends noise alone clips single pixels, whose effect on the mean is corrected later. A larger share
@@ -159,8 +171,7 @@ class Preprocessor:
         return np.asarray(cv2.blur(_reduced((~mask).view(np.uint8), reduction), (side, side)) > 0)
 
     def _small(self, reduced: Float32Array, white: int) -> npt.NDArray[np.uint8]:
-        halvings = max(0, int(np.ceil(np.log2(max(reduced.shape) / self.registration_side))))
-        small = _reduced(reduced, 2**halvings)
+        small = _reduced(reduced, self._further_reduction(max(reduced.shape)))
         return np.asarray(cv2.convertScaleAbs(small, alpha=255.0 / white), dtype=np.uint8)
 
 

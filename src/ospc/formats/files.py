@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,9 @@ from ospc.errors import FormatError, OspcError, escaped
 
 LARGEST_TEXT = 64 * 2**20
 """Bytes; larger text files are refused. A table of 65536 values has half a megabyte, a list of 10⁶ frames 50."""
+
+_BEGINS_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""First characters of a cell that spreadsheets take for a formula."""
 
 
 def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcError] = FormatError) -> bytes:
@@ -68,5 +74,23 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 
 
 def write_text(path: str | Path, content: str) -> Path:
-    """Write a UTF-8 text file as :func:`write_bytes`, line ends as given."""
-    return write_bytes(path, content.encode("utf-8"))
+    """Write a UTF-8 text file as :func:`write_bytes`, line ends as given.
+
+    What UTF-8 cannot express, as in names of files that were never UTF-8, is escaped.
+    """
+    return write_bytes(path, content.encode("utf-8", "backslashreplace"))
+
+
+def csv_text(rows: Iterable[Iterable[object]]) -> str:
+    """Return rows of numbers and texts as CSV in which no cell is a formula; None becomes an empty cell.
+
+    Texts that a spreadsheet would take for a formula, and execute, get an apostrophe in front.
+    """
+    text = io.StringIO()
+    # Text is always quoted: the csv module would leave a carriage return in a name bare, which ends a row.
+    writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
+    for row in rows:
+        writer.writerow(
+            [f"'{cell}" if isinstance(cell, str) and cell.startswith(_BEGINS_FORMULA) else cell for cell in row]
+        )
+    return text.getvalue()

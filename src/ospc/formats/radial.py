@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.errors import FormatError, SettingError
+from ospc.errors import FormatError, SettingError, escaped
 from ospc.photometry.geometry import half_diagonal, image_size, normalised
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
@@ -116,7 +116,9 @@ class Optics:
     camera: str = "unknown"
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check the numbers, and escape what the names must not hold."""
+        for name in ("maker", "lens", "camera"):
+            object.__setattr__(self, name, escaped(getattr(self, name)))
         for name in ("focal_mm", "focal_px", "crop_factor", "aperture", "distance_m"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from ospc.arrays import ImageSize
@@ -166,7 +167,7 @@ def _is_rectification(line: str) -> bool:
 
 def _size(line: str) -> ImageSize | None:
     size = scanned(line, "dd")
-    return (int(size[0]), int(size[1])) if len(size) == 2 and min(size) > 0 else None
+    return (int(size[0]), int(size[1])) if len(size) == 2 and min(size) > 0 and max(size) < math.inf else None
 
 
 def _times(size: ImageSize | None) -> str:

@@ -177,7 +177,8 @@ def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]
 
 
 def _about_the_stamps(times: TimesText) -> Iterator[Broken]:
-    steps = np.diff(times.scanned[:, 1])
+    with np.errstate(invalid="ignore"):  # infinite stamps do not increase either
+        steps = np.diff(times.scanned[:, 1])
     if not np.all(steps > 0):
         rule = f"time stamps increase; after line {int(np.argmin(steps > 0)) + 1} they do not"
         yield Broken("warning", rule, "plays the images in order and writes stamps that do not increase")

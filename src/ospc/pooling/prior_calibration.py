@@ -176,6 +176,10 @@ def _changed(own: Calibration, difference: Difference, name: str) -> Calibration
     return replace(own, verdicts=verdicts)
 
 
+_STEEPEST, _ROUGHEST = 1e3, 1e3
+"""Coefficients of a response, and hyperparameters of its prior, that are read: a hundred times what any fit has."""
+
+
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
     """Return a calibration as a summary: the information in its covariance, less that of the prior.
 
@@ -188,17 +192,23 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
     """
     if calibration.response is None and calibration.vignette is None:
         raise NotObservableError(f"{name}: knows neither response nor vignette, so there is nothing to start from")
-    matrix = np.zeros((PARAMETERS, PARAMETERS))
-    estimate = np.concatenate([1 + RESPONSE.knots, np.zeros(len(VIGNETTE))])
     try:
-        if calibration.response is not None:
-            estimate[RESPONSE_PART], matrix[RESPONSE_PART, RESPONSE_PART] = _of_response(calibration)
-        if calibration.vignette is not None:
-            estimate[VIGNETTE_PART], matrix[VIGNETTE_PART, VIGNETTE_PART] = _of_vignette(calibration)
-    except (LookupError, TypeError, ValueError, np.linalg.LinAlgError):
+        found = _summary_of(calibration, name)
+        found.check()
+    except (LookupError, TypeError, ValueError, ArithmeticError, FormatError, np.linalg.LinAlgError):
         raise FormatError(
             f"{name}: is no calibration of the default method with its covariance; start from a state.ospc instead"
         ) from None
+    return found
+
+
+def _summary_of(calibration: Calibration, name: str) -> Summary:
+    matrix = np.zeros((PARAMETERS, PARAMETERS))
+    estimate = np.concatenate([1 + RESPONSE.knots, np.zeros(len(VIGNETTE))])
+    if calibration.response is not None:
+        estimate[RESPONSE_PART], matrix[RESPONSE_PART, RESPONSE_PART] = _of_response(calibration)
+    if calibration.vignette is not None:
+        estimate[VIGNETTE_PART], matrix[VIGNETTE_PART, VIGNETTE_PART] = _of_vignette(calibration)
     range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
     return Summary(
         key=f"calibration {name}",
@@ -229,6 +239,9 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
         raise ValueError("another number of knots")
     prior = Prior(RESPONSE.knots, coefficients, np.empty(0))
     hyperparameters = PriorHyperparameters(float(model["prior_walk"]), float(model["prior_drift"]))
+    plausible = all(0 <= sigma <= _ROUGHEST for sigma in (hyperparameters.walk, hyperparameters.drift))
+    if not (plausible and coefficients.min() > 0 and coefficients.max() < _STEEPEST):
+        raise ValueError("not coefficients of a response")
     information = np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters)
     return coefficients, _positive(information)
 

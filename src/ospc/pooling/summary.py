@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
+from ospc.errors import FormatError
 from ospc.estimation.fit import SUPPORT_QUANTILES, Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
@@ -23,6 +24,8 @@ from ospc.methods.identifiability import unexplained_share
 from ospc.methods.inputs import FitInputs
 from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations
+from ospc.photometry.calibration_content import LARGEST_GREY
+from ospc.photometry.geometry import image_size
 from ospc.photometry.noise import NoiseModel
 
 RESPONSE = ResponseBasis(32)
@@ -38,6 +41,13 @@ PARAMETERS = VIGNETTE_PART.stop
 """Number of parameters."""
 
 _TRIANGLE = np.tril_indices(PARAMETERS)
+
+_MOST, _LONGEST_MS, _FARTHEST, _LARGEST = 2**40, 1e9, 3.0, 1e15
+"""Limits of what is read from files: counts, an exposure, a displacement in half diagonals, and other numbers.
+Nothing measured comes near them, and nothing within them overflows."""
+
+_ROUNDING = 1e-6
+"""Share of the largest eigenvalue of A by which rounding may make another one negative."""
 
 _RADII = np.linspace(0, 1, 101)
 """Radii, in half diagonals, at which radial terms of another number are fitted: many more than there are terms."""
@@ -101,6 +111,36 @@ class Summary:
             raise ValueError(f"a summary has {p} parameters")
         if not all(np.isfinite(values).all() for values in (self.estimate, self.triangle, self.vector)):
             raise ValueError("a summary has values that are not finite")
+
+    def check(self) -> None:
+        """Check a summary that comes from a file, beyond what is checked whenever one is made.
+
+        Raises
+        ------
+        FormatError
+            If a number is out of range, or A is no information matrix.
+        """
+        image_size(*self.size)
+        shortest_ms, longest_ms = self.exposure_range_ms
+        low, high = self.support
+        noise = (self.noise.read_variance, self.noise.shot_variance, *self.noise.table)
+        counts = (self.frames, self.pairs, self.points, self.groups)
+        holds = (
+            0 < self.max_grey <= LARGEST_GREY
+            and all(0 <= count <= _MOST for count in counts)
+            and 0 < shortest_ms <= longest_ms <= _LONGEST_MS
+            and 0 <= self.reach <= _FARTHEST
+            and 0 <= low <= high <= 1
+            and abs(self.unexplained) <= _LARGEST
+            and all(0 <= variance <= 1 for variance in noise)
+            and len(noise) <= LARGEST_GREY
+            and max(np.abs(self.estimate).max(), np.abs(self.vector).max(), np.abs(self.triangle).max()) <= _LARGEST
+        )
+        if not holds:
+            raise FormatError("a number of a summary is out of range")
+        information = np.linalg.eigvalsh(self.matrix)
+        if information[0] < -_ROUNDING * max(information[-1], 1.0):
+            raise FormatError("the matrix of a summary is not positive semidefinite")
 
     @property
     def matrix(self) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.errors import FrameError
+from ospc.errors import FrameError, escaped
 from ospc.recording.recording import HasStoredBytes, Recording
 
 _SAMPLES = 5
@@ -25,7 +25,7 @@ def identity(recording: Recording) -> dict[str, Any]:
     indices = sorted({int(i) for i in np.linspace(0, max(len(recording) - 1, 0), _SAMPLES)})
     return {
         "kind": recording.kind,
-        "name": recording.path.name or recording.path.resolve().name,
+        "name": escaped(recording.path.name or recording.path.resolve().name),
         "frames": len(recording),
         "size": list(recording.size),
         "max_grey": recording.max_grey,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
+from ospc.errors import escaped
+
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a browser may load for a page: nothing from anywhere, and no scripts."""
 
@@ -31,7 +33,7 @@ def tag(name: str, /, *content: str, **attributes: str) -> Html:
         hyphens, and attributes without a value are left out.
     """
     given = "".join(
-        f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items() if value
+        f' {key.rstrip("_").replace("_", "-")}="{_safe(value)}"' for key, value in attributes.items() if value
     )
     if name in _VOID:
         return Html(f"<{name}{given}>")
@@ -40,7 +42,11 @@ def tag(name: str, /, *content: str, **attributes: str) -> Html:
 
 def join(*parts: str) -> Html:
     """Return pieces one after another: :class:`Html` as it is, any other text escaped."""
-    return Html("".join(part if isinstance(part, Html) else escape(part) for part in parts))
+    return Html("".join(part if isinstance(part, Html) else _safe(part) for part in parts))
+
+
+def _safe(text: str) -> str:
+    return escape("\n".join(map(escaped, text.split("\n"))))
 
 
 def document(title: str, style: str, *content: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, rules, save
+from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, printable, rules, save
 from ospc.research.measurement import Measurement, Metric, medians
 
 _COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#4B0082")
@@ -101,7 +101,7 @@ def draw_curves(
     figure = new_figure(15.0 if ratios else 10.0, 4.6)
     with rules():
         axes = figure.subplots(1, 3 if ratios else 2)
-        figure.suptitle(title)
+        figure.suptitle(printable(title), parse_math=False)
         for number, (name, parts) in enumerate(curves.items()):
             style = {"color": BLACK, "lw": 3.0, "alpha": 0.45} if number == 0 else look(number - 1)
             if "response" in parts:

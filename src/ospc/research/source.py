@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.errors import FormatError
+from ospc.errors import FormatError, escaped
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
@@ -207,7 +207,7 @@ class GivenSource(Source):
             If it cannot be opened or has no truth.
         """
         true_curves(open_recording(path))
-        return cls(path.resolve().name, path, most_frames)
+        return cls(escaped(path.resolve().name), path, most_frames)
 
     @property
     def count(self) -> int:

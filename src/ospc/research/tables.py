@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ospc.atomic import write_atomically
-from ospc.errors import SettingError
+from ospc.errors import SettingError, escaped
+from ospc.formats.files import csv_text
 from ospc.research.measurement import METRICS, Measurement
 
 
@@ -44,17 +43,13 @@ class Table:
             tuple(f"**{cell}**" if (i, j) in self.best else cell for j, cell in enumerate(row))
             for i, row in enumerate(self.rows)
         ]
-        lines = ["| " + " | ".join(row) + " |" for row in (self.header, rules, *rows)]
+        lines = ["| " + " | ".join(map(_as_cell, row)) + " |" for row in (self.header, rules, *rows)]
         return f"## {self.title}\n\n" + "\n".join(lines) + "\n"
 
 
-def as_csv(header: Iterable[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return rows of text and numbers as CSV; None becomes an empty cell."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
-    return text.getvalue()
+def _as_cell(text: str) -> str:
+    """Return a text on one line without what Markdown would take for the end of a cell or for HTML."""
+    return escaped(text).replace("|", "\\|").replace("<", "&lt;")
 
 
 def as_json(content: Any) -> str:
@@ -78,13 +73,13 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
             row.method,
             *(row.figures.get(name) for name in figures),
             *(row.limits.get(name) for name in limits),
-            None if row.seconds is None else f"{row.seconds:.3g}",
+            None if row.seconds is None else float(f"{row.seconds:.3g}"),
             *(said.get(part) for said in (row.states, row.reasons) for part in parts),
             row.failure,
         ]
         for row in rows
     ]
-    return as_csv(header, lines)
+    return csv_text([header, *lines])
 
 
 def write(
@@ -99,7 +94,9 @@ def write(
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        files = [write_atomically(folder / name, text.encode()) for name, text in texts.items()]
+        files = [
+            write_atomically(folder / name, text.encode("utf-8", "backslashreplace")) for name, text in texts.items()
+        ]
     except OSError as error:
         raise SettingError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
     return files + [draw(folder / name) for name, draw in (pictures or {}).items()]

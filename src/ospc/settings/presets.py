@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -20,8 +20,8 @@ def _check_numbers(settings: Settings) -> None:
     """Check that numbers are positive: all of them are sizes, counts, thresholds or ratios."""
     for entry in fields(settings):
         value = getattr(settings, entry.name)
-        if isinstance(value, int | float) and not (math.isfinite(value) and value > 0):
-            raise SettingError(f"setting {entry.name} takes a positive number, not {value}")
+        if isinstance(value, int | float) and not 0 < value <= sys.maxsize:
+            raise SettingError(f"setting {entry.name} takes a positive number, not {str(value)[:40]}")
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

@@ -85,7 +85,9 @@ def to_bytes(container: Container) -> bytes:
     with ZipFile(packed, "w", ZIP_DEFLATED, compresslevel=_COMPRESSION) as archive:
         # Opened by name, entries bear the date 1980-01-01 and not that of today.
         with archive.open(f"{container.kind}.json", "w") as entry:
-            entry.write(json.dumps(head, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode())
+            text = json.dumps(head, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+            # Half a surrogate pair, as in names that were never UTF-8, becomes the escape that JSON has for it.
+            entry.write(text.encode("utf-8", "backslashreplace"))
         for name, array in container.arrays.items():
             with archive.open(f"{name}.npy", "w") as entry:
                 np.lib.format.write_array(entry, _storable(name, array), version=(1, 0), allow_pickle=False)

@@ -16,10 +16,13 @@ from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
 
-from ospc.errors import FormatError
+from ospc.errors import FormatError, OspcError
 from ospc.state.container import Array
 
 T = TypeVar("T")
+
+_LARGEST_INTEGER = 2**63 - 1
+"""Largest integer that is read, of 64 bits: arrays hold no larger ones."""
 
 
 def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
@@ -44,6 +47,8 @@ def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
 def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T:
     """Return the dataclass whose content and arrays :func:`pack` returned.
 
+    Dataclasses in it that have a method ``check`` are asked to check themselves.
+
     Raises
     ------
     FormatError
@@ -51,7 +56,7 @@ def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T
     """
     try:
         found: T = _unpacked(content, kind, arrays)
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, OspcError) as error:
         raise FormatError(f"its content does not fit ({error})") from None
     return found
 
@@ -144,7 +149,7 @@ def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> An
         if set(content) != set(hints):
             raise ValueError(f"{sorted(set(content) ^ set(hints))} missing or unknown")
         kind = typing.cast(type, hint)
-        return kind(**{name: _unpacked(content[name], part, arrays) for name, part in hints.items()})
+        return _self_checked(kind(**{name: _unpacked(content[name], part, arrays) for name, part in hints.items()}))
     origin = get_origin(hint)
     if origin is np.ndarray:
         return _array(arrays[content], hint)
@@ -164,8 +169,17 @@ def _unpacked_list(content: Any, item: Any, arrays: typing.Mapping[str, Array]) 
         if set(columns) != set(hints):
             raise ValueError("columns are missing or unknown")
         parts = {name: [_array(a, hints[name]) for a in _split(column, arrays)] for name, column in columns.items()}
-        return [item(**dict(zip(parts, row, strict=True))) for row in zip(*parts.values(), strict=True)]
+        rows = zip(*parts.values(), strict=True)
+        return [_self_checked(item(**dict(zip(parts, row, strict=True)))) for row in rows]
     return [_unpacked(value, item, arrays) for value in _checked(content, list)]
+
+
+def _self_checked(value: Any) -> Any:
+    """Return a dataclass; one with a method ``check`` first checks itself."""
+    check = getattr(value, "check", None)
+    if check is not None:
+        check()
+    return value
 
 
 def _unpacked_tuple(content: Any, items: tuple[Any, ...], arrays: typing.Mapping[str, Array]) -> tuple[Any, ...]:
@@ -200,6 +214,8 @@ def _checked(content: Any, kind: Any) -> Any:
         return float(content)
     if kind is Any:
         return content
+    if kind is int and type(content) is int and not -_LARGEST_INTEGER <= content <= _LARGEST_INTEGER:
+        raise ValueError("an integer has more than 64 bits")
     if type(content) is not kind:
         raise ValueError(f"{content!r} is not of type {kind.__name__}")
     return content

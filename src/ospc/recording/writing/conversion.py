@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.errors import FrameError, RecordingError, SettingError
+from ospc.folders import check_usable
 from ospc.formats.dso import write_times
 from ospc.formats.files import write_text
 from ospc.formats.validation import validate
@@ -114,8 +115,7 @@ def convert_recording(
 def _check(place: Path, source: Path, *, overwrite: bool) -> bool:
     """Tell whether the folder exists; refuse one that cannot be used."""
     try:
-        if place.exists() and not place.is_dir():
-            raise SettingError(f"{place}: is a file; name a folder for the output")
+        check_usable(place)
         if place.is_dir() and any(place.iterdir()) and not overwrite:
             raise SettingError(f"{place}: is not empty; choose another folder, or replace its content with --force")
         full, recorded = place.resolve(), source.resolve()

@@ -13,13 +13,14 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
 from ospc.estimation.robust import robust_scale
+from ospc.formats.files import csv_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
-from ospc.report.style import BLUE, GREY, ORANGE, new_figure, rules, save
+from ospc.report.style import BLUE, GREY, ORANGE, new_figure, printable, rules, save
 from ospc.research.runner import OnProgress
 from ospc.research.source import Source
 from ospc.research.store import made_with
-from ospc.research.tables import as_csv, write
+from ospc.research.tables import write
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
@@ -163,14 +164,14 @@ def write_ambiguity(found: Ambiguity, name: str, folder: Path) -> list[Path]:
 
 def _columns(columns: Mapping[str, Sequence[float]]) -> str:
     rows = zip(*columns.values(), strict=True)
-    return as_csv(columns, ([f"{value:.6g}" for value in row] for row in rows))
+    return csv_text([columns, *([float(f"{value:.6g}") for value in row] for row in rows)])
 
 
 def _draw(found: Ambiguity, name: str, path: Path) -> Path:
     """Draw what powers of the truth leave unexplained, and where joint estimation ends by where it starts."""
     figure = new_figure(11.0, 4.4)
     with rules():
-        figure.suptitle(name)
+        figure.suptitle(printable(name), parse_math=False)
         left, right = figure.subplots(1, 2)
         left.plot(found.exponents, 255 * np.array(found.free), color=ORANGE, lw=2, label="exposures free: e^γ")
         left.plot(found.exponents, 255 * np.array(found.known), color=BLUE, ls="--", lw=2, label="exposures known: e")

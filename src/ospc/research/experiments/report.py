@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
+from ospc.formats.files import csv_text
 from ospc.research.experiments.design import Experiment
 from ospc.research.measurement import Measurement, medians, methods_of, metrics, recordings_of
 from ospc.research.pictures import draw_curves, draw_errors
 from ospc.research.scoring import curves_of
 from ospc.research.source import Source
-from ospc.research.tables import Table, as_csv, measurements_csv, write
+from ospc.research.tables import Table, measurements_csv, write
 
 _SHOWN = metrics("response_rmse", "response_shape_rmse", "log_ratio_error", "vignette_rmse", "exposure_error")
 """The metrics of the table."""
@@ -63,21 +64,21 @@ def _curves_csv(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
     """Return g at 256 grey levels and V at 50 radii, one column a method."""
     rows: list[list[object]] = []
     for letter, part, places in (
-        ("g", "response", [str(grey) for grey in range(256)]),
-        ("V", "vignette", [f"{(ring + 0.5) / 50:.2f}" for ring in range(50)]),
+        ("g", "response", range(256)),
+        ("V", "vignette", [round((ring + 0.5) / 50, 2) for ring in range(50)]),
     ):
         for number, place in enumerate(places):
-            values = [f"{c[part][number]:.6g}" if part in c else None for c in curves.values()]
+            values = [float(f"{c[part][number]:.6g}") if part in c else None for c in curves.values()]
             rows.append([letter, place, *values])
-    return as_csv(["curve", "at", *curves], rows)
+    return csv_text([["curve", "at", *curves], *rows])
 
 
 def _ratios_csv(rows: Sequence[Measurement]) -> str:
     columns = ("frames", "metadata", "estimated", "samples")
     lines = [
-        [row.method, *pair, f"{k:.6g}", f"{estimate:.6g}", samples]
+        [row.method, *pair, float(f"{k:.6g}"), float(f"{estimate:.6g}"), samples]
         for row in rows
         if row.ratios
         for pair, k, estimate, samples in zip(*(row.ratios[name] for name in columns), strict=True)
     ]
-    return as_csv(["method", "first", "second", "metadata", "estimated", "samples"], lines)
+    return csv_text([["method", "first", "second", "metadata", "estimated", "samples"], *lines])

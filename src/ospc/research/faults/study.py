@@ -7,13 +7,14 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, get_args
 
+from ospc.formats.files import csv_text
 from ospc.research.accuracy.design import select
 from ospc.research.faults import exposures, greys, light, sequence
 from ospc.research.faults.footage import STRENGTHS, Fault
 from ospc.research.faults.judging import CLEAN, FaultTask, Outcome, Run
 from ospc.research.faults.recordings import GoodSource
 from ospc.research.store import source_hash
-from ospc.research.tables import Table, as_csv, as_json, write
+from ospc.research.tables import Table, as_json, write
 from ospc.versions import versions
 
 SCHEMA = "ospc-benchmark-faults/1"
@@ -105,7 +106,7 @@ def write_faults(folder: Path, runs: Sequence[Run], notes: Sequence[str]) -> lis
     lines = [[_cell(value) for value in vars(run).values()] for run in runs]
     texts = {
         "results.json": as_json(content_of(runs, notes)),
-        "results.csv": as_csv(names, lines),
+        "results.csv": csv_text([names, *lines]),
         "table.md": "\n".join([*heading, *(table.as_markdown() for table in fault_tables(runs))]),
     }
     return write(folder, texts)

@@ -16,7 +16,7 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
 from ospc.evaluation.similarity import align_similarity
 from ospc.evaluation.trajectory import Trajectory, associate
-from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, rules, save
+from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable, rules, save
 from ospc.research.odometry.conditions import Condition
 from ospc.research.odometry.judging import RunResult
 from ospc.research.pictures import figure_of_panels, look
@@ -56,7 +56,7 @@ def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajec
     plane = _widest_axes(truth.positions[truth.known])
     with rules():
         figure, panels = figure_of_panels(len(runs), 3, _PANEL_IN)
-        figure.suptitle(title)
+        figure.suptitle(printable(title), parse_math=False)
         for axes, (condition, result) in zip(panels, runs, strict=True):
             error = "" if result.errors is None else f", $e_{{align}}$ = {result.errors.e_align:.3g}"
             axes.set_title(f"{condition.title}{error}")
@@ -68,7 +68,15 @@ def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArr
     across, up = plane
     copies = _aligned_copies(result.tracked.trajectory, truth)
     if not copies:
-        axes.text(0.5, 0.5, f"{result.ending}\n{result.reason}", ha="center", transform=axes.transAxes, wrap=True)
+        axes.text(
+            0.5,
+            0.5,
+            f"{result.ending}\n{printable(result.reason)}",
+            ha="center",
+            wrap=True,
+            parse_math=False,
+            transform=axes.transAxes,
+        )
     looks = ((BLUE, "aligned to the start"), (ORANGE, "aligned to the end"))
     for copy, (colour, label) in zip(copies, looks, strict=False):
         axes.plot(copy @ across, copy @ up, color=colour, lw=1.1, label=label)

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from ospc.formats.files import csv_text
 from ospc.research.odometry.experiment import Experiment, Outcome
 from ospc.research.odometry.judging import RunResult
 from ospc.research.odometry.pictures import draw_cumulative, draw_trajectories
-from ospc.research.tables import Table, as_csv, as_json, write
+from ospc.research.tables import Table, as_json, write
 
 
 def median_table(experiment: Experiment, outcome: Outcome) -> Table:
@@ -76,7 +77,7 @@ def write_outcome(experiment: Experiment, outcome: Outcome) -> list[Path]:
     results = [run.as_dict() for run in runs]
     content = {"runs": results, "medians": medians_of(experiment, outcome), "notes": outcome.notes}
     texts = {
-        "runs.csv": as_csv(results[0] if results else [], [list(result.values()) for result in results]),
+        "runs.csv": csv_text([results[0] if results else [], *(result.values() for result in results)]),
         "results.json": as_json(content),
         "table.md": median_table(experiment, outcome).as_markdown(),
     }

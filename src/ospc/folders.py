@@ -1,0 +1,90 @@
+"""Output folders: made before the work begins, and written to by one process at a time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ospc.errors import SettingError
+
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks; there, nothing keeps a second process out
+    fcntl = None  # type: ignore[assignment]
+
+
+def check_usable(place: Path) -> None:
+    """Refuse what cannot be, or become, a folder to write to.
+
+    Raises
+    ------
+    SettingError
+        If it is a file, a link to nothing, or not writable.
+    """
+    try:
+        if place.is_symlink() and not place.exists():
+            raise SettingError(f"{place}: is a link to nothing ({place.readlink()}); choose another folder")
+        if place.exists() and not place.is_dir():
+            raise SettingError(f"{place}: is a file; name a folder for the output")
+        nearest = next(folder for folder in (place, *place.absolute().parents) if folder.exists())
+    except OSError as error:
+        raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another folder") from None
+    if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
+        why = "is not writable" if nearest == place else f"cannot be made: {nearest} is not writable"
+        raise SettingError(f"{place}: {why}; choose another folder")
+
+
+@contextmanager
+def reserved(folder: str | Path) -> Iterator[Path]:
+    """Make a folder and keep other processes that reserve it out.
+
+    The lock is on the folder itself: it leaves no file behind, and ends with the process, however that ends. A folder
+    that was made here and is still empty at the end is removed again.
+
+    Parameters
+    ----------
+    folder
+        A folder; it need not exist yet.
+
+    Raises
+    ------
+    SettingError
+        If it cannot be made or written to, or somebody else has reserved it.
+    """
+    place = Path(folder)
+    check_usable(place)
+    made = [path for path in (place, *place.parents) if not path.exists()]
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SettingError(f"{place}: cannot be made ({error.strerror}); choose another folder") from None
+    try:
+        with _locked(place):
+            yield place
+    finally:
+        with suppress(OSError):
+            for path in made:
+                path.rmdir()
+
+
+@contextmanager
+def _locked(place: Path) -> Iterator[None]:
+    if fcntl is None:
+        yield
+        return
+    descriptor = os.open(place, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise SettingError(
+            f"{place}: another process is writing into it; wait until it has finished, or choose another folder"
+        ) from None
+    except OSError:
+        pass  # some network file systems have no locks
+    try:
+        yield
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,416 @@
+"""What the numbers of a run's state can be: a state is checked as a whole when it is loaded, before anything uses it.
+
+A checksum only says that a file is as it was written, not who wrote it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from ospc.correspondence.frame_sampling import FrameSampler
+from ospc.correspondence.image_circle import ImageCircle
+from ospc.correspondence.keyframe_selection import AGES, KeyframeSelectorState
+from ospc.correspondence.noise_estimation import BINS as NOISE_BINS
+from ospc.correspondence.noise_estimation import REMEMBERED as REMEMBERED_NOISE
+from ospc.correspondence.noise_estimation import NoiseEstimator
+from ospc.correspondence.pixel_statistics import GREY_CELLS, MOST_FRAMES, RADIUS_CELLS, PixelStatistics, level_count
+from ospc.correspondence.reservoir import Reservoir
+from ospc.correspondence.static_series import StaticSeries
+from ospc.correspondence.thumbnail import thumbnail_size
+from ospc.engine_state import EngineState, epoch_of
+from ospc.errors import FormatError
+from ospc.estimation.error_model import ErrorModel
+from ospc.estimation.fit import Fit
+from ospc.estimation.prior import PriorHyperparameters
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.exposures.brightness import GREY_BINS
+from ospc.exposures.evidence import CAPACITY, MOST_REPEATED, EvidenceState
+from ospc.methods.change_detection import MOST_USUAL, ChangeDetector
+from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
+from ospc.methods.prediction_errors import GREY_KNOTS, PairErrors
+from ospc.photometry.geometry import MOST_PIXELS
+from ospc.settings import DefaultSettings
+from ospc.settings.estimation import FACTOR_GREYS
+
+_MOST = 2**40
+"""Largest count: frames at a thousand per second for thirty years."""
+
+_LARGEST = 1e12
+"""Largest magnitude of any other number: nothing measured comes near it, and its square is still finite."""
+
+_LOG = 50.0
+"""Largest magnitude of the logarithm of an exposure in milliseconds or of a ratio."""
+
+_LARGEST_GREY, _LONGEST_LAG_FRAMES, _MOST_INTERVALS, _MOST_RADIAL = 65535, 1000, 256, 16
+"""Largest grey value, of 16 bits; largest lag that a command takes; most terms of response and of vignette, eight and
+three times those of any preset."""
+
+_CHANGES = len(GREY_KNOTS) + 3
+"""Parameters of a change of the camera."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A number, or a list or array of numbers, between two limits.
+
+    Attributes
+    ----------
+    low, high
+        The limits.
+    shape
+        Its shape: lengths, or names of lengths that are the same wherever they stand; empty for a single number.
+    unknown
+        Whether numbers may be NaN.
+    most
+        Largest length along the first axis.
+    """
+
+    low: float = -_LARGEST
+    high: float = _LARGEST
+    shape: tuple[int | str, ...] = ()
+    unknown: bool = False
+    most: int = _MOST
+
+    def check(self, name: str, value: Any, lengths: dict[str, int]) -> None:
+        """Raise a FormatError where a value is something else; learn the lengths that have names."""
+        try:
+            array = np.asarray(value)
+        except ValueError:
+            raise FormatError(f"{name} has rows of different lengths") from None
+        if array.size == 0 and array.ndim == 1 and len(self.shape) > 1:
+            array = array.reshape(0, *(lengths.get(n, 0) if isinstance(n, str) else n for n in self.shape[1:]))
+        wanted = tuple(
+            lengths.setdefault(n, m) if isinstance(n, str) else n
+            for n, m in zip(self.shape, array.shape, strict=False)
+        )
+        if array.ndim != len(self.shape) or array.shape != wanted:
+            raise FormatError(f"{name} has the shape {array.shape} instead of {self.shape}")
+        if array.ndim and len(array) > self.most:
+            raise FormatError(f"{name} has {len(array)} entries, more than {self.most}")
+        within = (array >= self.low) & (array <= self.high)
+        if not np.all(within | np.isnan(array) if self.unknown else within):
+            raise FormatError(f"{name} is not between {self.low:g} and {self.high:g}")
+
+
+ANYTHING = "anything goes: a truth value, or texts that only people read"
+ELSEWHERE = "checked by a function below or by the class itself, because it depends on other values"
+
+COUNT = Numbers(0, _MOST)
+"""How many, or the number of a frame."""
+
+
+def _count(*shape: int | str, most: int = _MOST) -> Numbers:
+    return Numbers(0, _MOST, shape, most=most)
+
+
+def _share(*shape: int | str, unknown: bool = False) -> Numbers:
+    return Numbers(0, 1.001, shape, unknown)
+
+
+RULES: Mapping[type, Mapping[str, Numbers | str]] = {
+    EngineState: {
+        "settings": ELSEWHERE,
+        "correct_lag": ELSEWHERE,
+        "size": ELSEWHERE,
+        "max_grey": Numbers(0, _LARGEST_GREY),
+        "log_exposure": Numbers(-_LOG, _LOG, ("frames",), unknown=True),
+        "lag_frames": Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES),
+        "exposures_are_trusted": ANYTHING,
+        "sampler": ELSEWHERE,
+        "pixels": ELSEWHERE,
+        "evidence": ELSEWHERE,
+        "next_assessment": COUNT,
+        "lag_is_known": ANYTHING,
+        "epochs": ELSEWHERE,
+        "skipped": COUNT,
+        "reasons": ANYTHING,
+        "first_reasons": ANYTHING,
+        "first_frames": ANYTHING,
+        "source": ANYTHING,
+        "versions": ANYTHING,
+    },
+    FrameSampler: {
+        **dict.fromkeys(
+            (
+                "frames_per_slowdown",
+                "dense_frames",
+                "longest_pause_frames",
+                "comparison_period_frames",
+                "comparison_run_frames",
+            ),
+            ELSEWHERE,
+        ),
+        **dict.fromkeys(("processed", "number", "_pause", "_restarted_after"), COUNT),
+    },
+    PixelStatistics: {
+        "_histogram": ELSEWHERE,
+        "_grey_share": Numbers(0, 1.001, ("frames", GREY_CELLS), most=MOST_FRAMES),
+        "_radius_share": Numbers(0, 1.001, ("frames", RADIUS_CELLS), unknown=True, most=MOST_FRAMES),
+        "_log_exposure": Numbers(-_LOG, _LOG, ("frames",), most=MOST_FRAMES),
+        "_brightest": ELSEWHERE,
+        "_bits": Numbers(0, _LARGEST_GREY),
+        "_max_grey": ELSEWHERE,
+    },
+    EvidenceState: {
+        "frame0": _count("changes", most=CAPACITY),
+        "log_ratio": Numbers(-_LOG, _LOG, ("changes", "bins")),
+        "weight": Numbers(0, _LARGEST, ("changes", "bins")),
+        "moved": Numbers(-2, 2, ("changes", "bins", 2)),
+        "found": _share("changes"),
+        "radial_motion": Numbers(0, 2, ("changes",), unknown=True),
+        "motion_px": Numbers(0, MOST_PIXELS, ("changes",), unknown=True),
+        "previous": Numbers(-1, _MOST),
+        "compared": COUNT,
+        "repeated": _count("repeated", most=MOST_REPEATED),
+        "samples": _count("changes"),
+        "place_log_ratio": Numbers(-_LOG, _LOG, ("places",)),
+        "place_log_grey": Numbers(-_LOG, _LOG, ("places",)),
+        "place_log_surround": Numbers(-_LOG, _LOG, ("places",)),
+        "position0": Numbers(-2, 2, ("places", 2)),
+        "position1": Numbers(-2, 2, ("places", 2)),
+    },
+    MaximumLikelihoodState: {
+        "keyframes": ELSEWHERE,
+        "reservoir": ELSEWHERE,
+        "series": ELSEWHERE,
+        "noise": ELSEWHERE,
+        "fit": ELSEWHERE,
+        "motions": Numbers(0, MOST_PIXELS, ("motions",)),
+        "pairs": COUNT,
+        "circle": ELSEWHERE,
+        "changes": ELSEWHERE,
+        "trusts_stated": ANYTHING,
+    },
+    KeyframeSelectorState: {
+        "frames": _count("kept"),
+        "orders": _count("kept"),
+        "uses": _count("kept"),
+        "log_exposure": Numbers(-_LOG, _LOG, ("kept",)),
+        "added": COUNT,
+        "selections": COUNT,
+        "overlap": _share(AGES),
+        "motion": Numbers(0, 2, (AGES,)),
+        "trials": Numbers(0, _LARGEST, (AGES,)),
+    },
+    Reservoir: {"capacity": ELSEWHERE, "_parts": ELSEWHERE, "_halvings": Numbers(0, 64), "points": ELSEWHERE},
+    StaticSeries: {
+        "pixels": ELSEWHERE,
+        "points": ELSEWHERE,
+        "frames": ELSEWHERE,
+        "_places": ELSEWHERE,
+        "_size": ELSEWHERE,
+        "_grey": ELSEWHERE,
+        "_index": ELSEWHERE,
+        "_stride": Numbers(1, _MOST),
+        "_seen": COUNT,
+        "_max_grey": ELSEWHERE,
+    },
+    NoiseEstimator: {"max_grey": ELSEWHERE, "_found": ELSEWHERE},
+    Fit: {
+        "response_basis": ELSEWHERE,
+        "vignette_basis": ELSEWHERE,
+        "parameters": ELSEWHERE,
+        "covariance": ELSEWHERE,
+        "chance": ELSEWHERE,
+        "errors": ELSEWHERE,
+        "hyperparameters": ELSEWHERE,
+        "misfit": Numbers(),
+        "points": COUNT,
+        "groups": COUNT,
+    },
+    ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS), "functions": ELSEWHERE},
+    VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "free_centre": ANYTHING, "non_radial": ANYTHING},
+    ErrorModel: {
+        "constant": Numbers(0, 1),
+        "shot": Numbers(0, 1),
+        "read": Numbers(0, 1),
+        "registration_sigma_px": Numbers(0, 100),
+        "radiance_sigma": Numbers(0, 100),
+        "factors": ELSEWHERE,
+    },
+    PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift": Numbers(0, 1e6)},
+    ImageCircle: {"brightest": ELSEWHERE, "looks": COUNT, "allowed": ELSEWHERE},
+    ChangeDetector: {
+        "reference": ELSEWHERE,
+        "usual_errors": Numbers(0, _LARGEST, ("errors",), most=MOST_USUAL),
+        "usual_effects": Numbers(0, _LARGEST, ("effects",), most=MOST_USUAL),
+        "surprises": Numbers(0, _MOST, ("surprises", 2), most=MOST_USUAL),
+        "pairs": ELSEWHERE,
+        "since": ELSEWHERE,
+        "calm_until": COUNT,
+        "lag_frames": Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES),
+    },
+    PairErrors: {
+        "frame0": COUNT,
+        "frame1": COUNT,
+        "points": COUNT,
+        "matrix": Numbers(shape=(_CHANGES, _CHANGES)),
+        "vector": Numbers(shape=(_CHANGES,)),
+        "carried": Numbers(shape=(_CHANGES, "parameters")),
+        "error": Numbers(-_LOG, _LOG),
+        "reach": Numbers(0, 2),
+        "greys": _share(2),
+    },
+}
+"""What each value of the dataclasses in a state can be; a field without a rule fails the tests."""
+
+
+def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings: DefaultSettings) -> None:
+    """Check that a run and its method can go on together under these settings.
+
+    Raises
+    ------
+    FormatError
+        If any value is out of range, or values do not fit each other.
+    """
+    _check_fields(run)
+    _check_fields(run.pixels, "pixels")
+    _check_sampler(run, settings)
+    _check_epochs(run)
+    _require((run.evidence is None) == (method is None), "a run has both exposures and a method, or neither")
+    if run.evidence is None or method is None:
+        return
+    width, height = run.size
+    _require(min(run.size) >= 2 and width * height <= MOST_PIXELS, "it is of frames of an impossible size")
+    _require(run.max_grey > 0, "white is 0")
+    _check_pixels(run)
+    _check_evidence(run.evidence, len(run.log_exposure))
+    _check_method(method, run, settings)
+
+
+def _check_fields(value: Any, name: str = "", **lengths: int) -> dict[str, int]:
+    """Check a dataclass by its rules, and return the lengths that have names."""
+    for entry in fields(value):
+        rule = RULES[type(value)][entry.name]
+        if isinstance(rule, Numbers):
+            rule.check(f"{name}.{entry.name}" if name else entry.name, getattr(value, entry.name), lengths)
+    return lengths
+
+
+def _require(holds: Any, otherwise: str) -> None:
+    if not holds:
+        raise FormatError(otherwise)
+
+
+def _check_sampler(run: EngineState, settings: DefaultSettings) -> None:
+    _check_fields(run.sampler, "sampler")
+    new, found = settings.sampler(), run.sampler
+    for name in (name for name, rule in RULES[FrameSampler].items() if rule is ELSEWHERE):
+        _require(getattr(found, name) == getattr(new, name), f"sampler.{name} is not that of its settings")
+    _require(found.number == len(run.log_exposure), "the frames counted are not those with exposures")
+    _require(found.processed <= found.number, "more frames were processed than there were")
+    _require(found._restarted_after <= found.processed, "the sampler restarted in the future")
+
+
+def _check_epochs(run: EngineState) -> None:
+    begin = 0
+    for epoch in map(epoch_of, run.epochs):
+        _require(epoch.first_frame == begin <= epoch.last_frame < len(run.log_exposure), "epochs are out of order")
+        _require(epoch.change is not None and epoch.calibration is not None, "an epoch ended without a change")
+        begin = epoch.last_frame + 1
+
+
+def _check_pixels(run: EngineState) -> None:
+    found, levels = run.pixels, level_count(run.max_grey)
+    width, height = thumbnail_size(run.size)
+    if found._histogram is not None and found._brightest is not None:
+        _count(levels).check("pixels.histogram", found._histogram, {})
+        _require(found._histogram.any(), "the histogram is empty")
+        _share(height, width).check("pixels.brightest", found._brightest, {})
+    _require(
+        (found._histogram is None) == (found._brightest is None) == (not found._grey_share), "pixels are missing"
+    )
+    _require(found._max_grey in (run.max_grey, PixelStatistics()._max_grey), "pixels have another white")
+
+
+def _check_evidence(found: EvidenceState, frames: int) -> None:
+    bins = len(GREY_BINS) - 1 if len(found.frame0) else 0
+    _check_fields(found, "evidence", bins=bins)
+    _require(np.all(np.diff(found.frame0) > 0), "changes of brightness are out of order")
+    _require(np.all(found.frame0 < frames - 1), "changes of brightness are of frames that were not there")
+    _require(found.previous < frames and found.compared <= frames, "frames were compared that were not there")
+    _require(found.samples.sum() == len(found.place_log_ratio), "places of changes of brightness are missing")
+
+
+def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: DefaultSettings) -> None:
+    frames = len(run.log_exposure)
+    _check_fields(method)
+    _check_fields(method.keyframes, "keyframes")
+    kept = method.keyframes
+    _require(len(kept.frames) <= settings.keyframes, "there are more keyframes than its settings allow")
+    _require(np.all(kept.frames < frames), "keyframes are of frames that were not there")
+    _require(np.all(kept.orders < kept.added), "keyframes were added in the future")
+    _check_reservoir(method.reservoir, frames, settings)
+    if method.series is not None:
+        _check_series(method.series, run, settings)
+    _check_fields(method.noise, "noise")
+    _require(method.noise.max_grey == run.max_grey, "its noise is of another white")
+    _require(len(method.noise._found) == NOISE_BINS, "its noise has another number of grey levels")
+    for variances in method.noise._found:
+        Numbers(0, 1, ("measured",), most=REMEMBERED_NOISE).check("noise", variances, {})
+    width, height = settings.preprocessor().small_size(run.size)
+    _check_fields(method.circle, "circle")
+    for image in (method.circle.brightest, method.circle.allowed):
+        _require(image is None or image.shape == (height, width), "its image circle is of another size")
+    _check_fields(method.changes, "changes")
+    parameters = 0
+    for fit in filter(None, (method.fit, method.changes.reference)):
+        parameters = _check_fit(fit)
+    _require(method.changes.reference or not method.changes.pairs, "changes are judged by nothing")
+    for pair in method.changes.pairs:
+        _check_fields(pair, "changes.pairs", parameters=parameters)
+        _require(pair.frame0 < pair.frame1 < frames, "changes are of frames that were not there")
+    since = method.changes.since
+    _require(since is None or 0 <= since < frames, "a suspicion begins in the future")
+
+
+def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -> None:
+    _check_fields(found, "reservoir")
+    _require(found.capacity == settings.max_points, "its capacity is not that of its settings")
+    for part in found._parts:
+        _require(len(part) and np.all(part.group == part.group[0]) and part.group[0] >= 0, "groups are mixed")
+        _require(part.frame.max() < frames, "observations are of frames that were not there")
+        Numbers(0, 10, ("n",)).check("reservoir.gradient", part.gradient, {})
+        Numbers(0, MOST_PIXELS, ("n",)).check("reservoir.pixels_averaged", part.pixels_averaged, {})
+    _require(found.points == sum(len(part.starts) for part in found._parts), "observations are missing")
+
+
+def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettings) -> None:
+    _check_fields(found, "series")
+    new = StaticSeries(points=settings.series_points)
+    for name in ("pixels", "points", "frames"):
+        _require(getattr(found, name) == getattr(new, name), f"series.{name} is not that of its settings")
+    if found._places is None:
+        _require(not found._grey and not found._index, "the series has no places")
+        return
+    width, height = run.size
+    _require(found._size == run.size and found._max_grey == run.max_grey, "the series is of other frames")
+    Numbers(0, width * height - 1, ("places",), most=new.pixels).check("series.places", found._places, {})
+    _require(found._grey and len({grey.dtype for grey in found._grey}) == 1, "the series has no images of one kind")
+    _require(all(grey.dtype in (np.uint8, np.uint16) for grey in found._grey), "the series has no images of one kind")
+    lengths = {"places": len(found._places)}
+    Numbers(0, run.max_grey, ("frames", "places"), most=new.frames).check("series.grey", found._grey, lengths)
+    Numbers(0, len(run.log_exposure) - 1, ("frames",)).check("series.index", found._index, lengths)
+    _require(np.all(np.diff(found._index) > 0), "the frames of the series are out of order")
+
+
+def _check_fit(fit: Fit) -> int:
+    """Check a fit, and return how many parameters it has."""
+    for name in ("response_basis", "vignette_basis", "errors", "hyperparameters"):
+        _check_fields(getattr(fit, name), f"fit.{name}")
+    _check_fields(fit, "fit")
+    parameters = len(fit.response_basis) + len(fit.vignette_basis)
+    Numbers(-1e6, 1e6, (parameters,)).check("fit.parameters", fit.parameters, {})
+    _require(np.all(fit.response_parameters > 0), "the response of the fit does not increase")
+    for name, covariance in (("fit.covariance", fit.covariance), ("fit.chance", fit.chance)):
+        Numbers(shape=(parameters, parameters)).check(name, covariance, {})
+        _require(np.all(np.diag(covariance) >= 0), "the fit has negative variances")
+    factors = fit.errors.factors
+    _require(len(factors) in (0, len(FACTOR_GREYS)), "the error model has another number of factors")
+    Numbers(1e-6, 1e6, ("factors",)).check("fit.errors.factors", factors, {})
+    return parameters

@@ -1,0 +1,123 @@
+"""Nothing that comes from outside reaches a terminal, a spreadsheet or a page as anything but text."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import shutil
+from pathlib import Path
+
+import click
+import pytest
+
+import ospc.cli
+from command_line import ospc as run
+from ospc.cli.calibration_report import print_json
+from ospc.cli.terminal import console, say, styled
+from ospc.formats.files import csv_text
+from ospc.research.tables import Table
+from ospc.simulation import SimulationSettings, simulate
+
+
+@pytest.fixture(scope="module")
+def short_recording(tmp_path_factory):
+    place = tmp_path_factory.mktemp("short") / "recording"
+    simulate(place, SimulationSettings(size=(96, 72), frames=12, exposure="sweep"))
+    return place
+
+
+HOSTILE = "\x1b[31m\x9b2J\x07\u202e\x7f\nfaked: line"
+NOT_UTF8 = os.fsdecode(b"walk\xff")
+SPEAKING = {"print", "click.echo", "click.secho", "click.style", "Console"}
+
+
+def is_harmless(text):
+    return all(line.isprintable() for line in text.split("\n"))
+
+
+def test_what_a_terminal_would_obey_is_escaped(capsys):
+    say(f"{HOSTILE}: 5 frames")
+    say("error: ", HOSTILE, err=True)
+    out, err = capsys.readouterr()
+    assert out.count("\n") == err.count("\n") == 1
+    assert is_harmless(out)
+    assert is_harmless(err)
+    assert "\\x1b[31m" in out
+
+
+def test_styles_of_ours_stay(monkeypatch):
+    shown = []
+    monkeypatch.setattr(click, "echo", lambda text, **_: shown.append(text))
+    say(styled("bad\x1b[0m", fg="red"), ": \x1b[32m")
+    assert shown == [click.style(r"bad\x1b[0m", fg="red") + r": \x1b[32m"]
+
+
+def test_json_is_escaped_and_still_the_same(capsys):
+    print_json({"name": HOSTILE, "not UTF-8": NOT_UTF8})
+    out = capsys.readouterr().out
+    assert is_harmless(out)
+    out.encode("ascii")
+    assert json.loads(out) == {"name": HOSTILE, "not UTF-8": NOT_UTF8}
+
+
+def test_tables_and_bars_are_escaped(capsys):
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    table = RichTable()
+    table.add_column(HOSTILE)
+    table.add_row(Text(HOSTILE))
+    console(width=80).print(table)
+    assert is_harmless(capsys.readouterr().out)
+
+
+def test_only_one_module_speaks_to_the_terminal():
+    for path in Path(ospc.cli.__file__).parent.glob("*.py"):
+        if path.name != "terminal.py":
+            called = {
+                ast.unparse(node.func) for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)
+            }
+            assert not called & SPEAKING, path.name
+
+
+def test_arguments_quoted_in_errors_are_escaped():
+    result = run("check", "a", "b\x1b[31m")
+    assert result.exit_code == 2
+    assert is_harmless(result.output)
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@a", "\t=1", "\r=1"])
+def test_no_cell_of_any_table_is_a_formula(text):
+    assert csv_text([["name"], [text, -1.5, None]]) == f'"name"\n"\'{text}",-1.5,""\n'
+
+
+def test_markdown_tables_keep_their_shape():
+    text = Table("t", ("a|b", "c"), (("x|y\n| z", "<img>"),)).as_markdown()
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert [row.replace("\\|", "").count("|") for row in rows] == [3, 3, 3]
+    assert "<" not in text
+
+
+@pytest.mark.parametrize("name", [b"walk\xff", b"\x1b[31m=1+1", b"$\\bad$ <b>"])
+def test_a_recording_of_any_name_goes_through_every_command(name, short_recording, tmp_path):
+    recording, out = tmp_path / os.fsdecode(name), tmp_path / os.fsdecode(b"out " + name)
+    shutil.copytree(short_recording, recording)
+    results = [
+        run("check", recording),
+        run("calibrate", recording, "-o", out, "--preset", "fast"),
+        run("calibrate", recording, "-o", out, "--preset", "fast", "--resume", "--json"),
+        run("merge", out, "-o", tmp_path / "merged", "--json"),
+        run("report", out, "--recording", recording, "--truth", recording),
+        run("compare", out, recording, "--plot", out.with_suffix(".png")),
+        run("batch", tmp_path / "*", "-o", tmp_path / "batch", "-j", "1"),
+    ]
+    for result in results:
+        assert result.exit_code in (0, 3, 4), result.exception or result.output
+        assert is_harmless(result.output)
+    found = json.loads((out / "calibration.json").read_text("utf-8"))
+    assert found["source"]["name"].isprintable()
+    assert (out / "state.ospc").exists()
+    assert "\x1b" not in (out / "report.html").read_text("utf-8")
+    assert "<b>" not in (out / "report.html").read_text("utf-8")
+    (tmp_path / "batch" / "batch.csv").read_text("utf-8")

@@ -1,0 +1,91 @@
+"""No module begins to read files without its parser being tried with damaged input."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import test_damaged_input
+
+import ospc
+
+READING = {
+    *("read_bytes", "read_text", "loads", "frombuffer", "imdecode", "imread", "loadmat", "json_object", "read_xml"),
+    *("ZipFile", "VideoCapture", "DictReader", "reader", "read_table", "process_file", "FileStorage", "ParserCreate"),
+    *("open", "fromfile", "genfromtxt", "loadtxt"),
+}
+"""Names of functions by which the content of a file is read or taken apart."""
+
+OURS = "only what this program wrote, or what is part of it"
+SAFE = "only passes bytes on, or refuses what others could not take"
+
+PARSERS = {
+    "batch/manifest.py": ["table of a batch"],
+    "batch/run.py": "one word of its own batch.json, by json_object",
+    "correction/folder.py": "one word of its own correction.json, by json_object",
+    "evaluation/trajectory.py": ["trajectory"],
+    "formats/adobe.py": ["Adobe .lcp"],
+    "formats/files.py": SAFE,
+    "formats/hugin.py": ["hugin .pto", "emor.txt"],
+    "formats/lensfun.py": ["lensfun .xml"],
+    "formats/opencv.py": ["OpenCV .yml"],
+    "formats/png.py": ["vignette.png"],
+    "formats/rules_pcalib.py": ["pcalib.txt", "validate pcalib.txt"],
+    "formats/rules_times.py": ["validate times.txt"],
+    "formats/safe_xml.py": ["Adobe .lcp", "lensfun .xml"],
+    "formats/validation.py": ["validate times.txt", "validate vignette.png", "validate camera.txt"],
+    "output.py": "one word of its own calibration.json, by json_object",
+    "photometry/calibration.py": ["calibration.json", "calibration.json to start from"],
+    "photometry/vignette.py": ["vignette map"],
+    "recording/bags/bag.py": ["ROS 1 bag", "ROS 2 bag, sqlite3"],
+    "recording/bags/carriers.py": ["exposure message"],
+    "recording/bags/mcap_file.py": ["ROS 2 bag, mcap", "recording in mcap"],
+    "recording/bags/rosbags_files.py": ["ROS 1 bag", "ROS 2 bag, sqlite3"],
+    "recording/decoding.py": ["image file"],
+    "recording/exif_photos.py": ["EXIF"],
+    "recording/exposure_lists.py": ["times.txt", "exposures.csv", "image_list.txt"],
+    "recording/image_source.py": ["images.zip"],
+    "recording/live/opencv_capture.py": "a camera, no file",
+    "recording/masking.py": ["mask", "region"],
+    "recording/text_file.py": ["times.txt"],
+    "recording/video.py": ["video"],
+    "recording/video_stream.py": ["video"],
+    "recording/writing/camera.py": ["camera.txt", "sensor.yaml"],
+    "recording/writing/images.py": OURS,
+    "research/accuracy/chart_photographs.py": "a data set that its user names as the truth",
+    "research/accuracy/measured_responses.py": "a data set that its user names as the truth",
+    "research/experiments/sources.py": ["exposures of a program"],
+    "research/odometry/depth.py": "the truth of a simulation",
+    "research/odometry/inputs.py": SAFE,
+    "research/odometry/program.py": "what a program said that its user runs",
+    "research/speed/measuring.py": OURS,
+    "research/store.py": OURS,
+    "simulation/files.py": OURS,
+    "simulation/texture.py": OURS,
+    "state/container.py": ["state.ospc", "values of a state", "arrays of a state", "result of a batch"],
+    **dict.fromkeys(("atomic.py", "folders.py", "report/page.py", "cli/live_rerun.py"), OURS),
+}
+"""Of every module that reads: the parsers of it that are tried, or why none has to be."""
+
+
+def test_every_module_that_reads_files_has_a_parser_that_is_tried():
+    sources = Path(ospc.__file__).parent
+    found = set()
+    for path in sources.rglob("*.py"):
+        calls = (node.func for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.Call))
+        if READING & {call.attr if isinstance(call, ast.Attribute) else getattr(call, "id", "") for call in calls}:
+            found.add(path.relative_to(sources).as_posix())
+    assert found - PASSING_ON == set(PARSERS)
+
+
+PASSING_ON = {
+    *(f"cli/{name}.py" for name in ("calibrate", "check", "convert", "report", "simulate")),
+    *("pooling/prior_calibration.py", "recording/kinds.py", "recording/live/cameras.py"),
+}
+"""Modules that only call the readers of others."""
+
+
+def test_the_parsers_named_are_those_that_are_tried():
+    named = {name for names in PARSERS.values() if isinstance(names, list) for name in names}
+    messages = {"image message", "image message of ROS 1", "description of messages"}
+    assert named | messages == set(test_damaged_input.NAMES)

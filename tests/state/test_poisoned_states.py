@@ -1,0 +1,199 @@
+"""A state with a valid checksum and impossible content: it is refused when loaded, or everything works with it."""
+
+from __future__ import annotations
+
+import copy
+import typing
+from contextlib import suppress
+from dataclasses import is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from ospc.calibrator import OnlineCalibrator, remaining
+from ospc.engine_state import EngineState
+from ospc.errors import FormatError, OspcError
+from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
+from ospc.observations import Observations
+from ospc.pooling.pool import Pool
+from ospc.pooling.pooled_calibration import merge
+from ospc.settings import DefaultSettings
+from ospc.simulation import SimulationSettings, frames
+from ospc.state import container
+from ospc.state.run import KIND, VERSION
+from ospc.state_rules import RULES
+
+QUICK = replace(DefaultSettings(), points_per_pair=80, max_points=1500, rounds=4, keyframes=6)
+NUMBERS = [-1, 0, 2**62, 10**400, 1e300, -1e300, "nan", "inf", "1e999", None, True, [], {}, "x"]
+
+
+@pytest.fixture(scope="module", params=["handheld", "static"])
+def recording(request):
+    return list(frames(SimulationSettings(size=(96, 72), frames=30, motion=request.param, exposure="sweep")))
+
+
+@pytest.fixture(scope="module")
+def saved(recording, tmp_path_factory):
+    calibrator = OnlineCalibrator(QUICK)
+    for frame in recording[:26]:
+        calibrator.push(frame)
+    place = calibrator.save_state(tmp_path_factory.mktemp("saved") / "state.ospc", complete=True)
+    return container.load(place, KIND, VERSION)
+
+
+def leaves(content, path=()):
+    """Give the places of all values that hold no others."""
+    if isinstance(content, dict | list) and content:
+        items = content.items() if isinstance(content, dict) else list(enumerate(content))[:2]
+        for key, value in items:
+            yield from leaves(value, (*path, key))
+    else:
+        yield path
+
+
+def changed(content, path, value):
+    content = copy.deepcopy(content)
+    inside = content
+    for key in path[:-1]:
+        inside = inside[key]
+        if inside is None:
+            pytest.skip("this run has no such value")
+    inside[path[-1]] = value
+    return content
+
+
+def arrays_instead_of(array):
+    yield array[:0]
+    yield array[:-1]
+    yield np.concatenate([array, array])
+    yield array[..., None]
+    if array.dtype.kind == "f":
+        for value in (np.nan, np.inf, np.finfo(array.dtype).max, np.finfo(array.dtype).min, -1.0, 1e9):
+            poisoned = array.copy()
+            poisoned.flat[-1:] = value
+            yield poisoned
+        yield np.full_like(array, -1e3)
+    elif array.dtype.kind != "b":
+        limits = np.iinfo(array.dtype)
+        for value in (limits.min, limits.max, 0):
+            yield np.full_like(array, value)
+            poisoned = array.copy()
+            poisoned.flat[-1:] = value
+            yield poisoned
+
+
+def use(place, recording):
+    """Do with a state whatever can be done with states, and tell whether it was accepted."""
+    with suppress(OspcError):
+        merge(Pool.load(place)).calibration.as_dict()
+    try:
+        calibrator = OnlineCalibrator.load_state(place)
+    except OspcError:
+        return False
+    with suppress(OspcError):
+        for frame in remaining(calibrator, recording):
+            calibrator.push(frame)
+        calibrator.calibration().as_dict()
+        calibrator.save_state(place, complete=True)
+        merge(Pool.load(place)).calibration.as_dict()
+    return True
+
+
+def poisoned(state):
+    """Give a state with each of its arrays and values changed in turn."""
+    for name, array in state.arrays.items():
+        for other in arrays_instead_of(array):
+            yield replace(state, arrays={**state.arrays, name: other})
+    for path in leaves(state.content):
+        for value in NUMBERS:
+            yield replace(state, content=changed(state.content, path, value))
+
+
+def test_a_poisoned_state_is_refused_or_everything_works_with_it(saved, recording, tmp_path):
+    """One in so many of all changes, so that it takes seconds; all of them take minutes."""
+    for state in list(poisoned(saved))[::47]:
+        use(container.save(state, tmp_path / "state.ospc"), recording)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("run.max_grey", -5),
+        ("run.size", [200_000, 200_000]),
+        ("run.size.0", 10**400),
+        ("run.sampler.number", 2**62),
+        ("run.sampler.comparison_period_frames", 0),
+        ("run.next_assessment", -1),
+        ("run.evidence", None),
+        ("run.pixels._max_grey", 10),
+        ("method", None),
+        ("method.fit.misfit", "nan"),
+        ("method.fit.errors.constant", 10**400),
+        ("method.fit.vignette_basis.radial", 5000),
+        ("method.reservoir.capacity", 2**40),
+        ("method.reservoir.points", 3),
+        ("method.motions", ["inf"]),
+    ],
+)
+def test_values_out_of_range_are_refused(saved, tmp_path, path, value):
+    keys = [int(key) if key.isdigit() else key for key in path.split(".")]
+    place = container.save(replace(saved, content=changed(saved.content, keys, value)), tmp_path / "state.ospc")
+    with pytest.raises(FormatError, match="not readable as a state"):
+        OnlineCalibrator.load_state(place)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("run.log_exposure", 1e300),
+        ("method.fit.covariance", np.nan),
+        ("method.fit.parameters", -1.0),
+        ("method.keyframes.frames", 10**6),
+        ("method.reservoir._parts.gradient", 1e300),
+        ("method.reservoir._parts.grey", 2.0),
+        ("run.evidence.samples", 10**6),
+    ],
+)
+def test_arrays_out_of_range_are_refused(saved, tmp_path, name, value):
+    if name not in saved.arrays:
+        pytest.skip("this run has no such array")
+    array = saved.arrays[name].copy()
+    array.flat[0] = value
+    for wrong in (array, saved.arrays[name][:-1], np.concatenate([array] * 2)):
+        place = container.save(replace(saved, arrays={**saved.arrays, name: wrong}), tmp_path / "state.ospc")
+        with pytest.raises(FormatError, match="not readable as a state"):
+            OnlineCalibrator.load_state(place)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e300, -1e300])
+@pytest.mark.parametrize("name", ["estimate", "triangle", "vector"])
+def test_summaries_out_of_range_are_refused(saved, tmp_path, name, value):
+    if f"summary.{name}" not in saved.arrays:
+        pytest.skip("this run has no summary")
+    array = saved.arrays[f"summary.{name}"].copy()
+    array[0] = value
+    place = container.save(replace(saved, arrays={**saved.arrays, f"summary.{name}": array}), tmp_path / "s.ospc")
+    with pytest.raises(FormatError, match="not readable as a state"):
+        Pool.load(place)
+
+
+def dataclasses_in(kind):
+    yield kind
+    for hint in typing.get_type_hints(kind).values():
+        parts = [hint, *typing.get_args(hint), *(p for part in typing.get_args(hint) for p in typing.get_args(part))]
+        for part in filter(is_dataclass, parts):
+            yield from dataclasses_in(part)
+
+
+def test_every_value_of_a_state_has_a_rule():
+    kinds = {*dataclasses_in(EngineState), *dataclasses_in(MaximumLikelihoodState)} - {Observations}
+    assert {kind: set(rules) for kind, rules in RULES.items()} == {
+        kind: set(kind.__dataclass_fields__) for kind in kinds
+    }
+
+
+def test_rules_hold_for_every_moment_of_a_run(recording, tmp_path):
+    calibrator = OnlineCalibrator(QUICK)
+    for frame in recording:
+        calibrator.push(frame)
+        OnlineCalibrator.load_state(calibrator.save_state(tmp_path / "state.ospc"))

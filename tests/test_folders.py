@@ -1,0 +1,114 @@
+"""Output folders are found useless before the work, and written to by one process at a time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from command_line import ospc
+from ospc.errors import SettingError
+from ospc.folders import reserved
+from ospc.output import OWN_NAMES, OutputFolder
+
+HOLDER = """
+import sys
+from ospc.folders import reserved
+with reserved(sys.argv[1]):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def another_process_in():
+    """Give a function that lets another process reserve a folder until the test ends, and returns that process."""
+    holders = []
+
+    def hold(folder):
+        command = [sys.executable, "-c", HOLDER, str(folder)]
+        holders.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
+        assert holders[-1].stdout.readline() == "held\n"
+        return holders[-1]
+
+    yield hold
+    for holder in holders:
+        holder.communicate()
+
+
+def test_a_second_process_is_refused_with_one_sentence_until_the_first_ends(tmp_path, another_process_in):
+    out = tmp_path / "out"
+    holder = another_process_in(out)
+    with pytest.raises(SettingError, match="another process is writing into it; wait"), reserved(out):
+        pass
+    other_way = tmp_path / "link"
+    other_way.symlink_to(out)
+    with pytest.raises(SettingError, match="another process"), reserved(other_way):
+        pass
+    holder.kill()
+    holder.wait()
+    with reserved(out):
+        pass
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["calibrate", "nothing", "-o"],
+        ["merge", "nothing", "-o"],
+        ["batch", "nothing", "-o"],
+        ["convert", "nothing", "-o"],
+        ["correct", "nothing", "nothing", "-o"],
+        ["demo", "-o"],
+        ["simulate"],
+        ["record", "opencv:9", "-o"],
+        ["bench", "accuracy", "-o"],
+        ["experiments", "static", "-o"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_every_command_that_writes_a_folder_reserves_it(words, tmp_path, another_process_in):
+    another_process_in(tmp_path / "out")
+    result = ospc(*words, tmp_path / "out")
+    assert result.exit_code == 1
+    assert "another process is writing into it" in str(result.exception)
+    dangling = tmp_path / "dangling"
+    dangling.symlink_to(tmp_path / "nowhere")
+    result = ospc(*words, dangling)
+    assert "is a link to nothing" in str(result.exception)
+
+
+def test_a_folder_made_for_nothing_is_removed_and_any_other_stays(tmp_path):
+    with pytest.raises(ZeroDivisionError), reserved(tmp_path / "a" / "b"):
+        _ = 1 / 0
+    assert not (tmp_path / "a").exists()
+    (tmp_path / "empty").mkdir()
+    with reserved(tmp_path / "empty"), reserved(tmp_path / "used") as used:
+        (used / "result").touch()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["empty", "used"]
+
+
+def test_a_lock_leaves_no_file(tmp_path):
+    with reserved(tmp_path / "out") as out:
+        assert list(out.iterdir()) == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_what_cannot_be_written_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(SettingError, match="not writable"), reserved(tmp_path / "out"):
+        pass
+
+
+def test_links_to_nothing_and_folders_in_the_place_of_files_are_found_before_the_work(tmp_path):
+    dangling = tmp_path / "dangling"
+    dangling.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(SettingError, match="is a link to nothing"):
+        OutputFolder.at(dangling)
+    (tmp_path / "out" / OWN_NAMES[0]).mkdir(parents=True)
+    with pytest.raises(SettingError, match="is a folder, but a file is to be written there"):
+        OutputFolder.at(tmp_path / "out", force=True)
+    result = ospc("compare", tmp_path, tmp_path, "--plot", tmp_path / "none" / "a.png")
+    assert "name a file in a folder that exists" in str(result.exception)
