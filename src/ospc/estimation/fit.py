@@ -152,9 +152,17 @@ class Fit:
     @property
     def vignette_sigma_at_corner(self) -> float:
         """Standard deviation of V at the corner."""
+        return self._vignette_at_corner * float(self.log_vignette_sigma(np.array([1.0]))[0])
+
+    @property
+    def chance_vignette_sigma_at_corner(self) -> float:
+        """The random part of :attr:`vignette_sigma_at_corner`."""
+        return self._vignette_at_corner * float(self.chance_log_vignette_sigma(np.array([1.0]))[0])
+
+    @property
+    def _vignette_at_corner(self) -> float:
         corner = np.array([[1.0, 1.0]]) / np.sqrt(2)
-        value = np.exp(self.vignette_basis.log_value(self.vignette_parameters, corner))[0]
-        return float(value * self.log_vignette_sigma(np.array([1.0]))[0])
+        return float(np.exp(self.vignette_basis.log_value(self.vignette_parameters, corner))[0])
 
 
 def measured_greys(observations: Observations) -> tuple[float, float]:

@@ -49,7 +49,7 @@ _REFINEMENT_ROUNDS = 3
 """Rounds of a quick fit that starts from the one before."""
 
 _RELIABLE_SIGMA = 0.05
-"""Standard deviation of ln V at the corner, by chance, up to which frames are registered without the vignette."""
+"""Standard deviation of the vignette at the corner, by chance, up to which frames are registered without it."""
 
 _MOVING_PAIRS, _MOVING_FACTOR = 8, 4.0
 """Pairs, and times the displacement of a still camera, after which a camera counts as moving for good."""
@@ -278,7 +278,7 @@ class MaximumLikelihoodMethod:
         self._fit = fit
         sigma = fit.response(self._max_grey).inverse_sigma
         self._response_sigma = None if sigma is None else float(sigma.max())
-        reliable = float(fit.chance_log_vignette_sigma(np.array([1.0]))[0]) < _RELIABLE_SIGMA
+        reliable = fit.chance_vignette_sigma_at_corner < _RELIABLE_SIGMA
         vignette = fit.vignette(self._size)
         self._normalize = ExposureNormalizer(
             fit.response(255), vignette if reliable else None, trusts_stated=self._trusts_stated
