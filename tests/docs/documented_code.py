@@ -30,7 +30,8 @@ class Block:
     text
         Its content.
     exit_codes
-        What its last command may end with; stated by a comment ``% exit 3`` or ``% exit 0 or 3`` before the block.
+        What its last command may end with; 0 or 3, or what a comment such as ``% exit 3`` before the
+        block states.
     not_run
         Why it cannot be run by a test; stated by ``% not run: …``, empty where it can.
     """
@@ -39,7 +40,7 @@ class Block:
     line: int
     language: str
     text: str
-    exit_codes: tuple[int, ...] = (0,)
+    exit_codes: tuple[int, ...] = (0, 3)
     not_run: str = ""
 
     @property
@@ -86,7 +87,7 @@ def blocks(page: Path) -> list[Block]:
                     first,
                     fence["language"],
                     "\n".join(inner) + "\n",
-                    tuple(map(int, notes.get("exit", "0").split(" or "))),
+                    tuple(map(int, notes.get("exit", "0 or 3").split(" or "))),
                     notes.get("not run", ""),
                 )
             )

@@ -76,7 +76,7 @@ def _run(block: Block, names: dict[str, object]) -> None:
     commands = [] if block.page == README else block.commands
     for number, words in enumerate(commands):
         arguments, output = (words[:-2], words[-1]) if ">" in words else (words, "")
-        printed = run_command(arguments, block.exit_codes if number == len(commands) - 1 else (0,))
+        printed = run_command(arguments, block.exit_codes if number == len(commands) - 1 else (0, 3))
         if output:
             Path(output).write_text(printed, encoding="utf-8")
 

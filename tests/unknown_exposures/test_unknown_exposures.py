@@ -119,7 +119,7 @@ def test_the_command_asks_for_it_explicitly_and_labels_every_output(folder: Path
     assert isinstance(refused.exception, RecordingError)
     assert "has no exposures" in str(refused.exception)
     result = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out), "--unknown-exposures"])
-    assert result.exit_code == 0, (result.output, result.exception)
+    assert result.exit_code == 3, (result.output, result.exception)
     assert "up to one exponent" in " ".join(result.stdout.split())
     assert "up to one exponent" in result.stderr
     assert json.loads((out / "calibration.json").read_text())["exponent_sigma"] == EXPONENT_SIGMA
