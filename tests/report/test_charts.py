@@ -53,8 +53,8 @@ def test_the_error_panel_contains_the_error_and_two_sigma():
     low, high = axes.get_ylim()
     assert low < error.min()
     assert high > max(error.max(), 2 * known.response.inverse_sigma.max())
-    assert axes.get_ylabel() == "error of shape of g"
-    assert panels(draw_response, known)[1].get_ylabel() == "±σ of shape of g"
+    assert axes.get_ylabel() == "error of g"
+    assert panels(draw_response, known)[1].get_ylabel() == "±σ of g"
 
 
 def test_the_vignette_is_drawn_from_the_centre_to_the_corner():

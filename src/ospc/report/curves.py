@@ -80,7 +80,7 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
         sigma=None if response.inverse_sigma is None else response.inverse_sigma[index],
         reference=None if reference is None else response.matched(reference)[index],
         colour=BLUE,
-        name="shape of g",
+        name="g",
         x_label="grey level M",
         x_limits=(0.0, float(white)),
     )
