@@ -212,9 +212,9 @@ MIN_BLOCKS = 16
 """Fewest such blocks, if there are as many pairs: the standard error of a variance from 16 is already 37 per cent. 32
 has no effect, 8 raises the vignette error by half."""
 
-DISAGREEMENT_SHARE = 0.5
+DISAGREEMENT_SHARE = 0.4
 """Weight of the scatter between halves of the observations beside that between groups of pairs. With it, and the two
-shares below, 73 and 94 per cent of the response's shape were within one and two standard deviations of the truth in
+shares below, 71 and 93 per cent of the response's shape were within one and two standard deviations of the truth in
 63 simulated recordings of 360 and 420 frames; without, 38 and 62 in 44 of them."""
 
 SYSTEMATIC_RESPONSE_SHARE = 0.003
