@@ -82,8 +82,16 @@ def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterable[tuple
         for number, task in enumerate(tasks):
             yield number, task.run(partial(on_share, task))
         return
-    with get_context("spawn").Pool(min(jobs, len(tasks)), _prepare) as pool:
+    pool = get_context("spawn").Pool(min(jobs, len(tasks)), _prepare)
+    try:
         yield from pool.imap_unordered(_run, enumerate(tasks))
+        # Terminated instead, a process that is just about to wait for its next task may miss the signal, and hang.
+        pool.close()
+    except BaseException:
+        pool.terminate()
+        raise
+    finally:
+        pool.join()
 
 
 def _prepare() -> None:
