@@ -147,6 +147,13 @@ def test_a_normalizer_brings_frames_to_one_brightness_whatever_exposures_are_sta
     np.testing.assert_allclose(image0[unclipped], image1[unclipped], atol=4)
 
 
+def test_a_ratio_that_is_unknown_is_measured_though_exposures_are_trusted():
+    frames = [Preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9)]
+    trusting, looking = ExposureNormalizer(RESPONSE, trusts_stated=True), ExposureNormalizer(RESPONSE)
+    for found, expected in zip(trusting(*frames, np.nan), looking(*frames, np.nan), strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
 def test_with_the_vignette_known_the_same_scene_looks_the_same_wherever_it_is():
     frames = (Preprocessor()(seen(np.array(s), 1.0, noise=0)) for s in ((0.0, 0.0), (40.0, 30.0)))
     whole, shifted = ExposureNormalizer(RESPONSE, VIGNETTE)(*frames, 0.0)

@@ -121,7 +121,8 @@ class ExposureNormalizer:
             ln of the exposure of the second over that of the first, NaN where it is unknown.
         """
         log_ratio = stated_log_ratio
-        if not self._trusts_stated and not self._plainly_agrees(frame0, frame1, stated_log_ratio):
+        relied_on = self._trusts_stated or self._plainly_agrees(frame0, frame1, stated_log_ratio)
+        if np.isnan(stated_log_ratio) or not relied_on:
             shown, sure = self.log_ratio(frame0, frame1)
             contradicted = sure and abs(stated_log_ratio - shown) > _LARGEST_DISAGREEMENT
             log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
