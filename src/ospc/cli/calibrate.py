@@ -14,6 +14,8 @@ from ospc.cli.calibration_report import print_json
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.live import Watching
 from ospc.cli.options import (
+    COMPLETE,
+    UNDETERMINED,
     correct_lag_option,
     exit_codes,
     force_option,
@@ -91,10 +93,10 @@ class _Request:
     "calibrate",
     epilog=exit_codes(
         {
-            0: "complete: response and vignette are identifiable, and the exposures agree with the images",
+            COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
             1: "error; what was known by then is written as partial if possible",
-            3: "written, but response, vignette or exposures are marginal or not identifiable, or the camera changed "
-            "during the recording",
+            UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the "
+            "camera changed during the recording",
             INTERRUPTED: "interrupted; the partial result is written",
         }
     ),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ospc.cli.calibration_report import result_as_dict, say_notes, say_result
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.live import COMPARING, Watcher, Watching
+from ospc.cli.options import COMPLETE, UNDETERMINED
 from ospc.cli.progress import progress_line
 from ospc.cli.terminal import say, styled
 from ospc.errors import OspcError, one_line
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from ospc.recording import Frame, Recording
     from ospc.settings import Settings
 
-COMPLETE, FAILED, UNDETERMINED = 0, 1, 3
-"""Exit codes, beside 2 for wrong usage and :data:`~ospc.cli.interruption.INTERRUPTED`."""
+FAILED = 1
+"""Exit code of a run that failed, though what was known by then is written."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,8 @@ import click
 
 from ospc.cli.calibration_report import print_json, say_verdicts
 from ospc.cli.options import (
+    COMPLETE,
+    UNDETERMINED,
     correct_lag_option,
     exit_codes,
     json_option,
@@ -25,8 +27,6 @@ from ospc.cli.terminal import say
 if TYPE_CHECKING:
     from ospc.diagnosis import RecordingReport
     from ospc.exposures.findings import LagChoice
-
-COMPLETE, UNDETERMINED = 0, 3
 
 _LABEL_COLUMNS = 14
 """Width of the names of the figures."""

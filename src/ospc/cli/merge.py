@@ -10,13 +10,21 @@ from typing import TYPE_CHECKING
 import click
 
 from ospc.cli.calibration_report import print_json, result_as_dict, say_notes, say_result
-from ospc.cli.options import PATH, exit_codes, force_option, json_option, out_option, quiet_option, truth_option
+from ospc.cli.options import (
+    COMPLETE,
+    PATH,
+    UNDETERMINED,
+    exit_codes,
+    force_option,
+    json_option,
+    out_option,
+    quiet_option,
+    truth_option,
+)
 from ospc.errors import FormatError
 
 if TYPE_CHECKING:
     from ospc.pooling.summary import Summary
-
-COMPLETE, UNDETERMINED = 0, 3
 
 
 @click.command(

@@ -111,6 +111,10 @@ def out_option(
     return lambda command: option(reserving_out(command) if folder else command)
 
 
+COMPLETE, UNDETERMINED = 0, 3
+"""Exit codes of every command that calibrates: everything is identifiable and nothing warns, or something is not."""
+
+
 def exit_codes(meanings: dict[int, str]) -> str:
     """Return the list of exit codes for the end of a help text; that of errors and wrong usage is added."""
     every = {1: "error", 2: "wrong usage"} | meanings
