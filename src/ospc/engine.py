@@ -442,8 +442,12 @@ class Engine:
             versions=versions(),
             advice=tuple(dict.fromkeys(filter(None, advice))),
             source=known.source | source,
-            notes=found.notes,
-            warnings=(*found.warnings, *(f"{epoch.change.text}" for epoch in self._epochs if epoch.change)),
+            notes=(*found.notes, *known.notes),
+            warnings=(
+                *found.warnings,
+                *known.warnings,
+                *(f"{epoch.change.text}" for epoch in self._epochs if epoch.change),
+            ),
         )
 
 

@@ -16,6 +16,13 @@ from ospc.errors import SettingError
 _REACH_QUANTILE = 0.9
 """Quantile of the points' radial displacement that stands for all of them: a tenth move further."""
 
+MOMENTS = 3
+"""Powers of the grey level whose means are kept: a cubic follows the inverse of any usual response to a few per cent,
+and veiling glare is a few per cent of the mean irradiance."""
+
+_WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
+"""Further dimensions of the fields that have some."""
+
 _ROUNDING = 0.02
 """Share of the half diagonal by which a place may lie beyond the corner: half a pixel and rounding."""
 
@@ -46,6 +53,13 @@ class Observations:
         Magnitude of the grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
     pixels_averaged
         Number of pixels averaged in the grey level, shape (n,).
+    frame_moments
+        Means of M, M² and M³ over the frame, from which its mean irradiance follows, shape (n, 3). Zeros where they
+        are unknown: veiling glare is not noticed then.
+    surround_moments
+        Sums of 1, M, M² and M³ over the surroundings of the place, weighted by a normal distribution whose standard
+        deviation is a tenth of the width; beyond the frame all are zero, shape (n, 4). Zeros where they are unknown:
+        light scattered nearby and local tone mapping are not noticed then.
     frame
         Number of the frame, shape (n,).
     point
@@ -59,6 +73,8 @@ class Observations:
     position: FloatArray
     gradient: FloatArray
     pixels_averaged: FloatArray
+    frame_moments: FloatArray
+    surround_moments: FloatArray
     frame: IntArray
     point: IntArray
     group: IntArray
@@ -76,6 +92,10 @@ class Observations:
         gradient0: npt.ArrayLike = 0.0,
         gradient1: npt.ArrayLike = 0.0,
         pixels_averaged: npt.ArrayLike = 1.0,
+        frame_moments0: npt.ArrayLike = 0.0,
+        frame_moments1: npt.ArrayLike = 0.0,
+        surround_moments0: npt.ArrayLike = 0.0,
+        surround_moments1: npt.ArrayLike = 0.0,
     ) -> Observations:
         """Return the observations of scene points that were each found in two frames.
 
@@ -94,6 +114,12 @@ class Observations:
             It tells how much an error of the registration changes the grey level.
         pixels_averaged
             Number of pixels that each grey level is the mean of, shape (points,) or one number.
+        frame_moments0, frame_moments1
+            Means of M, M² and M³ over all pixels of these frames, shape (points, 3) or (3,). Veiling glare is noticed
+            by them.
+        surround_moments0, surround_moments1
+            Weighted sums of 1, M, M² and M³ over the surroundings of each place, shape (points, 4), as in the
+            attribute.
 
         Raises
         ------
@@ -124,6 +150,8 @@ class Observations:
             position=alternate("position", position0, position1, (n, 2)),
             gradient=alternate("gradient", gradient0, gradient1, (n,)),
             pixels_averaged=alternate("pixels_averaged", pixels_averaged, pixels_averaged, (n,)),
+            frame_moments=alternate("frame_moments", frame_moments0, frame_moments1, (n, MOMENTS)),
+            surround_moments=alternate("surround_moments", surround_moments0, surround_moments1, (n, 1 + MOMENTS)),
             frame=frame,
             point=np.repeat(np.arange(n), 2),
             group=np.repeat(group, 2) if n else group,
@@ -141,7 +169,7 @@ class Observations:
         """
         n = np.size(self.grey)
         for entry in fields(Observations):
-            shape = (n, 2) if entry.name == "position" else (n,)
+            shape = (n, *_WIDTHS.get(entry.name, ()))
             values = np.asarray(getattr(self, entry.name))
             if values.shape != shape:
                 raise SettingError(f"{entry.name} of {n} observations must have shape {shape}, not {values.shape}")
@@ -149,6 +177,9 @@ class Observations:
                 raise SettingError(f"{entry.name} must be finite; leave out points where it is unknown")
         if np.any((self.grey < 0) | (self.grey > 1)):
             raise SettingError("grey levels must lie in [0, 1]; divide grey values by the largest possible one")
+        moments = np.concatenate([self.frame_moments, self.surround_moments], axis=1)
+        if np.any((moments < 0) | (moments > 1)):
+            raise SettingError("means of powers of the grey level must lie in [0, 1]")
         if np.any(np.hypot(*self.position.T) > 1 + _ROUNDING):
             raise SettingError(
                 "a position lies outside the image; positions are relative to its centre, in half diagonals"

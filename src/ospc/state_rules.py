@@ -23,6 +23,7 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.thumbnail import thumbnail_size
 from ospc.engine_state import EngineState, epoch_of
 from ospc.errors import FormatError
+from ospc.estimation.effects import Effects, TypicalLight
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.prior import PriorHyperparameters
@@ -33,6 +34,8 @@ from ospc.exposures.evidence import CAPACITY, MOST_REPEATED, EvidenceState
 from ospc.methods.change_detection import MOST_USUAL, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import GREY_KNOTS, PairErrors
+from ospc.observations import MOMENTS
+from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import FACTOR_GREYS
@@ -214,6 +217,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     Fit: {
         "response_basis": ELSEWHERE,
         "vignette_basis": ELSEWHERE,
+        "effects": ELSEWHERE,
+        "effect_estimates": ELSEWHERE,
         "parameters": ELSEWHERE,
         "covariance": ELSEWHERE,
         "chance": ELSEWHERE,
@@ -224,6 +229,9 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "groups": COUNT,
     },
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS), "functions": ELSEWHERE},
+    Effects: dict.fromkeys(("chosen", "log_typical_exposure", "groups", "typical"), ELSEWHERE),
+    TypicalLight: dict.fromkeys(("frame_moments", "surround_moments", "dark"), ELSEWHERE),
+    EffectEstimate: dict.fromkeys(("name", "value", "sigma", "corrected", "contradicts"), ELSEWHERE),
     VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "free_centre": ANYTHING, "non_radial": ANYTHING},
     ErrorModel: {
         "constant": Numbers(0, 1),
@@ -377,6 +385,8 @@ def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -
         _require(part.frame.max() < frames, "observations are of frames that were not there")
         Numbers(0, 10, ("n",)).check("reservoir.gradient", part.gradient, {})
         Numbers(0, MOST_PIXELS, ("n",)).check("reservoir.pixels_averaged", part.pixels_averaged, {})
+        Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", part.frame_moments, {})
+        Numbers(0, 1, ("n", 1 + MOMENTS)).check("reservoir.surround_moments", part.surround_moments, {})
     _require(found.points == sum(len(part.starts) for part in found._parts), "observations are missing")
 
 
@@ -404,6 +414,7 @@ def _check_fit(fit: Fit) -> int:
     for name in ("response_basis", "vignette_basis", "errors", "hyperparameters"):
         _check_fields(getattr(fit, name), f"fit.{name}")
     _check_fields(fit, "fit")
+    _require(fit.effects == Effects() and not fit.effect_estimates, "a quick fit has no effects")
     parameters = len(fit.response_basis) + len(fit.vignette_basis)
     Numbers(-1e6, 1e6, (parameters,)).check("fit.parameters", fit.parameters, {})
     _require(np.all(fit.response_parameters > 0), "the response of the fit does not increase")

@@ -18,7 +18,7 @@ from ospc.observations import Observations
 
 TINY = np.zeros((1, 1), np.float32)
 NONE = np.empty(0)
-NOTHING = Observations(NONE, np.empty((0, 2)), NONE, NONE, *([np.empty(0, np.int64)] * 3))
+NOTHING = Observations.of_pairs(NONE, NONE, np.empty((0, 2)), np.empty((0, 2)), 0, 1)
 
 
 def frame(number):

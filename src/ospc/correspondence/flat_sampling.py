@@ -171,6 +171,14 @@ def _at(image: Float32Array, places: FloatArray) -> FloatArray:
     return np.asarray(values, dtype=np.float64).reshape(-1)
 
 
+def _surroundings(frame: PreprocessedFrame, places: FloatArray) -> FloatArray:
+    """Return the moments around places in the grey image, shape (n, 4)."""
+    coarse = frame.surround_moments
+    scale = np.array(coarse.shape[1::-1]) / np.array(frame.grey.shape[::-1])
+    there = (places + 0.5) * scale - 0.5
+    return np.stack([_at(np.ascontiguousarray(moment), there) for moment in np.moveaxis(coarse, -1, 0)], axis=1)
+
+
 def _interleaved(ends: list[tuple[PreprocessedFrame, FloatArray, FloatArray]], group: int) -> Observations:
     """Return the two observations of each point one after the other."""
     n = len(ends[0][1])
@@ -183,6 +191,8 @@ def _interleaved(ends: list[tuple[PreprocessedFrame, FloatArray, FloatArray]], g
         position=alternate([position for _, _, position in ends]),
         gradient=alternate([_at(frame.gradient, places) for frame, places, _ in ends]),
         pixels_averaged=alternate([np.full(n, frame.pixels_averaged) for frame, _, _ in ends]),
+        frame_moments=np.tile([frame.moments for frame, _, _ in ends], (n, 1)),
+        surround_moments=alternate([_surroundings(frame, places) for frame, places, _ in ends]),
         frame=np.tile([frame.number for frame, _, _ in ends], n).astype(np.int64),
         point=np.repeat(np.arange(n), 2),
         group=np.full(2 * n, group, np.int64),

@@ -9,13 +9,21 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail, thumbnail_of
+from ospc.observations import MOMENTS
 from ospc.recording.frame import Frame
 
 _SHARES = np.linspace(0.05, 0.95, 19)
 """Shares of the pixels at whose quantiles the brightness of two images is compared; the ends are noise and
 clipping."""
+
+SURROUND_SIGMA = 0.1
+"""Standard deviation of the distance over which light scattered nearby comes, in widths of the image: between that of
+bloom, a few pixels, and veiling glare, the whole image. Local tone mapping reaches about as far."""
+
+SURROUND_WIDTH = 64
+"""Width of the coarse image whose surroundings are averaged: the means are as smooth as six of its pixels."""
 
 _MIN_FURTHER_VARIANCE_PX2 = 0.25
 """Least variance of the further smoothing before gradients are taken: OpenCV refuses a smoothing of width zero."""
@@ -60,8 +68,29 @@ class PreprocessedFrame:
     @cached_property
     def grey_quantiles(self) -> FloatArray:
         """Grey levels of 0 … 255 below which equal shares of the small image's pixels are, shape (19,)."""
-        total = np.cumsum(np.bincount(self.small.ravel(), minlength=256))
+        total = np.cumsum(self._counts)
         return np.asarray(np.interp(_SHARES * total[-1], total, np.arange(256)))
+
+    @cached_property
+    def moments(self) -> FloatArray:
+        """Means of M, M² and M³ over the small image, shape (3,)."""
+        powers = np.linspace(0, 1, 256)[:, None] ** np.arange(1, MOMENTS + 1)
+        return np.asarray(self._counts @ powers / self._counts.sum())
+
+    @cached_property
+    def surround_moments(self) -> Float32Array:
+        """Weighted sums of 1, M, M² and M³ around each place of a coarse image, shape (h'', w'', 4)."""
+        height, width = self.small.shape
+        size = (SURROUND_WIDTH, max(1, round(SURROUND_WIDTH * height / width)))
+        coarse = cv2.resize(self.small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
+        powers = np.stack([np.ones_like(coarse), coarse, coarse**2, coarse**3], axis=-1)
+        sigma = SURROUND_SIGMA * SURROUND_WIDTH
+        # Nothing is known of light beyond the frame: none of it counts.
+        return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))
+
+    @cached_property
+    def _counts(self) -> IntArray:
+        return np.bincount(self.small.ravel(), minlength=256)
 
     def to_frame(self, points: FloatArray) -> FloatArray:
         """Return pixel coordinates in the frame of places (x, y) in :attr:`grey`, shape (..., 2)."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray
-from ospc.observations import Observations
+from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.recording.frame import Frame
@@ -90,6 +90,8 @@ class StaticSeries:
             position=np.repeat(normalised(places, (width, height)), frames, axis=0),
             gradient=np.zeros(grey.size),
             pixels_averaged=np.ones(grey.size),
+            frame_moments=np.zeros((grey.size, MOMENTS)),  # glare of a still scene is part of its radiance
+            surround_moments=np.zeros((grey.size, 1 + MOMENTS)),
             frame=np.tile(np.array(self._index, dtype=np.int64), points),
             point=np.repeat(np.arange(points), frames),
             group=np.tile(np.arange(frames), points),

@@ -90,5 +90,5 @@ def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -
         motion=motion(evidence.changes, calibrator.inputs()),
         verdicts=calibration.verdicts,
         complete=calibration.complete,
-        notes=(*calibration.warnings, *found.notes, *told, *recording.notes),
+        notes=(*calibration.warnings, *calibration.notes, *told, *recording.notes),
     )

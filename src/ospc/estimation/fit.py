@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
+from ospc.estimation.effects import Effects, Seen
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.observations import Observations
+from ospc.observations import ExposedObservations, Observations
+from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE
@@ -41,8 +43,10 @@ class Fit:
     ----------
     response_basis, vignette_basis
         The bases that the parameters belong to.
+    effects
+        The effects whose parameters were fitted, too.
     parameters
-        Response coefficients, then vignette parameters, shape (p,).
+        Response coefficients, then parameters of the vignette, then those of the effects, shape (p,).
     covariance
         Their covariance, disagreement between parts of the observations included, shape (p, p).
     chance
@@ -58,10 +62,13 @@ class Fit:
         Number of scene points in which some observation has weight.
     groups
         Number of groups of observations.
+    effect_estimates
+        What the observations say about effects, chosen or not; empty where nothing else was tried.
     """
 
     response_basis: ResponseBasis
     vignette_basis: VignetteBasis
+    effects: Effects
     parameters: FloatArray
     covariance: FloatArray
     chance: FloatArray
@@ -70,6 +77,7 @@ class Fit:
     misfit: float
     points: int
     groups: int
+    effect_estimates: tuple[EffectEstimate, ...] = ()
 
     @property
     def response_parameters(self) -> FloatArray:
@@ -79,7 +87,39 @@ class Fit:
     @property
     def vignette_parameters(self) -> FloatArray:
         """Parameters of the vignette basis, shape (len(vignette_basis),)."""
-        return self.parameters[len(self.response_basis) :]
+        return self.parameters[self._vignette]
+
+    @property
+    def effect_parameters(self) -> FloatArray:
+        """Parameters of the effects, shape (len(effects),)."""
+        return self.parameters[self._vignette.stop :]
+
+    @property
+    def _vignette(self) -> slice:
+        n = len(self.response_basis)
+        return slice(n, n + len(self.vignette_basis))
+
+    def log_irradiance(self, observations: ExposedObservations) -> FloatArray:
+        """Return ln e·L of observations: without vignette and additional light, shape (n,)."""
+        log_g = np.interp(
+            observations.grey, self.response_basis.grid, self.response_basis.log_of(self.response_parameters)
+        )
+        without_vignette = log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
+        if not len(self.effects):
+            return without_vignette
+        return without_vignette - self.effects.log_added(self.effect_parameters, self._seen(observations))
+
+    def log_radiance(self, observations: ExposedObservations) -> FloatArray:
+        """Return ln L of observations, by their exposures, shape (n,)."""
+        found = self.log_irradiance(observations) - observations.log_exposure
+        if not len(self.effects):
+            return found
+        seen, values = self._seen(observations), self.effect_parameters
+        return np.asarray(found - self.effects.log_gain(values, seen) + self.effects.log_added(values, seen))
+
+    def _seen(self, observations: ExposedObservations) -> Seen:
+        index = self.response_basis.index_of(observations.grey)
+        return self.effects.seen(observations, self.response_basis, self.response_parameters, index)
 
     def response(self, max_grey: int = 255, support: tuple[float, float] = (0.0, 1.0)) -> Response:
         """Return the response with its standard deviation.
@@ -144,9 +184,9 @@ class Fit:
         return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.chance)))
 
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
-        n = len(self.response_basis)
+        part = self._vignette
         rows = self.vignette_basis.jacobian(self.vignette_parameters, _along_diagonals(radius))
-        variance = np.einsum("ij,jk,ik->i", rows, covariance[n:, n:], rows)
+        variance = np.einsum("ij,jk,ik->i", rows, covariance[part, part], rows)
         return np.asarray(variance.reshape(len(_DIAGONALS), -1).mean(axis=0))
 
     @property

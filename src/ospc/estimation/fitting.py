@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import NotObservableError, SettingError
+from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
@@ -70,7 +70,7 @@ def fit(
     intervals = known.response_intervals if vignette else known.series_intervals
     widest = VignetteBasis(known.radial_terms, free_centre=True, non_radial=True) if vignette else VignetteBasis(0)
     response = ResponseBasis(intervals, known.response_functions)
-    return fit_with_chosen_vignette(exposed, response, widest, noise, known.rounds)
+    return fit_with_chosen_effects(exposed, response, widest, noise, known.rounds)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ the strength of the prior chosen anew.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -16,6 +16,7 @@ from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.estimation.effects import Effects, Seen
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.latent import Latent, LatentModel, weighted_means
@@ -52,6 +53,8 @@ class MaximumLikelihoodEstimator:
     ----------
     response_basis, vignette_basis
         The models.
+    effects
+        What is estimated beside them.
     noise
         Noise of single pixels, by which clipping biases the mean near the ends. None where the observations are
         single pixels themselves.
@@ -64,6 +67,7 @@ class MaximumLikelihoodEstimator:
     vignette_basis: VignetteBasis
     noise: NoiseModel | None = None
     rounds: int = 8
+    effects: Effects = field(default_factory=Effects)
 
     def fit(self, observations: ExposedObservations, start: Fit | None = None) -> Fit:
         """Fit the models, on one core: many small matrix products, which threads only slow down.
@@ -83,20 +87,19 @@ class MaximumLikelihoodEstimator:
         errors = start.errors if start else ErrorModel()
         weight = np.ones(len(observations))
         hyperparameters = start.hyperparameters if start else PriorHyperparameters(START_WALK, START_DRIFT)
+        index = self.response_basis.index_of(observations.grey)
         for round_number in range(self.rounds + 1):
             trusted = round_number > 0 or start is not None
             model = self._latent_model(parameters, errors, trusted)
-            log_vignette = self.vignette_basis.log_value(
-                parameters[len(self.response_basis) :], observations.position
-            )
-            latent = model(observations, log_vignette, weight)
+            latent = model(observations, self._log_gain(parameters, observations, index), weight)
+            index = latent.index
             if trusted:
                 weight, sandwich_factor = self._weights(latent, model.pixel_noise)
                 errors = self._refitted(errors, latent, parameters, observations)
             else:
                 sandwich_factor = 1.0
             equations = self._equations(observations, latent, weight, parameters)
-            prior = self._prior(parameters)
+            prior = self.prior(parameters)
             equations = equations.scaled(prior.precision(hyperparameters), sandwich_factor)
             hyperparameters = equations.maximize_evidence(prior)
             previous, parameters = (
@@ -111,6 +114,7 @@ class MaximumLikelihoodEstimator:
         return Fit(
             self.response_basis,
             self.vignette_basis,
+            self.effects,
             parameters,
             equations.covariance(prior, hyperparameters, disagreement),
             cho_solve(cho_factor(precision), np.eye(len(parameters))),
@@ -134,21 +138,26 @@ class MaximumLikelihoodEstimator:
             The same fit in parameters of these models, at which they are linearised, shape (p,).
         """
         with threadpool_limits(1, user_api="blas"):
-            own = replace(self, response_basis=fit.response_basis, vignette_basis=fit.vignette_basis)
+            own = MaximumLikelihoodEstimator(
+                fit.response_basis, fit.vignette_basis, self.noise, self.rounds, fit.effects
+            )
             model = own._latent_model(fit.parameters, fit.errors, trusted=True)
-            log_vignette = fit.vignette_basis.log_value(fit.vignette_parameters, observations.position)
-            latent = model(observations, log_vignette, np.ones(len(observations)))
-            latent = model(observations, log_vignette, self._weights(latent, model.pixel_noise)[0])
+            log_gain = own._log_gain(fit.parameters, observations, fit.response_basis.index_of(observations.grey))
+            latent = model(observations, log_gain, np.ones(len(observations)))
+            latent = model(observations, log_gain, self._weights(latent, model.pixel_noise)[0])
             weight, sandwich_factor = self._weights(latent, model.pixel_noise)
             # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
             here = self.response_basis.log_of(about[: len(self.response_basis)])
             latent = replace(latent, linear_log=latent.linear_log + (here - model.log_response)[latent.index])
             equations = self._equations(observations, latent, weight, about)
-            return equations.scaled(self._prior(about).precision(fit.hyperparameters), sandwich_factor)
+            return equations.scaled(self.prior(about).precision(fit.hyperparameters), sandwich_factor)
 
-    def _prior(self, parameters: FloatArray) -> Prior:
+    def prior(self, parameters: FloatArray) -> Prior:
+        """Return the prior of the parameters, linearised at some, shape (p,)."""
         return Prior(
-            self.response_basis.knots, parameters[: len(self.response_basis)], self.vignette_basis.prior_sigma
+            self.response_basis.knots,
+            parameters[: len(self.response_basis)],
+            np.concatenate([self.vignette_basis.prior_sigma, self.effects.sigma]),
         )
 
     def _limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
@@ -163,18 +172,41 @@ class MaximumLikelihoodEstimator:
 
     def _first_parameters(self, start: Fit | None) -> FloatArray:
         if start is None:
-            return np.concatenate([typical_gamma(self.response_basis.knots), np.zeros(len(self.vignette_basis))])
+            further = len(self.vignette_basis) + len(self.effects)
+            return np.concatenate([typical_gamma(self.response_basis.knots), np.zeros(further)])
         vignette = np.zeros(len(self.vignette_basis))
         shared = min(self.vignette_basis.radial, start.vignette_basis.radial)
         vignette[:shared] = start.vignette_parameters[:shared]
         if self.vignette_basis.free_centre and start.vignette_basis.free_centre:
             vignette[self.vignette_basis.radial :][:2] = start.vignette_basis.centre(start.vignette_parameters)
-        return np.concatenate([start.response_parameters, vignette])
+        known = dict(zip(start.effects.chosen, start.effect_parameters, strict=True))
+        effects = [known.get(effect, 0.0) for effect in self.effects.chosen]
+        return np.concatenate([start.response_parameters, vignette, effects])
 
     def _floor(self) -> FloatArray:
-        floor = np.full(len(self.response_basis) + len(self.vignette_basis), -np.inf)
+        floor = np.full(self._effect_part.start + len(self.effects), -np.inf)
         floor[: len(self.response_basis)] = MIN_GAMMA
         return floor
+
+    @property
+    def _vignette_part(self) -> slice:
+        n = len(self.response_basis)
+        return slice(n, n + len(self.vignette_basis))
+
+    @property
+    def _effect_part(self) -> slice:
+        return slice(self._vignette_part.stop, None)
+
+    def _log_gain(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> FloatArray:
+        """Return ln of the irradiance over exposure and radiance, by the model, shape (n,)."""
+        log_vignette = self.vignette_basis.log_value(parameters[self._vignette_part], observations.position)
+        if not len(self.effects):
+            return log_vignette
+        seen = self._seen(parameters, observations, index)
+        return log_vignette + self.effects.log_gain(parameters[self._effect_part], seen)
+
+    def _seen(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> Seen:
+        return self.effects.seen(observations, self.response_basis, parameters[: len(self.response_basis)], index)
 
     def _latent_model(self, parameters: FloatArray, errors: ErrorModel, trusted: bool) -> LatentModel:
         coefficients = parameters[: len(self.response_basis)]
@@ -221,7 +253,7 @@ class MaximumLikelihoodEstimator:
             misfit = target - rows @ parameters
             shape = (len(scores), len(rows))
             scores += csr_matrix((misfit, (block[part][member], np.arange(len(rows)))), shape=shape) @ weighted
-        return NormalEquations(matrix, vector, square, scores.T @ scores)
+        return NormalEquations(matrix, vector, square, scores.T @ scores, len(scores))
 
     def _disagreement(
         self,
@@ -269,7 +301,7 @@ class MaximumLikelihoodEstimator:
         self, seen: ExposedObservations, latent: Latent, part: slice, parameters: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return rows and right-hand sides of h(M) − ln V − u = ln e, linear in all parameters."""
-        vignette = parameters[len(self.response_basis) :]
+        vignette = parameters[self._vignette_part]
         jacobian = self.vignette_basis.jacobian(vignette, seen.position)
         # Where ln V is not linear in its parameters (the centre), what the linearisation leaves goes to the right.
         constant = self.vignette_basis.log_value(vignette, seen.position) - jacobian @ vignette
@@ -279,6 +311,11 @@ class MaximumLikelihoodEstimator:
             latent.linear_log[part] - rows[:, : len(self.response_basis)] @ parameters[: len(self.response_basis)]
         )
         target = seen.log_exposure + constant - excess
+        if len(self.effects):
+            values, known = parameters[self._effect_part], self._seen(parameters, seen, latent.index[part])
+            slopes = self.effects.jacobian(values, known)
+            rows = np.concatenate([rows, -slopes], axis=1)
+            target = target + self.effects.log_gain(values, known) - slopes @ values
         return rows, target
 
 

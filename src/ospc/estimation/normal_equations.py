@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import nnls
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import CANDIDATES, Prior, PriorHyperparameters
 
 
@@ -25,7 +25,9 @@ class NormalEquations:
     square
         bᵀWb.
     scatter
-        Sum over the groups of the outer product of their scores, shape (p, p).
+        Sum over the blocks of groups of the outer product of their scores, shape (p, p).
+    blocks
+        Number of these blocks.
     information_scale
         Factor that turns :attr:`matrix` into information. It is below one because errors within a group have common
         causes and because robust weights discard information.
@@ -37,8 +39,53 @@ class NormalEquations:
     vector: FloatArray
     square: float
     scatter: FloatArray
+    blocks: int = 1
     information_scale: float = 1.0
     sandwich_factor: float = 1.0
+
+    def centred(self, about: FloatArray) -> NormalEquations:
+        """Return the equations with the scatter about the mean score instead of zero.
+
+        The mean score is zero at the solution, but not in the direction of a parameter that is left out: there it is
+        what tells that the parameter is missing, and no scatter.
+
+        Parameters
+        ----------
+        about
+            Parameters at which the scores were taken, shape (p,).
+        """
+        total = self.vector - self.matrix @ about
+        return replace(self, scatter=self.scatter - np.outer(total, total) / self.blocks)
+
+    def part(self, chosen: IntArray) -> NormalEquations:
+        """Return the equations of some parameters, as if the others were zero; they are to be scaled anew.
+
+        Parameters
+        ----------
+        chosen
+            Indices of the parameters, shape (q,).
+        """
+        block = np.ix_(chosen, chosen)
+        return NormalEquations(self.matrix[block], self.vector[chosen], self.square, self.scatter[block], self.blocks)
+
+    def without_last(self, count: int, precision: FloatArray) -> NormalEquations:
+        """Return scaled equations with the last parameters integrated out.
+
+        Parameters
+        ----------
+        count
+            How many.
+        precision
+            Precision of their prior about zero, shape (count,).
+        """
+        if not count:
+            return self
+        n, scale = len(self.vector) - count, self.information_scale
+        inner = scale * self.matrix[n:, n:] + np.diag(precision)
+        carried = np.linalg.solve(inner, scale * self.matrix[n:, :n])
+        matrix = self.matrix[:n, :n] - self.matrix[:n, n:] @ carried
+        vector = self.vector[:n] - carried.T @ self.vector[n:]
+        return replace(self, matrix=matrix, vector=vector, scatter=self.scatter[:n, :n])
 
     def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
         """Return the equations with the information scale that follows from the scatter between groups.

@@ -50,7 +50,7 @@ CANDIDATES = tuple(
 
 @dataclass(frozen=True)
 class Prior:
-    """A normal distribution of ln γ at the knots and of the vignette's parameters, linearised in γ.
+    """A normal distribution of ln γ at the knots and of all further parameters, linearised in γ.
 
     Attributes
     ----------
@@ -58,26 +58,26 @@ class Prior:
         Grey levels of the response's knots, shape (n,).
     about
         Response coefficients at which ln γ is linearised, shape (n,).
-    vignette_sigma
-        Standard deviation of each vignette parameter about zero, shape (q,).
+    further_sigma
+        Standard deviation of each further parameter about zero: of the vignette and of effects, shape (q,).
     """
 
     knots: FloatArray
     about: FloatArray
-    vignette_sigma: FloatArray
+    further_sigma: FloatArray
 
     @property
     def mean(self) -> FloatArray:
         """Expected parameters, shape (p,)."""
         response = self.about * (1 + np.log(typical_gamma(self.knots)) - np.log(self.about))
-        return np.concatenate([response, np.zeros(len(self.vignette_sigma))])
+        return np.concatenate([response, np.zeros(len(self.further_sigma))])
 
     def precision(self, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision matrix of the parameters, shape (p, p)."""
-        n, p = len(self.knots), len(self.knots) + len(self.vignette_sigma)
+        n, p = len(self.knots), len(self.knots) + len(self.further_sigma)
         matrix = np.zeros((p, p))
         matrix[:n, :n] = _precision(n, hyperparameters)[0] / np.outer(self.about, self.about)
-        matrix[n:, n:] = np.diag(1 / self.vignette_sigma**2)
+        matrix[n:, n:] = np.diag(1 / self.further_sigma**2)
         return matrix
 
     def log_determinant(self, hyperparameters: PriorHyperparameters) -> float:

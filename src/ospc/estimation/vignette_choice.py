@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
@@ -18,12 +19,13 @@ _FEWEST_GROUPS = 3
 """Number of groups that the criterion is computed for at least: the logarithm of one or two is no penalty."""
 
 
-def fit_with_chosen_vignette(
+def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
     observations: ExposedObservations,
     response: ResponseBasis,
     widest: VignetteBasis,
     noise: NoiseModel | None,
     rounds: int,
+    effects: Effects | None = None,
 ) -> Fit:
     """Fit response and vignette, with no more vignette parameters than the data support.
 
@@ -43,9 +45,12 @@ def fit_with_chosen_vignette(
         Noise of single pixels; None where the observations are single pixels themselves.
     rounds
         Most rounds of each fit after the first, convex one.
+    effects
+        What is fitted beside them; None for nothing.
     """
+    beside = Effects() if effects is None else effects
     simplest = replace(widest, free_centre=False, non_radial=False)
-    estimator = MaximumLikelihoodEstimator(response, simplest, noise, rounds)
+    estimator = MaximumLikelihoodEstimator(response, simplest, noise, rounds, beside)
     # A part of the points already gives most of the solution; only the last rounds need all of them.
     step = len(observations.starts) // FIRST_FIT_POINTS
     start = estimator.fit(observations.of_points(slice(None, None, step))) if step > 1 else None
@@ -53,7 +58,7 @@ def fit_with_chosen_vignette(
     for richer in (replace(simplest, free_centre=True), widest):
         if richer == fit.vignette_basis or len(richer) <= len(fit.vignette_basis):
             continue
-        wider = MaximumLikelihoodEstimator(response, richer, noise, rounds).fit(observations, fit)
+        wider = MaximumLikelihoodEstimator(response, richer, noise, rounds, beside).fit(observations, fit)
         if not supported(wider, len(richer) - len(fit.vignette_basis)):
             break
         fit = wider
@@ -61,8 +66,10 @@ def fit_with_chosen_vignette(
 
 
 def supported(fit: Fit, last: int) -> bool:
-    """Return whether the last ``last`` parameters meet the criterion of Schwarz (1978)."""
-    value = fit.parameters[-last:]
-    covariance = fit.chance[-last:, -last:] + ASYMMETRY_SIGMA**2 * np.eye(last)
+    """Return whether the last ``last`` parameters of the vignette meet the criterion of Schwarz (1978)."""
+    end = len(fit.response_basis) + len(fit.vignette_basis)
+    part = slice(end - last, end)
+    value = fit.parameters[part]
+    covariance = fit.chance[part, part] + ASYMMETRY_SIGMA**2 * np.eye(last)
     statistic = float(value @ np.linalg.solve(covariance, value))
     return bool(statistic > last * np.log(max(fit.groups, _FEWEST_GROUPS)))

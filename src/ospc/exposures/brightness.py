@@ -16,7 +16,7 @@ from ospc.correspondence.thumbnail_registration import (
     values_at,
 )
 from ospc.estimation.robust import robust_scale
-from ospc.observations import Observations
+from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised, pixel_grid
 
 GREY_BINS = np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93])
@@ -101,6 +101,8 @@ class PixelSamples:
             position=np.stack([self.position0, self.position1], axis=1).reshape(2 * n, 2),
             gradient=np.zeros(2 * n),
             pixels_averaged=np.ones(2 * n),
+            frame_moments=np.zeros((2 * n, MOMENTS)),
+            surround_moments=np.zeros((2 * n, 1 + MOMENTS)),
             frame=np.tile(np.array([frame0, frame1], dtype=np.int64), n),
             point=np.repeat(np.arange(n), 2),
             group=np.zeros(2 * n, dtype=np.int64),

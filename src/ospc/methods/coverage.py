@@ -71,12 +71,7 @@ def _counts(first: IntArray, second: IntArray, shape: tuple[int, int]) -> IntArr
 
 def _residuals(observations: ExposedObservations, fit: Fit) -> FloatArray:
     """Return the residual of each observation; NaN where it is clipped, or alone."""
-    log_g = np.interp(observations.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters))
-    log_radiance = (
-        log_g
-        - fit.vignette_basis.log_value(fit.vignette_parameters, observations.position)
-        - observations.log_exposure
-    )
+    log_radiance = fit.log_radiance(observations)
     exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
     count = np.add.reduceat(exposed.astype(np.float64), observations.starts)
     total = np.add.reduceat(np.where(exposed, log_radiance, 0.0), observations.starts)

@@ -14,11 +14,11 @@ from ospc.correspondence.registration import ExposureNormalizer, make_registrar
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.second_thread import SecondThread
 from ospc.correspondence.static_series import StaticSeries
+from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
@@ -321,7 +321,7 @@ class MaximumLikelihoodMethod:
         if len(observations.starts) < settings.min_points or np.log(high / low) < settings.min_log_exposure_change:
             return None
         basis = self._series_basis if self._series_stands_in else self._basis
-        return fit_with_chosen_vignette(
+        return fit_with_chosen_effects(
             observations, basis, self._widest_vignette(), self._pixel_noise(), settings.rounds
         )
 

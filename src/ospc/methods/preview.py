@@ -108,9 +108,8 @@ def matches_of(latest: ExposedObservations | None, fit: Fit | None, size: ImageS
     exposures_ms = np.exp(latest.log_exposure[:2])
     ratios = None
     if fit is not None:
-        log_g = np.interp(latest.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters))
-        log_light = log_g - fit.vignette_basis.log_value(fit.vignette_parameters, latest.position)
-        ratios = log_light[::2] - log_light[1::2]
+        log_irradiance = fit.log_irradiance(latest)
+        ratios = log_irradiance[::2] - log_irradiance[1::2]
     return Matches(
         (int(latest.frame[0]), int(latest.frame[1])),
         (float(exposures_ms[0]), float(exposures_ms[1])),

@@ -7,6 +7,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.coverage import coverage_of
+from ospc.methods.effect_findings import contradictions_of, judged, notes_of
 from ospc.methods.identifiability import response_verdict, vignette_verdict
 from ospc.methods.inputs import FitInputs
 from ospc.observations import ExposedObservations
@@ -26,6 +27,8 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         "response": response_verdict(settings, fit, inputs.exposure_range_ms, points, ratios),
         "vignette": vignette_verdict(settings, fit, reach, inputs.standing_still, inputs.usable_radius),
     }
+    contradictions = () if fit is None else contradictions_of(fit)
+    verdicts = {name: judged(verdict, contradictions) for name, verdict in verdicts.items()}
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
     coverage = None if observations is None else coverage_of(observations, fit, inputs.size)
     return Calibration(
@@ -44,6 +47,9 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
             *(() if coverage is None else coverage.gaps(inputs.max_grey)),
         ),
+        effects=() if fit is None else fit.effect_estimates,
+        notes=() if fit is None else notes_of(fit),
+        warnings=tuple(what for what, _ in contradictions),
         coverage=coverage,
     )
 
@@ -57,15 +63,13 @@ def vignette_sigma(fit: Fit) -> FloatArray:
 
 def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:
     """Return the exposure ratio of every pair of frames: the median over its scene points."""
-    log_g = np.interp(
-        observations.grey, fit.response_basis.grid, fit.response_basis.log_of(fit.response_parameters)
-    ) - fit.vignette_basis.log_value(fit.vignette_parameters, observations.position)
+    log_irradiance = fit.log_irradiance(observations)
     exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
     # Each observation against the one before of the same point: a pair, or neighbours in a static series.
     later = np.flatnonzero((np.diff(observations.point) == 0) & exposed[1:] & exposed[:-1]) + 1
     if not len(later):
         return ExposureRatios.none()
-    observed = log_g[later - 1] - log_g[later]
+    observed = log_irradiance[later - 1] - log_irradiance[later]
     metadata = observations.log_exposure[later - 1] - observations.log_exposure[later]
     frames = np.stack([observations.frame[later - 1], observations.frame[later]], axis=1)
     pairs, member = np.unique(frames, axis=0, return_inverse=True)
@@ -88,5 +92,6 @@ def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[st
         names = [f"gamma({knot:.4f})" for knot in fit.response_basis.knots]
         found["response"] = {"parameters": names, "matrix": fit.covariance[:n, :n].tolist()}
     if vignette:
-        found["vignette"] = {"parameters": fit.vignette_basis.names, "matrix": fit.covariance[n:, n:].tolist()}
+        part = slice(n, n + len(fit.vignette_basis))
+        found["vignette"] = {"parameters": fit.vignette_basis.names, "matrix": fit.covariance[part, part].tolist()}
     return found

@@ -17,6 +17,7 @@ from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import FormatError
 from ospc.photometry.coverage import Coverage
+from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.exposure_ratios import ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
@@ -77,9 +78,11 @@ class Calibration:
     advice
         What would reduce the uncertainty, most helpful first.
     notes
-        What was found and done about the exposures.
+        What was found and corrected: of the exposures, of the optics, of the sensor.
     warnings
-        Why the exposures cannot be relied on; empty if they can.
+        Why the result cannot be relied on: what contradicts the exposures or the model; empty if nothing does.
+    effects
+        What was found about effects beside response and vignette, such as veiling glare.
     coverage
         What the observations cover, and their residuals; None if the method keeps no tables.
     exponent_sigma
@@ -106,6 +109,7 @@ class Calibration:
     advice: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    effects: tuple[EffectEstimate, ...] = ()
     coverage: Coverage | None = None
     exponent_sigma: float = 0.0
 

@@ -12,6 +12,7 @@ from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
 from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration
 from ospc.photometry.coverage import Coverage
+from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.exposure_ratios import ExposureRatios
 from ospc.photometry.geometry import image_size
 from ospc.photometry.noise import NoiseModel
@@ -67,6 +68,7 @@ def to_dict(calibration: Calibration) -> dict[str, Any]:
         "covariance": calibration.covariance,
         "coverage": None if calibration.coverage is None else calibration.coverage.as_dict(),
         "counts": calibration.counts,
+        "effects": [vars(effect) for effect in calibration.effects],
         "advice": list(calibration.advice),
         "notes": list(calibration.notes),
         "warnings": list(calibration.warnings),
@@ -142,6 +144,7 @@ def from_dict(content: dict[str, Any], place: Path) -> Calibration:
         advice=_sentences(content["advice"], "advice"),
         notes=_sentences(content["notes"], "notes"),
         warnings=_sentences(content["warnings"], "warnings"),
+        effects=tuple(_effect(effect) for effect in content.get("effects", [])),
         coverage=None if coverage is None else Coverage.from_dict(coverage),
     )
 
@@ -195,6 +198,13 @@ def _verdict(content: dict[str, str]) -> Verdict:
     if verdict.state not in get_args(State):
         raise FormatError(f"unknown verdict {verdict.state!r}")
     return verdict
+
+
+def _effect(content: dict[str, Any]) -> EffectEstimate:
+    value, sigma = (float(_signed(content[name], name, ())) for name in ("value", "sigma"))
+    return EffectEstimate(
+        _text(content["name"]), value, sigma, bool(content["corrected"]), bool(content["contradicts"])
+    )
 
 
 def _noise(content: dict[str, Any]) -> NoiseModel:

@@ -10,6 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
 from ospc.arrays import FloatArray
+from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.normal_equations import NormalEquations
@@ -109,6 +110,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
         return Fit(
             RESPONSE,
             vignette,
+            Effects(),
             parameters,
             covariance,
             covariance,

@@ -216,9 +216,10 @@ def _information(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return A, b and the estimate in the common parameters."""
     noise = None if observations.pixels_averaged.max() <= 1 else inputs.noise
-    estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise)
+    estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise, effects=fit.effects)
     estimate = np.concatenate([_response_in_common(fit), _vignette_in_common(fit)])
-    equations = estimator.information(observations, fit, estimate)
+    equations = estimator.information(observations, fit, np.concatenate([estimate, fit.effect_parameters]))
+    equations = equations.without_last(len(fit.effects), 1 / fit.effects.sigma**2)
     return equations.information_scale * equations.matrix, equations.information_scale * equations.vector, estimate
 
 

@@ -224,3 +224,62 @@ registration drawn to where brightness agrees makes changes of brightness look s
 SYSTEMATIC_VIGNETTE_SHARE = 0.008
 """Share of ln V that is wrong however many samples there are, since registration is drawn to where brightness agrees;
 measured on simulated recordings."""
+
+# Effects beside response and vignette (ospc.estimation.effects)
+#
+# Each has a prior standard deviation, and one of what clean recordings imitate: a third of the largest value in 23
+# simulated ones (28 cameras, 500 frames), half of them beyond that of a larger simulation.
+
+GLARE = (0.03, 0.0005)
+"""Veiling glare, as a share of the frame's mean irradiance. Lenses have 1 to 5 per cent."""
+
+SCATTER = (0.03, 0.003)
+"""Light scattered nearby, as a share of the irradiance there. Registration errors at edges look a little
+like it."""
+
+DARK_CURRENT = (0.03, 0.001)
+"""Dark signal of a typical exposure, as a share of the irradiance at white."""
+
+OFFSET = (0.1, 0.001)
+"""Constant error of all exposures, as a share of a typical one."""
+
+LOCAL_TONE = (0.1, 0.001)
+"""Exponent by which bright surroundings darken a place. Tone mapping that people notice has -0.1 or more."""
+
+CURVATURE = (0.3, 0.002)
+"""Curvature of ln exposure by its stated value: logarithms of exposures have some 0.4."""
+
+RESPONSE_DRIFT = (0.1, 0.001)
+"""Half the change of ln γ from the first to the last group."""
+
+BLACK_DRIFT = (0.1, 0.0005)
+"""Half the change of the black level over white."""
+
+VIGNETTE_DRIFT = (0.1, 0.002)
+"""Half the change of ln V at the corner."""
+
+MAX_ADDED_SHARE = 0.9
+"""Largest share of the light at a place that may be added: keeps the logarithm finite on the way to the solution."""
+
+MIN_EXPOSURE_FACTOR = 0.1
+"""Smallest true exposure over the stated one, for the same reason."""
+
+DARKEST_IRRADIANCE = 1e-3
+"""Least irradiance, over that at white, that additional light is compared with: what is darker counts as so bright.
+Below the black level of limited-range video g is next to nothing, and single samples would decide."""
+
+# Which effects count (ospc.estimation.effect_choice)
+
+SUSPECTED_SIGMAS = 1.5
+"""Standard deviations from which on an effect is fitted with everything else. One step towards it tells little: the
+effect itself adds to the scatter by which it is judged."""
+
+SIGNIFICANT_SIGMAS = 4.0
+"""Standard deviations, by chance and by what clean recordings imitate, from which on the fitted effect counts."""
+
+SIGNIFICANT_SIGMAS_IN_ALL = 3.0
+"""The same with what halves of the observations disagree on."""
+
+PREFERRED_SHARE = 0.9
+"""Significance, over that of the clearest effect, from which on one of a camera is tried before a contradiction: an
+offset of the exposures is also a curvature of their logarithm."""

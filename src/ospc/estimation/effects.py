@@ -1,0 +1,296 @@
+"""What optics, sensors and metadata do beside response and vignette: parameters that are zero until the data ask.
+
+With those that are corrected, the irradiance of an observation is ``g(M) = (e + δ ē) V L + γ Ḡ + d e/ē``, where Ḡ is
+the mean of g over the frame and ē a typical exposure. Taken to the logarithm, each is a term of the equation that is
+linear in response and vignette: ``h(M) − ln V − u = ln e + s``, where s is what :meth:`Effects.log_gain` returns.
+Others are no part of a camera: they tell that the recording contradicts the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.observations import MOMENTS, ExposedObservations
+from ospc.settings.estimation import (
+    BLACK_DRIFT,
+    CURVATURE,
+    DARK_CURRENT,
+    DARKEST_GREY,
+    DARKEST_IRRADIANCE,
+    GLARE,
+    LOCAL_TONE,
+    MAX_ADDED_SHARE,
+    MIN_EXPOSURE_FACTOR,
+    MIN_GAMMA,
+    OFFSET,
+    PIXEL_NOISE_STRIDE,
+    RESPONSE_DRIFT,
+    SCATTER,
+    VIGNETTE_DRIFT,
+)
+
+Addition = Literal["light", "exposure", "log"]
+"""What an effect adds to: the light on the sensor, the exposure, or ln g."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What effects depend on, for each of n observations.
+
+    Attributes
+    ----------
+    exposure
+        Exposure over the typical one, shape (n,).
+    dark
+        The same, less what the response holds, shape (n,).
+    light
+        g at the expected grey level, shape (n,).
+    log_grey_gain
+        What a power of 1 + θ of the grey level adds to ln g, over θ: γ ln M, shape (n,).
+    log_black_gain
+        What a rise of the grey level by θ takes from ln g, over θ: γ/M, shape (n,).
+    frame_light, light_nearby
+        Mean of g over the frame and sum over the surroundings, less what the response holds, shape (n,).
+    log_surround_gain
+        What a power θ of the grey level of the surroundings, put on the grey level, adds to ln g, over θ: γ ln M̄,
+        shape (n,).
+    time
+        From -1 for the first to 1 for the last group, shape (n,).
+    squared_radius
+        R², in half diagonals, shape (n,).
+    """
+
+    exposure: FloatArray
+    dark: FloatArray
+    light: FloatArray
+    log_grey_gain: FloatArray
+    log_black_gain: FloatArray
+    frame_light: FloatArray
+    light_nearby: FloatArray
+    log_surround_gain: FloatArray
+    time: FloatArray
+    squared_radius: FloatArray
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect.
+
+    Attributes
+    ----------
+    adds
+        What it adds to: the light on the sensor, the exposure, or ln g.
+    amount
+        What a parameter of 1 adds, in irradiance, typical exposures, or ln g, shape (n,).
+    sigma
+        Prior standard deviation of the parameter.
+    systematic
+        Standard deviation of the parameter that other errors of clean recordings imitate.
+    least, most
+        Limits between which the parameter makes sense: there is no negative light, and tone mapping darkens what is
+        bright around.
+    """
+
+    adds: Addition
+    amount: Callable[[Seen], FloatArray]
+    sigma: float
+    systematic: float
+    least: float = -np.inf
+    most: float = np.inf
+
+    def allows(self, value: float) -> bool:
+        """Return whether a value of the parameter makes sense."""
+        return self.least <= value <= self.most
+
+
+EFFECTS = {
+    "veiling glare": Effect("light", lambda seen: seen.frame_light, *GLARE, least=0.0),
+    "light scattered nearby": Effect("light", lambda seen: seen.light_nearby, *SCATTER, least=0.0),
+    "dark current": Effect("light", lambda seen: seen.dark, *DARK_CURRENT, least=0.0),
+    "exposure offset": Effect("exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET),
+    "local tone mapping": Effect("log", lambda seen: seen.log_surround_gain, *LOCAL_TONE, most=0.0),
+    "curved exposures": Effect("log", lambda seen: np.log(seen.exposure) ** 2, *CURVATURE),
+    "drifting response": Effect("log", lambda seen: seen.time * seen.log_grey_gain, *RESPONSE_DRIFT),
+    "drifting black level": Effect("log", lambda seen: seen.time * seen.log_black_gain, *BLACK_DRIFT),
+    "drifting vignette": Effect("log", lambda seen: seen.time * seen.squared_radius, *VIGNETTE_DRIFT),
+}
+"""All effects by their names."""
+
+CORRECTED = ("veiling glare", "light scattered nearby", "dark current", "exposure offset")
+"""Effects that real cameras have. Those that the observations show are taken out of the result."""
+
+CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
+"""Effects that no camera with one response and one vignette has."""
+
+
+@dataclass(frozen=True)
+class TypicalLight:
+    """What additional light is made of, in a typical observation.
+
+    Attributes
+    ----------
+    frame_moments, surround_moments
+        As of observations.
+    dark
+        Exposure over the typical one.
+    """
+
+    frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
+    surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
+    dark: float = 0.0
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Some effects, and what they are relative to.
+
+    Attributes
+    ----------
+    chosen
+        Names of the effects, in the order of their parameters.
+    log_typical_exposure
+        ln ē, in milliseconds.
+    groups
+        First and last group of the observations.
+    typical
+        Amounts of additional light that the response holds. A constant amount cannot be told from the response, so
+        that while it is fitted the effects only describe by how much each observation differs from the typical one.
+        All zero once the response is without them.
+    """
+
+    chosen: tuple[str, ...] = ()
+    log_typical_exposure: float = 0.0
+    groups: tuple[int, int] = (0, 1)
+    typical: TypicalLight = TypicalLight()
+
+    @classmethod
+    def none_of(cls, observations: ExposedObservations) -> Effects:
+        """Return no effects, relative to what is typical of observations."""
+        groups = int(observations.group.min()), int(observations.group.max())
+        typical = TypicalLight(
+            tuple(observations.frame_moments.mean(axis=0).tolist()),
+            tuple(observations.surround_moments.mean(axis=0).tolist()),
+            1.0,
+        )
+        return cls((), float(np.median(observations.log_exposure)), groups, typical)
+
+    def __len__(self) -> int:
+        """Return the number of parameters."""
+        return len(self.chosen)
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Prior standard deviation of each parameter about zero, shape (len,)."""
+        return np.array([effect.sigma for effect in self._effects])
+
+    @property
+    def _effects(self) -> list[Effect]:
+        return [EFFECTS[name] for name in self.chosen]
+
+    def and_(self, *names: str) -> Effects:
+        """Return these effects with others."""
+        return replace(self, chosen=(*self.chosen, *names))
+
+    def seen(
+        self, observations: ExposedObservations, basis: ResponseBasis, coefficients: FloatArray, index: IntArray
+    ) -> Seen:
+        """Return what the effects depend on.
+
+        Parameters
+        ----------
+        observations
+            n observations.
+        basis, coefficients
+            The response.
+        index
+            Indices of the expected grey levels in the basis's grid, shape (n,).
+        """
+        grid, irradiance = basis.grid, np.exp(basis.log_of(coefficients))
+        gamma, cubic = basis.gamma_of(coefficients)[index], _cubic(grid, irradiance)
+        exposure = np.exp(observations.log_exposure - self.log_typical_exposure)
+        first, last = self.groups
+        share, *around = observations.surround_moments.T
+        mean_around = np.where(share > 0, around[0] / np.maximum(share, DARKEST_GREY), 1.0)
+        return Seen(
+            exposure,
+            exposure - self.typical.dark,
+            np.maximum(irradiance[index], DARKEST_IRRADIANCE),
+            gamma * np.log(grid[index]),
+            gamma / grid[index],
+            (observations.frame_moments - self.typical.frame_moments) @ cubic,
+            (observations.surround_moments - self.typical.surround_moments)[:, 1:] @ cubic,
+            gamma * np.log(np.maximum(mean_around, DARKEST_GREY)),
+            2 * (observations.group - first) / max(last - first, 1) - 1,
+            np.sum(observations.position**2, axis=1),
+        )
+
+    def without_typical_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
+        """Return effects whose response holds no additional light, and what becomes of the parameters.
+
+        Parameters
+        ----------
+        basis
+            Basis of the response.
+        parameters
+            Coefficients of the response, any others, and last those of the effects, shape (p,).
+
+        Returns
+        -------
+        tuple of Effects and FloatArray
+            The effects, and the parameters, shape (p,).
+        """
+        n = len(basis)
+        irradiance = np.exp(basis.log_of(parameters[:n]))
+        cubic = _cubic(basis.grid, irradiance)
+        values = dict(zip(self.chosen, parameters[len(parameters) - len(self) :], strict=True))
+        glare, scatter, dark = (values.get(name, 0.0) for name in CORRECTED[:3])
+        share, *around = self.typical.surround_moments
+        # The response g̃ that holds the light, and that without, g, are g ∝ g̃ + c. Light of light gives the divisor.
+        held = glare * (self.typical.frame_moments @ cubic) + scatter * (around @ cubic) + dark * self.typical.dark
+        constant = held / (1 - glare - scatter * share)
+        at_knots = np.interp(basis.knots, basis.grid, irradiance)
+        changed = parameters.copy()
+        changed[:n] = np.maximum(parameters[:n] * at_knots / (at_knots + constant), MIN_GAMMA)
+        if "dark current" in values:
+            changed[len(parameters) - len(self) + self.chosen.index("dark current")] /= 1 + constant
+        return replace(self, typical=TypicalLight()), changed
+
+    def log_gain(self, values: FloatArray, seen: Seen) -> FloatArray:
+        """Return by how much ln g is larger than without the effects, shape (n,)."""
+        added, factor, log_gain = self._parts(values, seen)
+        return np.asarray(log_gain + np.log(factor) - np.log(1 - added))
+
+    def log_added(self, values: FloatArray, seen: Seen) -> FloatArray:
+        """Return the part of :meth:`log_gain` that additional light has, shape (n,)."""
+        return np.asarray(-np.log(1 - self._parts(values, seen)[0]))
+
+    def jacobian(self, values: FloatArray, seen: Seen) -> FloatArray:
+        """Return the derivative of :meth:`log_gain` by the parameters, shape (n, len)."""
+        added, factor, _ = self._parts(values, seen)
+        over = {
+            "light": seen.light * (1 - added),
+            "exposure": seen.exposure * factor,
+            "log": np.ones_like(added),
+        }
+        return np.stack([effect.amount(seen) / over[effect.adds] for effect in self._effects], axis=1)
+
+    def _parts(self, values: FloatArray, seen: Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the share of light added, the factor on the exposure, and what is added to ln g, shape (n,) each."""
+        sums = {adds: np.zeros_like(seen.exposure) for adds in get_args(Addition)}
+        for effect, value in zip(self._effects, values, strict=True):
+            sums[effect.adds] += value * effect.amount(seen)
+        added = np.clip(sums["light"] / seen.light, -MAX_ADDED_SHARE, MAX_ADDED_SHARE)
+        factor = np.maximum(1 + sums["exposure"] / seen.exposure, MIN_EXPOSURE_FACTOR)
+        return added, factor, sums["log"]
+
+
+def _cubic(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """Return the coefficients of M, M², M³ in the cubic that follows g best, shape (3,)."""
+    powers = grid[::PIXEL_NOISE_STRIDE, None] ** np.arange(1, MOMENTS + 1)
+    return np.asarray(np.linalg.lstsq(powers, irradiance[::PIXEL_NOISE_STRIDE], rcond=None)[0])

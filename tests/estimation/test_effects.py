@@ -1,0 +1,176 @@
+"""Effects beside response and vignette are found, corrected and stated where they are there, and only there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ospc.arrays import FloatArray
+from ospc.estimation.effect_choice import fit_with_chosen_effects
+from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
+from ospc.estimation.fit import Fit
+from ospc.estimation.response_basis import ResponseBasis, typical_gamma
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
+from ospc.observations import ExposedObservations
+from ospc.photometry.noise import NoiseModel
+from ospc.simulation.responses import RESPONSES
+from synthetic_observations import POLYNOMIAL, SIZE
+
+GAMMA = RESPONSES["srgb"]()
+NOISE = NoiseModel(0.0, 0.0)
+FRAMES, POINTS = 160, 80
+TYPICAL_MS = 10.0
+
+
+@dataclass(frozen=True)
+class Disturbed:
+    """A camera with effects, by the definitions of the documentation."""
+
+    glare: float = 0.0
+    scatter: float = 0.0
+    dark: float = 0.0
+    offset: float = 0.0
+    power_of_logarithm: float = 0.0
+    tone: float = 0.0
+    gamma_drift: float = 0.0
+    black_drift: float = 0.0
+    vignette_drift: float = 0.0
+
+    def pairs(self, seed: int = 0) -> ExposedObservations:
+        """Return points, each in two frames whose exposure, mean light and surroundings differ."""
+        random = np.random.default_rng(seed)
+        n = FRAMES * POINTS
+        group = np.repeat(np.arange(FRAMES), POINTS)
+        time = (2 * group / (FRAMES - 1) - 1)[:, None]
+        true_ms = TYPICAL_MS * np.exp(random.uniform(-1, 1, (FRAMES, 2)))[group]
+        stated_ms = true_ms - self.offset * TYPICAL_MS
+        stretched = np.log(stated_ms / TYPICAL_MS)
+        stated_ms = TYPICAL_MS * np.exp(stretched - self.power_of_logarithm * stretched**2)
+        radiance = np.exp(random.normal(-1.5, 0.9, n))[:, None] / TYPICAL_MS
+        place = random.uniform(-1, 1, (n, 2, 2)) * np.array(SIZE) / np.hypot(*SIZE)
+        squared_radius = np.sum(place**2, axis=2)
+        attenuation = POLYNOMIAL.at_normalised(place) * np.exp(self.vignette_drift * time * squared_radius)
+        # A frame is one even patch for its mean, a place is surrounded by another: their moments are powers then.
+        frame_light = np.exp(random.normal(-1.2, 0.4, (FRAMES, 2)))[group]
+        nearby = np.exp(random.normal(-1.2, 0.6, (n, 2)))
+        added = self.glare * frame_light + self.scatter * nearby + self.dark * true_ms / TYPICAL_MS
+        grey = GAMMA(true_ms * radiance * attenuation + added)
+        around = GAMMA(nearby)
+        grey = grey ** (1 + self.gamma_drift * time) * around**self.tone + self.black_drift * time
+        noisy = grey + 0.3 / 255 * random.standard_normal((n, 2))
+        exposed = np.all((grey > 8 / 255) & (grey < 0.97), axis=1)
+
+        def both(values: FloatArray) -> FloatArray:
+            return np.broadcast_to(values, (n, 2, *values.shape[2:]))[exposed].reshape(-1, *values.shape[2:])
+
+        powers = np.arange(4)
+        return ExposedObservations(
+            grey=both(noisy),
+            position=both(place),
+            gradient=both(np.zeros((n, 2))),
+            pixels_averaged=both(np.full((n, 2), 28.0)),
+            frame_moments=both(GAMMA(frame_light)[..., None] ** powers[1:]),
+            surround_moments=both(around[..., None] ** powers),
+            frame=both(2 * group[:, None] + [0, 1]),
+            point=np.repeat(np.arange(exposed.sum()), 2),
+            group=both(group[:, None]),
+            log_exposure=both(np.log(stated_ms)),
+        )
+
+    def fit(self, seed: int = 0) -> Fit:
+        """Return the fit to these pairs."""
+        widest = VignetteBasis(3, free_centre=True, non_radial=True)
+        return fit_with_chosen_effects(self.pairs(seed), ResponseBasis(32), widest, NOISE, 8)
+
+
+def stated(fit: Fit) -> dict[str, float]:
+    """Return what a fit corrected or found to contradict the model."""
+    return {one.name: one.value for one in fit.effect_estimates if one.corrected or one.contradicts}
+
+
+def is_right(fit: Fit) -> bool:
+    """Whether response and vignette are as accurate as corrected images need."""
+    vignette = vignette_rmse(fit.vignette(SIZE), POLYNOMIAL, 1.0)
+    return log_ratio_error(fit.response(), GAMMA) < 0.005 and vignette < 0.005
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_camera_without_effects_has_none(seed: int) -> None:
+    found = Disturbed().fit(seed)
+    assert not stated(found)
+    assert is_right(found)
+    assert [one.name for one in found.effect_estimates] == list(CORRECTED)
+    assert all(abs(one.value) < 4 * one.sigma for one in found.effect_estimates)
+
+
+@pytest.mark.parametrize(
+    ("camera", "name", "value"),
+    [
+        (Disturbed(glare=0.03), "veiling glare", 0.03),
+        (Disturbed(scatter=0.04), "light scattered nearby", 0.04),
+        (Disturbed(dark=0.02), "dark current", 0.02),
+        (Disturbed(offset=0.05), "exposure offset", 0.05),
+        (Disturbed(offset=-0.05), "exposure offset", -0.05),
+    ],
+)
+def test_an_effect_of_a_camera_is_measured_and_corrected(camera: Disturbed, name: str, value: float) -> None:
+    found = camera.fit()
+    assert stated(found) == {name: pytest.approx(value, rel=0.15)}
+    assert is_right(found)
+
+
+def test_effects_that_come_together_are_told_apart() -> None:
+    found = Disturbed(glare=0.03, offset=-0.05).fit()
+    assert stated(found) == {
+        "veiling glare": pytest.approx(0.03, rel=0.1),
+        "exposure offset": pytest.approx(-0.05, rel=0.15),
+    }
+    assert is_right(found)
+
+
+@pytest.mark.parametrize(
+    ("camera", "name"),
+    [
+        (Disturbed(power_of_logarithm=0.1), "curved exposures"),
+        (Disturbed(tone=-0.1), "local tone mapping"),
+        (Disturbed(gamma_drift=0.08), "drifting response"),
+        (Disturbed(black_drift=0.02), "drifting black level"),
+        (Disturbed(vignette_drift=0.08), "drifting vignette"),
+    ],
+)
+def test_what_no_camera_does_is_stated_and_not_corrected(camera: Disturbed, name: str) -> None:
+    found = camera.fit()
+    assert name in stated(found)
+    assert set(stated(found)) <= set(CONTRADICTIONS)
+    assert not len(found.effects)
+
+
+def test_what_cannot_be_told_widens_the_bands() -> None:
+    """Without moments of the frames glare is as likely as its prior says; with them it is known to be absent."""
+    observations = Disturbed().pairs()
+    known = fit_with_chosen_effects(observations, ResponseBasis(32), VignetteBasis(3), NOISE, 8)
+    sigma = {one.name: one.sigma for one in known.effect_estimates}
+    assert sigma["veiling glare"] < 0.1 * EFFECTS["veiling glare"].sigma
+    assert known.log_response_step_sigma(0.25, 0.75) < 0.02
+
+
+@settings(max_examples=30)
+@given(
+    values=st.lists(st.floats(-0.05, 0.05), min_size=len(EFFECTS), max_size=len(EFFECTS)),
+    seed=st.integers(0, 99),
+)
+def test_the_jacobian_is_the_derivative(values: list[float], seed: int) -> None:
+    observations = Disturbed().pairs(seed).where(slice(0, 40))
+    basis = ResponseBasis(32)
+    effects = Effects.none_of(observations).and_(*EFFECTS)
+    seen = effects.seen(observations, basis, typical_gamma(basis.knots), basis.index_of(observations.grey))
+    about = np.array(values)
+    analytic = effects.jacobian(about, seen)
+    for i in range(len(effects)):
+        step = np.zeros(len(effects))
+        step[i] = 1e-6
+        numeric = (effects.log_gain(about + step, seen) - effects.log_gain(about - step, seen)) / 2e-6
+        np.testing.assert_allclose(analytic[:, i], numeric, rtol=1e-4, atol=1e-6)
