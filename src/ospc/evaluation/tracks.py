@@ -154,8 +154,8 @@ class Tracks:
         now, first = windows(radiance, places), self._first_radiance[index]
         exposed = np.isfinite(now).all(axis=1) & np.isfinite(first).all(axis=1)
         if KINDS[kind] == "raw":
-            grey = windows(frame.image_8_bit, places[exposed])
-            changes[exposed] = _residual(self._first_grey[index[exposed]], grey)
+            grey = windows(frame.image_8_bit, places)
+            changes[exposed] = _residual(self._first_grey[index[exposed]], grey[exposed])
         else:
             both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
             changes[exposed] = _residual(*both)
