@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import pytest
 from click.testing import CliRunner, Result
 
 from ospc.cli.main import cli
+from ospc.output import OutputFolder, Written
+
+
+def leave_out(patch: pytest.MonkeyPatch, *parts: str) -> None:
+    """Leave out parts of the output that are drawn, of "draw" and "report": they take most of the time."""
+    for part in parts:
+        patch.setattr(OutputFolder, part, lambda *_, **__: Written())
 
 
 def ospc(*words: object) -> Result:

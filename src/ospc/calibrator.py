@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, SettingError
@@ -178,12 +180,14 @@ def drive(
     after_frame
         Called after every frame with the frame and whether it could be used. It ends the run early by raising.
     """
-    for frame in decoded_ahead(
-        remaining(calibrator, frames), lambda places: calibrator.foresees(calibrator.frames + places - 1)
-    ):
-        used = calibrator.push(frame)
-        if after_frame is not None:
-            after_frame(frame, used)
+    # Its matrices are small: further threads of the linear algebra would only wait, and take the cores to do so.
+    with threadpool_limits(1, user_api="blas"):
+        for frame in decoded_ahead(
+            remaining(calibrator, frames), lambda places: calibrator.foresees(calibrator.frames + places - 1)
+        ):
+            used = calibrator.push(frame)
+            if after_frame is not None:
+                after_frame(frame, used)
 
 
 def calibrate(

@@ -13,6 +13,7 @@ from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_times, wr
 from ospc.formats.files import json_object
 from ospc.formats.opening import Photometry
 from ospc.formats.pcalib_table import MOST_VALUES
+from ospc.formats.png import write_png
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
@@ -20,7 +21,7 @@ from ospc.report.charts import Findings
 from ospc.report.examples import Examples, examples_of, exposures_beside
 from ospc.report.page import write_page
 from ospc.report.pdf import write_pdf
-from ospc.report.pictures import PICTURES, write_picture
+from ospc.report.pictures import PICTURES, pictures_of
 
 _STATE = re.compile(r"state\.ospc|\.state\.ospc\.\d+\.part")
 _SCHEMA_BEGINNING = "ospc-calibration/"
@@ -140,17 +141,16 @@ class OutputFolder:
         truth
             A reference to draw beside it.
         stop
-            Called before each picture; true to leave out the rest.
+            Called before each picture is written; true to leave out the rest.
         """
 
         def pictures() -> Iterator[Written]:
             findings = Findings(calibration, exposures_beside(self.path), truth=truth)
-            for name in PICTURES:
+            for name, picture in pictures_of(findings).items():
                 if stop():
-                    yield Written(notes=("interrupted before all pictures were drawn",))
+                    yield Written(notes=("interrupted before all pictures were written",))
                     return
-                drawn = write_picture(name, findings, self.path / name)
-                yield Written(() if drawn is None else (drawn,))
+                yield Written((write_png(self.path / name, picture),))
 
         return _collected(pictures(), f"{self.path}: the pictures cannot be drawn")
 

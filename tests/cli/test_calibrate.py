@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from calibrations import SIZE, calibration
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.errors import FrameError, OspcError
 from ospc.formats.dso import read_pcalib, read_vignette, write_pcalib, write_vignette
 from ospc.methods.method import Progress
@@ -84,7 +84,7 @@ def method(monkeypatch):
 
     monkeypatch.setattr(DefaultSettings, "build", lambda *_arguments: OfThisTest())
     monkeypatch.setattr(DefaultSettings, "keeps_state", False)
-    monkeypatch.setattr("ospc.output.PICTURES", ())
+    leave_out(monkeypatch, "draw")
     return OfThisTest
 
 

@@ -13,7 +13,7 @@ from functools import partial
 
 import pytest
 
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.errors import SettingError
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
@@ -21,7 +21,12 @@ from ospc.simulation import SimulationSettings, simulate
 
 EXPOSURES = (3.0, 6.0, 12.0, 24.0)
 QUICK = ("--set", "points_per_pair=60", "--set", "max_points=1500", "--set", "rounds=3", "--set", "keyframes=6")
-PROGRAM = "from ospc import output; output.PICTURES = (); from ospc.cli.main import main; main()"
+PROGRAM = """
+from ospc.cli.main import main
+from ospc.output import OutputFolder, Written
+OutputFolder.draw = OutputFolder.report = lambda *_, **__: Written()
+main()
+"""
 KILLS_S = (0.0, 0.1, 0.4)
 """How long runs live after they wrote their first checkpoint."""
 
@@ -43,15 +48,15 @@ run = partial(ospc, "calibrate")
 
 
 @pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("ospc.output.PICTURES", ())
+def nothing_drawn(monkeypatch):
+    leave_out(monkeypatch, "draw", "report")
 
 
 @pytest.fixture(scope="module")
 def uninterrupted(recording, tmp_path_factory):
     out = tmp_path_factory.mktemp("uninterrupted") / "out"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ospc.output.PICTURES", ())
+        leave_out(patch, "draw", "report")
         run(recording, "-o", out, *QUICK)
     return out
 

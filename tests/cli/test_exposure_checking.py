@@ -13,7 +13,7 @@ from click.testing import Result
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
 from filmed import Film, wandering  # (made for the tests of checks)
 
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.photometry.calibration import Calibration
 from ospc.recording.writing.conversion import convert_recording
 
@@ -32,6 +32,11 @@ def shape_error(calibration: Calibration) -> float:
     estimate, truth = calibration.response.inverse(GREY), GREY**2.2
     scale = estimate @ truth / (estimate @ estimate)
     return float(np.sqrt(np.mean((scale * estimate - truth) ** 2)))
+
+
+@pytest.fixture(autouse=True)
+def nothing_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_out(monkeypatch, "draw", "report")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import read_pcalib, read_vignette
@@ -37,8 +37,8 @@ def states(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("ospc.output.PICTURES", ())
+def nothing_drawn(monkeypatch):
+    leave_out(monkeypatch, "draw", "report")
 
 
 run = partial(ospc, "merge")

@@ -13,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))
 from bag_samples import FLIR, floats, images, metadata, write_bag1  # (made for the tests of readers)
 
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.recording import open_recording
 
 SIZE = (64, 48)
@@ -21,6 +21,11 @@ FRAMES = [cv2.resize(np.random.default_rng(i).integers(0, 255, (6, 8), np.uint8)
 
 
 run = ospc
+
+
+@pytest.fixture(autouse=True)
+def nothing_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_out(monkeypatch, "draw", "report")
 
 
 @pytest.fixture

@@ -13,11 +13,11 @@ import pytest
 from documented_code import DOCS, ROOT, Block, blocks, pages
 from stage import Stage, run_command
 
+from command_line import leave_out
 from ospc.cli.main import cli
 from ospc.correspondence.features import EXTRACTORS
 from ospc.correspondence.registration import REGISTRARS
 from ospc.estimation.response_basis import FUNCTIONS
-from ospc.output import OutputFolder, Written
 
 README = ROOT / "README.md"
 ELSEWHERE = {DOCS / "state.md", DOCS / "scaling.md"} | set((DOCS / "experiments").glob("*.md"))
@@ -56,9 +56,9 @@ def test_what_a_page_tells_to_type_works(
     to_run = [block for block in blocks(page) if not block.not_run]
     monkeypatch.chdir(tmp_path)
     # Pictures and reports take most of the time, and have tests of their own.
-    monkeypatch.setattr(OutputFolder, "draw", lambda *_, **__: Written(()))
+    leave_out(monkeypatch, "draw")
     if not any(words[0] == "report" for block in to_run for words in block.commands):
-        monkeypatch.setattr(OutputFolder, "report", lambda *_, **__: Written(()))
+        leave_out(monkeypatch, "report")
     stage.set_for("\n".join(block.text for block in to_run), tmp_path)
     names: dict[str, object] = {"__name__": "page"}
     for block in to_run:

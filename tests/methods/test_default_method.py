@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded_in_memory import recorded
 
@@ -25,6 +25,11 @@ QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5)
 @pytest.fixture(scope="module")
 def result(walk, calibrated):
     return calibrated(walk.frames[:90])
+
+
+@pytest.fixture(scope="module")
+def quick(walk, calibrated):
+    return calibrated(walk.frames[:60], QUICK)
 
 
 def as_text(calibration):
@@ -106,26 +111,24 @@ def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
 # Repeatable.
 
 
-def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated):
-    plain = calibrated(walk.frames[:60], QUICK)
+def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated, quick):
     asked = calibrated(walk.frames[:60], QUICK, ask_after=(1, 2, 20, 45))
-    assert as_text(asked) == as_text(plain)
+    assert as_text(asked) == as_text(quick)
 
 
 @pytest.mark.parametrize("factor", [2.0])
-def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calibrated, factor):
-    plain = calibrated(walk.frames[:50], QUICK)
-    scaled = calibrated([replace(f, exposure_ms=factor * f.exposure_ms) for f in walk.frames[:50]], QUICK)
+def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calibrated, quick, factor):
+    scaled = calibrated([replace(f, exposure_ms=factor * f.exposure_ms) for f in walk.frames[:60]], QUICK)
     # Rounding may make a round more or less of a fit, each of which then changes next to nothing.
-    change = np.abs(scaled.response.inverse_table - plain.response.inverse_table)
-    assert change.max() < 0.2 * plain.response.inverse_sigma.max()
-    change = np.abs(scaled.vignette.image() - plain.vignette.image())
-    assert change.max() < 0.2 * plain.vignette_sigma.max()
-    np.testing.assert_allclose(scaled.exposure_ratios.metadata, plain.exposure_ratios.metadata, rtol=1e-9)
-    assert [v.state for v in scaled.verdicts.values()] == [v.state for v in plain.verdicts.values()]
+    change = np.abs(scaled.response.inverse_table - quick.response.inverse_table)
+    assert change.max() < 0.2 * quick.response.inverse_sigma.max()
+    change = np.abs(scaled.vignette.image() - quick.vignette.image())
+    assert change.max() < 0.2 * quick.vignette_sigma.max()
+    np.testing.assert_allclose(scaled.exposure_ratios.metadata, quick.exposure_ratios.metadata, rtol=1e-9)
+    assert [v.state for v in scaled.verdicts.values()] == [v.state for v in quick.verdicts.values()]
 
 
-def test_frames_that_cannot_be_used_spoil_nothing(walk, calibrated):
+def test_frames_that_cannot_be_used_spoil_nothing(walk, quick):
     good = walk.frames[:60]
 
     def unreadable():
@@ -144,7 +147,7 @@ def test_frames_that_cannot_be_used_spoil_nothing(walk, calibrated):
         assert calibrator.push(frame)
         if number % 15 == 7:
             assert not calibrator.push(bad[number // 15])
-    mixed, clean = calibrator.calibration(), calibrated(good, QUICK)
+    mixed, clean = calibrator.calibration(), quick
     assert (mixed.counts["skipped"], mixed.counts["frames"]) == (4, 64)
     assert [v.state for v in mixed.verdicts.values()] == [v.state for v in clean.verdicts.values()]
     levels = np.linspace(0.2, 0.8, 13)
@@ -222,6 +225,7 @@ def processed(sampler, frames):
     return numbers
 
 
+@settings(max_examples=30)
 @given(st.integers(1, 100), st.integers(1, 3000))
 def test_frames_are_processed_ever_more_rarely(slowdown, frames):
     numbers = processed(sampler(slowdown), frames)
@@ -231,6 +235,7 @@ def test_frames_are_processed_ever_more_rarely(slowdown, frames):
     assert len(numbers) <= slowdown + np.sqrt(2 * slowdown * frames)
 
 
+@settings(max_examples=30)
 @given(st.integers(1, 100), st.integers(1, 300), st.integers(1, 50), st.integers(1, 3000), st.integers(1, 64))
 def test_pauses_grow_faster_up_to_a_limit_and_are_foreseen(slowdown, dense, longest, frames, ahead):
     limited = sampler(slowdown, dense, longest)

@@ -42,6 +42,11 @@ def run(walk):
     return calibrator.calibration(), progress
 
 
+@pytest.fixture(scope="module")
+def quick(walk, calibrated):
+    return calibrated(walk.frames[:75], QUICK)
+
+
 def as_text(calibration):
     return json.dumps(calibration.as_dict(), sort_keys=True)
 
@@ -109,23 +114,21 @@ def test_the_result_can_be_saved_and_loaded(run, tmp_path):
     assert result.settings["response_window"] == 50
 
 
-def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated):
-    plain = calibrated(walk.frames[:75], QUICK)
+def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated, quick):
     asked = calibrated(walk.frames[:75], QUICK, ask_after=(1, 19, 20, 21, 44, 60))
-    assert as_text(asked) == as_text(plain)
-    assert plain.response is not None
+    assert as_text(asked) == as_text(quick)
+    assert quick.response is not None
 
 
-def test_a_factor_on_all_exposures_changes_nothing(walk, calibrated):
-    plain = calibrated(walk.frames[:60], QUICK)
-    doubled = calibrated([replace(f, exposure_ms=2 * f.exposure_ms) for f in walk.frames[:60]], QUICK)
+def test_a_factor_on_all_exposures_changes_nothing(walk, calibrated, quick):
+    doubled = calibrated([replace(f, exposure_ms=2 * f.exposure_ms) for f in walk.frames[:75]], QUICK)
     # Equal but for the rounding of ln e.
-    np.testing.assert_allclose(doubled.response.inverse_table, plain.response.inverse_table, atol=1e-9)
-    assert (doubled.vignette is None) == (plain.vignette is None)
-    np.testing.assert_array_equal(doubled.exposure_ratios.frames, plain.exposure_ratios.frames)
-    np.testing.assert_allclose(doubled.exposure_ratios.metadata, plain.exposure_ratios.metadata, rtol=1e-12)
-    np.testing.assert_allclose(doubled.exposure_ratios.estimated, plain.exposure_ratios.estimated, rtol=1e-6)
-    assert doubled.counts == plain.counts
+    np.testing.assert_allclose(doubled.response.inverse_table, quick.response.inverse_table, atol=1e-9)
+    assert (doubled.vignette is None) == (quick.vignette is None)
+    np.testing.assert_array_equal(doubled.exposure_ratios.frames, quick.exposure_ratios.frames)
+    np.testing.assert_allclose(doubled.exposure_ratios.metadata, quick.exposure_ratios.metadata, rtol=1e-12)
+    np.testing.assert_allclose(doubled.exposure_ratios.estimated, quick.exposure_ratios.estimated, rtol=1e-6)
+    assert doubled.counts == quick.counts
 
 
 def test_an_open_window_counts_only_where_no_full_one_did(walk, calibrated):

@@ -8,27 +8,34 @@ import pytest
 from calibrations import SIZE, calibration
 from ospc.errors import FormatError
 from ospc.formats.opening import Photometry
-from ospc.formats.png import read_png
+from ospc.output import OutputFolder
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.report.charts import Findings
 from ospc.report.comparison import plot_photometries
-from ospc.report.pictures import PICTURES, write_picture
+from ospc.report.pictures import PICTURES, pictures_of
 
 EXPOSURES_MS = np.geomspace(1, 3, 41)
 
 
-@pytest.mark.parametrize("name", PICTURES)
 @pytest.mark.parametrize("with_truth", [False, True])
 @pytest.mark.parametrize("max_grey", [255, 4095])
-def test_every_picture_is_drawn(tmp_path, name, with_truth, max_grey):
+def test_every_picture_is_drawn(with_truth, max_grey):
     truth = Photometry("truth", Response.gamma(2.1), PolynomialVignette(SIZE, (-0.2, 0.0, 0.0)))
     findings = Findings(calibration(max_grey=max_grey), EXPOSURES_MS, truth=truth if with_truth else None)
-    place = write_picture(name, findings, tmp_path / name)
-    image = read_png(place)
-    assert image.shape[1] >= 500
-    assert np.ptp(image) > 200
+    pictures = pictures_of(findings)
+    assert tuple(pictures) == PICTURES
+    for image in pictures.values():
+        assert image.shape[1] >= 500
+        assert np.ptp(image) > 200
+
+
+def test_a_picture_of_several_charts_is_the_one_of_each_side_by_side():
+    pictures = pictures_of(Findings(calibration(), EXPOSURES_MS))
+    response, whole = pictures["plot_response.png"], pictures["figure.png"]
+    assert whole.shape == (response.shape[0], 3 * response.shape[1], 3)
+    np.testing.assert_array_equal(whole[:, : response.shape[1]], response)
 
 
 @pytest.mark.parametrize(
@@ -39,27 +46,25 @@ def test_every_picture_is_drawn(tmp_path, name, with_truth, max_grey):
         ("plot_exposures.png", calibration(exposure_ratios=ExposureRatios.none())),
     ],
 )
-def test_what_is_unknown_has_no_picture_of_its_own_but_the_overview_says_so(tmp_path, name, lacking):
-    assert write_picture(name, Findings(lacking), tmp_path / name) is None
-    assert not (tmp_path / name).exists()
-    assert write_picture("figure.png", Findings(lacking), tmp_path / "figure.png").exists()
+def test_what_is_unknown_has_no_picture_of_its_own_but_the_overview_says_so(name, lacking):
+    assert set(pictures_of(Findings(lacking))) == {*PICTURES} - {name}
 
 
-def test_the_overview_draws_even_if_nothing_is_known(tmp_path):
+def test_the_overview_draws_even_if_nothing_is_known():
     nothing = calibration(response=False, vignette=False, exposure_ratios=ExposureRatios.none(), partial=True)
-    assert write_picture("figure.png", Findings(nothing), tmp_path / "figure.png").exists()
+    assert set(pictures_of(Findings(nothing))) == {"figure.png"}
 
 
-def test_pictures_depend_on_the_calibration_only(tmp_path):
-    first, second = (
-        write_picture("figure.png", Findings(calibration()), tmp_path / name).read_bytes() for name in "ab"
-    )
-    assert first == second
+def test_pictures_depend_on_the_calibration_only():
+    first, second = (pictures_of(Findings(calibration())) for _ in range(2))
+    for name in first:
+        np.testing.assert_array_equal(first[name], second[name])
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(FormatError, match=r"figure\.png: cannot be written"):
-        write_picture("figure.png", Findings(calibration()), tmp_path / "none" / "figure.png")
+    written = OutputFolder(tmp_path / "none").draw(calibration())
+    assert written.files == ()
+    assert "figure.png: cannot be written" in written.problems[0]
 
 
 def test_calibrations_are_compared_in_one_picture(tmp_path):

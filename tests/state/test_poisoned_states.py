@@ -83,36 +83,37 @@ def arrays_instead_of(array):
 
 
 def use(place, recording):
-    """Do with a state whatever can be done with states, and tell whether it was accepted."""
-    with suppress(OspcError):
-        merge(Pool.load(place)).calibration.as_dict()
+    """Go on from a state as far as it allows, and do with it whatever can be done with states."""
     try:
         calibrator = OnlineCalibrator.load_state(place)
     except OspcError:
-        return False
+        return
     with suppress(OspcError):
         for frame in remaining(calibrator, recording):
             calibrator.push(frame)
         calibrator.calibration().as_dict()
         calibrator.save_state(place, complete=True)
         merge(Pool.load(place)).calibration.as_dict()
-    return True
 
 
 def poisoned(state):
-    """Give a state with each of its arrays and values changed in turn."""
+    """Give the name of each array and value in turn, and the state with that one changed."""
     for name, array in state.arrays.items():
         for other in arrays_instead_of(array):
-            yield replace(state, arrays={**state.arrays, name: other})
+            yield name, replace(state, arrays={**state.arrays, name: other})
     for path in leaves(state.content):
         for value in NUMBERS:
-            yield replace(state, content=changed(state.content, path, value))
+            yield path[0], replace(state, content=changed(state.content, path, value))
 
 
 def test_a_poisoned_state_is_refused_or_everything_works_with_it(saved, recording, tmp_path):
     """One in so many of all changes, so that it takes seconds; all of them take minutes."""
-    for state in list(poisoned(saved))[::47]:
-        use(container.save(state, tmp_path / "state.ospc"), recording)
+    for name, state in list(poisoned(saved))[::47]:
+        place = container.save(state, tmp_path / "state.ospc")
+        if name.startswith("summary"):  # all that merging reads
+            with suppress(OspcError):
+                merge(Pool.load(place)).calibration.as_dict()
+        use(place, recording)
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,8 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording, open_recording
 from ospc.recording.options import ReadingOptions
-from ospc.report.charts import Findings
-from ospc.report.pictures import write_picture
+from ospc.report.charts import Findings, charts_of
+from ospc.report.pictures import row_of
 from ospc.simulation import SimulationSettings, frames, simulate, truth
 from ospc.unknown_exposures import EXPONENT_SIGMA, calibrate_without_exposures, recover_exposures, typical_exponent
 from ospc.unknown_exposures.joint_estimation import JointEstimate
@@ -141,10 +141,9 @@ def test_the_command_asks_for_it_explicitly_and_labels_every_output(folder: Path
     assert not (out / CAVEAT).exists()
 
 
-def test_pictures_are_labelled(found: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ospc.report.pictures.save", lambda figure, _path: figure)
-    figure = write_picture("figure.png", Findings(found), tmp_path / "figure.png")
-    assert "up to one common exponent" in figure.get_supxlabel()
+def test_pictures_are_labelled(found: Calibration) -> None:
+    figure = row_of(charts_of(Findings(found)).values(), found)
+    assert any("up to one common exponent" in text.get_text() for text in figure.texts)
 
 
 def test_what_it_does_not_go_with(folder: Path, tmp_path: Path) -> None:

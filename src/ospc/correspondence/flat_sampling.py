@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.registration import Registration, displacement_at
 from ospc.observations import Observations
@@ -94,7 +95,7 @@ class FlatSampler:
         group
             Number of the pair.
         """
-        places0 = self._grid(frame0)
+        places0 = _grid((frame0.grey.shape[1], frame0.grey.shape[0]), self.spacing_px, self.margin_px)
         scale = frame0.grey.shape[1] / registration.forward.shape[1]
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement
@@ -114,14 +115,6 @@ class FlatSampler:
             float(np.sqrt(np.mean(radial**2))) if radial.size else 0.0,
             motion * frame0.reduction,
         )
-
-    def _grid(self, frame: PreprocessedFrame) -> FloatArray:
-        height, width = frame.grey.shape
-        x, y = np.meshgrid(
-            np.arange(self.margin_px, width - self.margin_px, self.spacing_px, dtype=np.float64),
-            np.arange(self.margin_px, height - self.margin_px, self.spacing_px, dtype=np.float64),
-        )
-        return np.stack([x.ravel(), y.ravel()], axis=1)
 
     def _inside(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
         far = np.array(frame.grey.shape[::-1]) - 1 - self.margin_px
@@ -146,6 +139,15 @@ class FlatSampler:
         rank = np.empty(n, np.int64)
         rank[order] = np.arange(n) - np.repeat(start, count)
         return np.sort(np.lexsort((random, rank))[: self.max_points])
+
+
+@cache
+def _grid(size: ImageSize, spacing_px: int, margin_px: int) -> FloatArray:
+    """Return the places (x, y) of an image, so far apart and away from the border, shape (n, 2)."""
+    x, y = np.meshgrid(*(np.arange(margin_px, side - margin_px, spacing_px, dtype=np.float64) for side in size))
+    places = np.stack([x.ravel(), y.ravel()], axis=1)
+    places.setflags(write=False)
+    return places
 
 
 def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: FloatArray) -> float:

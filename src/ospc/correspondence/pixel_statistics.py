@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.recording.frame import Frame
@@ -149,11 +150,9 @@ class PixelStatistics:
         self._bits |= int(np.bitwise_or.reduce(image, axis=None))
         level = np.arange(len(counts)) * GREY_CELLS // len(counts)
         self._grey_share.append(np.bincount(level, weights=counts, minlength=GREY_CELLS) / counts.sum())
-        height, width = small.grey.shape
-        radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)
-        cell = np.minimum((radius * RADIUS_CELLS).astype(int), RADIUS_CELLS - 1).ravel()
+        cell = _radius_cells((small.grey.shape[1], small.grey.shape[0]))
         places = np.bincount(cell, minlength=RADIUS_CELLS)
-        exposed = np.bincount(cell, weights=small.exposed.ravel(), minlength=RADIUS_CELLS)
+        exposed = np.bincount(cell[small.exposed.ravel()], minlength=RADIUS_CELLS)
         with np.errstate(invalid="ignore"):
             self._radius_share.append(exposed / places)
         self._log_exposure.append(float(np.log(frame.exposure_ms)))
@@ -195,6 +194,15 @@ class PixelStatistics:
 def level_count(max_grey: int) -> int:
     """Return how many grey values, or ranges of them, are counted."""
     return (max_grey >> max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)) + 1
+
+
+@cache
+def _radius_cells(size: ImageSize) -> IntArray:
+    """Return which range of R each place of a small image is in, shape (h · w,)."""
+    radius = np.linalg.norm(normalised(pixel_grid(size), size), axis=-1)
+    cell = np.minimum((radius * RADIUS_CELLS).astype(np.int64), RADIUS_CELLS - 1).ravel()
+    cell.setflags(write=False)
+    return np.asarray(cell)
 
 
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:

@@ -53,9 +53,9 @@ class ThumbnailRegistration:
         there = places + forward
         away = (_OUTSIDE_PX, _OUTSIDE_PX, 0.0, 0.0)
         back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
-        far = np.array([width, height]) - 1 - _MARGIN_PX
-        inside = np.all((there >= _MARGIN_PX) & (there <= far), axis=-1)
-        error = np.hypot(*np.moveaxis(forward + back, -1, 0))
+        low, high = (_MARGIN_PX, _MARGIN_PX, 0, 0), (width - 1 - _MARGIN_PX, height - 1 - _MARGIN_PX, 0, 0)
+        inside = cv2.inRange(there, low, high) > 0
+        error = cv2.magnitude(*cv2.split(forward + back))
         return there, np.asarray(inside & (error < _MAX_FORWARD_BACKWARD_ERROR_PX))
 
 

@@ -103,7 +103,7 @@ class Tracks:
         for kind, images in enumerate(pairs):
             index = np.flatnonzero(self._alive[kind])
             step = follow(*images, self._places[kind, index])
-            change = self._changes(after, radiance, index, step.places)[kind]
+            change = self._changes(kind, after, radiance, index, step.places)
             changed = step.followed & (change > _MAX_CHANGE)
             followed = step.followed & ~changed
             self._lives[kind].add(self._age[index], self._age[index[~followed]])
@@ -141,20 +141,24 @@ class Tracks:
         alive = self._alive & self._inside(frame)
         index = np.flatnonzero(alive.any(axis=0))
         places = np.where(alive[1, index, None], self._places[1, index], self._places[0, index])
-        for residual, change in zip(self._residuals, self._changes(frame, radiance, index, places), strict=True):
-            residual.add(change)
+        for kind, residual in enumerate(self._residuals):
+            residual.add(self._changes(kind, frame, radiance, index, places))
 
-    def _changes(self, frame: Frame, radiance: Float32Array, index: IntArray, places: FloatArray) -> FloatArray:
-        """Return the brightness residuals of tracks at places, in both kinds of frames; NaN if saturated."""
-        changes = np.full((len(KINDS), index.size), np.nan)
+    def _changes(
+        self, kind: int, frame: Frame, radiance: Float32Array, index: IntArray, places: FloatArray
+    ) -> FloatArray:
+        """Return the brightness residuals of tracks at places, in frames of one kind; NaN if saturated."""
+        changes = np.full(index.size, np.nan)
         if not index.size:
             return changes
         now, first = windows(radiance, places), self._first_radiance[index]
         exposed = np.isfinite(now).all(axis=1) & np.isfinite(first).all(axis=1)
-        grey = windows(frame.image_8_bit, places)
-        changes[0, exposed] = _residual(self._first_grey[index[exposed]], grey[exposed])
-        both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
-        changes[1, exposed] = _residual(*both)
+        if KINDS[kind] == "raw":
+            grey = windows(frame.image_8_bit, places)
+            changes[exposed] = _residual(self._first_grey[index[exposed]], grey[exposed])
+        else:
+            both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
+            changes[exposed] = _residual(*both)
         return changes
 
 

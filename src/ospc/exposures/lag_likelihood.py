@@ -23,7 +23,7 @@ _FREEDOM = 4.0
 """Degrees of freedom of Student's t that drives the noise: its tails are heavy, and its variance is still finite."""
 
 _ROUNDS = 10
-"""Rounds of iterated reweighting, of either kind; by then the weights hardly change."""
+"""Most rounds of iterated reweighting, of either kind; by then the weights hardly change."""
 
 _SMALLEST_SCALE = 1e-4
 """Least scale of the noise, in ln of the grey level: rounding errors of images without noise must not decide."""
@@ -46,6 +46,10 @@ _SCATTERED_FACTOR_LIMITS = (0.8, 8.0)
 _SCATTERED_OUTLIER = 4.0
 """Residuals up to this times their mean are no outliers then: most changes may be errors alone, and the few real ones
 must not seem to be the outliers."""
+
+_SETTLED = 1e-6
+"""Change of the slopes, and relative change of the scale, up to which they are settled: near its maximum the
+likelihood then changes by far less."""
 
 _LARGEST_MEMORY = 0.98
 """Largest sum of the magnitudes of the autoregressive coefficients: below one, so that the noise is stationary."""
@@ -128,9 +132,10 @@ def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: Flo
 def _slopes(seen: BrightnessChanges, log_change: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return β of each bin, and a, by iterated reweighting of whole pairs."""
     robust = np.ones(len(seen))
-    x = log_change[:, None]
+    x, share = log_change[:, None], seen.share
     bins, terms = seen.moved.shape[1:]
     slopes, vignette = np.zeros(bins), np.zeros(terms)
+    solution = np.zeros(bins + terms)
     normal = np.zeros((bins + terms, bins + terms))
     for _ in range(_ROUNDS):
         weight = seen.weight * robust[:, None]
@@ -138,20 +143,20 @@ def _slopes(seen: BrightnessChanges, log_change: FloatArray) -> tuple[FloatArray
         xd = (weight * x * seen.log_ratio).sum(axis=0)
         pool = _POOLING * xx.mean() + 1e-9
         normal[:bins, :bins] = np.diag(xx + pool)
-        normal[:bins, bins:] = np.einsum("nb,nbk->bk", weight * x, seen.moved)
+        weighted = weight[:, :, None] * seen.moved
+        normal[:bins, bins:] = np.tensordot(log_change, weighted, axes=1)
         normal[bins:, :bins] = normal[:bins, bins:].T
-        normal[bins:, bins:] = np.einsum("nb,nbk,nbl->kl", weight, seen.moved, seen.moved) + 1e-6 * np.eye(terms)
+        normal[bins:, bins:] = np.tensordot(weighted, seen.moved, axes=((0, 1), (0, 1))) + 1e-6 * np.eye(terms)
         target = np.concatenate(
-            [
-                xd + pool * xd.sum() / max(xx.sum(), 1e-12),
-                np.einsum("nb,nbk->k", weight * seen.log_ratio, seen.moved),
-            ]
+            [xd + pool * xd.sum() / max(xx.sum(), 1e-12), np.tensordot(seen.log_ratio, weighted, axes=2)]
         )
-        solution = np.linalg.solve(normal, target)
+        before, solution = solution, np.linalg.solve(normal, target)
         slopes, vignette = np.maximum(solution[:bins], 0.0), solution[bins:]
-        left = np.sum(seen.share * (seen.log_ratio - slopes * x - seen.moved @ vignette), axis=1)
+        if np.abs(solution - before).max() < _SETTLED:
+            break
+        left = np.sum(share * (seen.log_ratio - slopes * x - seen.moved @ vignette), axis=1)
         scale = max(robust_scale(left), _SMALLEST_SCALE)
-        allowed = np.hypot(scale, _SLOPE_ERROR * np.abs(np.sum(seen.share * slopes, axis=1) * log_change))
+        allowed = np.hypot(scale, _SLOPE_ERROR * np.abs(share @ slopes * log_change))
         if seen.scatter > 0:
             allowed = np.maximum(allowed, _SCATTERED_OUTLIER * np.abs(left).mean())
         robust = (_FREEDOM + 1) / (_FREEDOM + (left / allowed) ** 2)
@@ -165,31 +170,29 @@ def _regress(
 
     The first column's size stays within the limits, where there are any.
     """
+    # What is observed and every column, at the driven pairs and at those before: shape (1 + ORDER, m, 1 + columns).
+    lagged = np.column_stack([observed, columns])[driven - np.arange(1 + ORDER)[:, None]]
     memory = np.zeros(ORDER)
     size = np.zeros(columns.shape[1])
     weight = np.ones(len(driven))
-    innovation, scale = observed[driven], _SMALLEST_SCALE
+    innovation = observed[driven]
+    scale = max(robust_scale(innovation), _SMALLEST_SCALE)
     for _ in range(_ROUNDS):
         if columns.shape[1]:
-            whitened = _innovation(columns, driven, memory)
-            size = _least_squares(whitened, _innovation(observed, driven, memory), weight)
+            white = lagged[0] - np.tensordot(memory, lagged[1:], axes=1)
+            target, whitened = white[:, 0], white[:, 1:]
+            size = _least_squares(whitened, target, weight)
             if limits and not limits[0] <= size[0] <= limits[1]:
                 size[0] = np.clip(size[0], *limits)
-                rest = _innovation(observed - columns[:, 0] * size[0], driven, memory)
-                size[1:] = _least_squares(whitened[:, 1:], rest, weight)
-        noise = observed - columns @ size
-        earlier = np.column_stack([noise[driven - step] for step in range(1, ORDER + 1)])
-        memory = _least_squares(earlier, noise[driven], weight, ridge=_MEMORY_RIDGE)
+                size[1:] = _least_squares(whitened[:, 1:], target - whitened[:, 0] * size[0], weight)
+        noise = lagged[..., 0] - lagged[..., 1:] @ size
+        earlier = noise[1:].T
+        memory = _least_squares(earlier, noise[0], weight, ridge=_MEMORY_RIDGE)
         memory *= min(1.0, most / max(float(np.abs(memory).sum()), 1e-12))
-        innovation = noise[driven] - earlier @ memory
-        scale = _scale(innovation)
+        innovation = noise[0] - earlier @ memory
+        scale = _scale(innovation, scale)
         weight = (_FREEDOM + 1) / (_FREEDOM + (innovation / scale) ** 2)
     return size, innovation, scale
-
-
-def _innovation(values: FloatArray, driven: IntArray, memory: FloatArray) -> FloatArray:
-    """Return the driven values less their prediction from those before."""
-    return np.asarray(values[driven] - sum(memory[k] * values[driven - 1 - k] for k in range(ORDER)))
 
 
 def _least_squares(columns: FloatArray, target: FloatArray, weight: FloatArray, ridge: float = 1e-9) -> FloatArray:
@@ -201,12 +204,16 @@ def _least_squares(columns: FloatArray, target: FloatArray, weight: FloatArray, 
     return np.asarray(np.linalg.solve(normal, weighted.T @ target))
 
 
-def _scale(values: FloatArray) -> float:
-    """Return the scale of Student's t that makes the values most likely."""
-    scale = max(robust_scale(values), _SMALLEST_SCALE)
+def _scale(values: FloatArray, scale: float) -> float:
+    """Return the scale of Student's t that makes the values most likely, found from a rough one."""
+    squared = values**2
     for _ in range(2 * _ROUNDS):
-        weight = (_FREEDOM + 1) / (_FREEDOM + (values / scale) ** 2)
-        scale = max(float(np.sqrt(np.mean(weight * values**2))) if len(values) else 0.0, _SMALLEST_SCALE)
+        before = scale
+        # (ν + 1) / (ν + v²/s²) · v², the square of each value with its weight.
+        weighted = squared / (_FREEDOM / (_FREEDOM + 1) + squared / ((_FREEDOM + 1) * scale**2))
+        scale = max(float(np.sqrt(weighted.sum() / max(len(values), 1))), _SMALLEST_SCALE)
+        if abs(scale - before) < _SETTLED * scale:
+            break
     return scale
 
 

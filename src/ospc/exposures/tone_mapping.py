@@ -180,10 +180,11 @@ def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> 
     extent = np.maximum(np.abs(place).max(axis=0), 1e-6)
     x, y = (np.clip((place[:, k] / extent[k] + 1) / 2 * n, 0, n - 1).astype(int) for k, n in ((0, across), (1, down)))
     cell = pair * across * down + y * across + x
-    order = np.argsort(cell, kind="stable")
+    order = np.lexsort((left, cell))
     number, start, count = np.unique(cell[order], return_index=True, return_counts=True)
     full = count >= _MIN_CELL_SAMPLES
-    middle = np.array([np.median(left[order[s : s + c]]) for s, c in zip(start[full], count[full], strict=True)])
+    lower, upper = (left[order[start[full] + rank]] for rank in ((count[full] - 1) // 2, count[full] // 2))
+    middle = (lower + upper) / 2
     of_pair = number[full] // (across * down)
     apart = [middle[of_pair == p] - np.median(middle[of_pair == p]) for p in np.unique(of_pair)]
     different = np.concatenate([np.abs(values) for values in apart if len(values) >= _MIN_CELLS] or [np.zeros(1)])

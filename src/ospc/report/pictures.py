@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterable
+from typing import Any
 
+import numpy as np
+
+from ospc.arrays import Image
 from ospc.photometry.calibration import Calibration
-from ospc.report.charts import Findings, charts_of
-from ospc.report.style import ORANGE, new_figure, printable, rules, save
+from ospc.report.charts import Chart, Findings, charts_of
+from ospc.report.style import DPI, ORANGE, as_image, new_figure, printable, rules
 
 _CONTENT = {
     "figure.png": ("response", "vignette", "ratios"),
@@ -18,35 +22,50 @@ _CONTENT = {
 PICTURES = tuple(_CONTENT)
 """File names: an overview like figure 3 of the paper, and its three parts on their own."""
 
-_HEIGHT_IN, _CHART_IN, _BETWEEN_IN = 4.2, 3.1, 0.85
-_MARGINS_IN = {"left": 0.78, "right": 0.15, "top": 0.62, "bottom": 0.72}
+_HEIGHT_IN, _CHART_IN = 4.2, 3.05
+_MARGINS_IN = {"left": 0.76, "right": 0.14, "top": 0.62, "bottom": 0.72}
 """Room around the charts for titles and labels."""
 
+_TILE_IN = _MARGINS_IN["left"] + _CHART_IN + _MARGINS_IN["right"]
+"""Width of a chart with its margins: a whole number of pixels, so that pictures can be cut from one drawing."""
 
-def write_picture(name: str, findings: Findings, path: Path) -> Path | None:
-    """Draw one of :data:`PICTURES` and return its path, or None where what it shows is unknown.
+_HEAD_IN, _FOOT_IN = 0.3, 0.2
+"""Height of the lines above and below the charts that belong to the whole picture."""
 
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
+
+def pictures_of(findings: Findings) -> dict[str, Image]:
+    """Return those of :data:`PICTURES` that show something known, by name, shape (height, width, 3) in BGR.
+
+    Every chart is drawn only once, though several pictures may show it: drawing takes most of the time.
     """
-    available, calibration = charts_of(findings), findings.calibration
-    charts = [available[part] for part in _CONTENT[name] if part in available]
-    if name != PICTURES[0] and all(chart.unknown for chart in charts):
-        return None
-    width_in = len(charts) * (_CHART_IN + _BETWEEN_IN) - _BETWEEN_IN + _MARGINS_IN["left"] + _MARGINS_IN["right"]
+    charts = charts_of(findings)
+    content = {name: [part for part in parts if part in charts] for name, parts in _CONTENT.items()}
+    row = list(dict.fromkeys(part for parts in content.values() for part in parts))
     with rules():
-        figure = new_figure(width_in, _HEIGHT_IN, _MARGINS_IN)
-        for cell, chart in zip(
-            figure.add_gridspec(1, len(charts), wspace=_BETWEEN_IN / _CHART_IN), charts, strict=True
-        ):
-            chart.draw_into(cell)
-        figure.suptitle(
-            printable(_title(calibration)), fontsize=9, y=1 - 0.12 / _HEIGHT_IN, va="top", parse_math=False
-        )
-        figure.supxlabel(calibration.caveat, fontsize=8, color=ORANGE)
-        return save(figure, path)
+        whole = as_image(row_of((charts[part] for part in row), findings.calibration))
+    tiles = dict(zip(row, np.split(whole, len(row), axis=1), strict=True))
+    pictures = {}
+    for name, parts in content.items():
+        if name == PICTURES[0] or not all(charts[part].unknown for part in parts):
+            picture = np.concatenate([tiles[part] for part in parts], axis=1)
+            for lines in (slice(round(_HEAD_IN * DPI)), slice(-round(_FOOT_IN * DPI), None)):
+                picture[lines] = whole[lines, : picture.shape[1]]
+            pictures[name] = picture
+    return pictures
+
+
+def row_of(charts: Iterable[Chart], calibration: Calibration) -> Any:
+    """Return a figure of charts side by side, with the title of a picture above and its caveat below, both left."""
+    charts = list(charts)
+    width_in = len(charts) * _TILE_IN
+    figure = new_figure(width_in, _HEIGHT_IN, _MARGINS_IN)
+    between = (_MARGINS_IN["left"] + _MARGINS_IN["right"]) / _CHART_IN
+    for cell, chart in zip(figure.add_gridspec(1, len(charts), wspace=between), charts, strict=True):
+        chart.draw_into(cell)
+    at, edge = 0.12 / width_in, 0.12 / _HEIGHT_IN
+    figure.text(at, 1 - edge, printable(_title(calibration)), fontsize=9, va="top", parse_math=False)
+    figure.text(at, edge / 2, calibration.caveat, fontsize=8, va="bottom", color=ORANGE)
+    return figure
 
 
 def _title(calibration: Calibration) -> str:

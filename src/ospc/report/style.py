@@ -11,6 +11,9 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
+import numpy as np
+
+from ospc.arrays import Image
 from ospc.errors import FormatError
 from ospc.formats.files import write_bytes
 
@@ -93,6 +96,15 @@ def save(figure: Any, path: Path) -> Path:
     except ValueError:
         raise FormatError(f"{path}: not a known kind of picture; give a .png, .svg or .pdf") from None
     return write_bytes(path, picture.getvalue())
+
+
+def as_image(figure: Any) -> Image:
+    """Return a figure as an image in BGR, shape (height, width, 3)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., 2::-1].copy()
 
 
 def as_svg(figure: Any, title: str) -> str:
