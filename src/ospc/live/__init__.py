@@ -1,7 +1,8 @@
-"""Cameras that do not wait: the engine beside a camera, in a thread of its own."""
+"""Cameras that do not wait: the engine beside a camera, in a thread of its own, with advice on what to film next."""
 
 from __future__ import annotations
 
+from ospc.live.advice import Instruction
 from ospc.live.calibrator import LiveCalibrator, LiveStatus
 
-__all__ = ["LiveCalibrator", "LiveStatus"]
+__all__ = ["Instruction", "LiveCalibrator", "LiveStatus"]

@@ -57,6 +57,8 @@ class Preview:
         Standard deviation of the vignette's profile at the 51 radii 0, 0.02, … 1, shape (51,).
     matches
         Points of the latest pair of frames; None where nothing was found again in it.
+    observations, fit
+        All that was observed, and the latest quick fit, None before there is one: what advice is derived from.
     """
 
     pairs: int
@@ -65,6 +67,8 @@ class Preview:
     vignette: Vignette | None = None
     vignette_sigma: FloatArray | None = None
     matches: Matches | None = None
+    observations: ExposedObservations | None = None
+    fit: Fit | None = None
 
 
 def preview_of(
@@ -95,9 +99,9 @@ def preview_of(
     """
     coverage, matches = coverage_of(observations, None, size), matches_of(latest, fit, size)
     if fit is None:
-        return Preview(pairs, coverage, matches=matches)
+        return Preview(pairs, coverage, matches=matches, observations=observations)
     response, vignette = fit.response(max_grey, measured_greys(observations)), fit.vignette(size)
-    return Preview(pairs, coverage, response, vignette, vignette_sigma(fit), matches)
+    return Preview(pairs, coverage, response, vignette, vignette_sigma(fit), matches, observations, fit)
 
 
 def matches_of(latest: ExposedObservations | None, fit: Fit | None, size: ImageSize) -> Matches | None:
