@@ -18,6 +18,7 @@ from rich.console import Console
 
 from command_line import ospc
 from ospc import OnlineCalibrator, open_recording, pace
+from ospc.cli import live as live_command
 from ospc.cli.live_marks import Canvas, bars, falling, filled
 from ospc.cli.live_view import LiveView
 from ospc.cli.progress import ProgressLine
@@ -25,6 +26,7 @@ from ospc.cli.watching import Watching, figures
 from ospc.errors import OspcError, RecordingError
 from ospc.live import LiveCalibrator
 from ospc.live.capture import Capture
+from ospc.live.knowledge import GOAL
 from ospc.output import OutputFolder, Written
 from ospc.pace import Pace
 from ospc.recording import Frame
@@ -164,6 +166,7 @@ def test_of_a_camera_what_is_known_is_written_whatever_happens(recording, tmp_pa
     done = ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "-q")
     known = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert known["counts"]["frames"] == len(recording)
+    assert len((tmp_path / "out" / "times.txt").read_text().splitlines()) == len(recording)
     assert known["partial"] == (failure is not None)
     assert (tmp_path / "out" / "report.html").exists()
     if failure is None:
@@ -191,6 +194,10 @@ def test_what_is_neither_a_recording_nor_a_camera_is_refused(source, tmp_path):
     done = ospc("live", source, "-o", tmp_path / "out", "--no-page")
     assert isinstance(done.exception, OspcError)
     assert "opencv:" in str(done.exception)
+
+
+def test_the_goal_is_that_of_the_library():
+    assert live_command._GOAL == GOAL
 
 
 def test_a_mask_is_for_recordings(tmp_path):

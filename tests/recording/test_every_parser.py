@@ -63,7 +63,9 @@ PARSERS = {
     "simulation/files.py": OURS,
     "simulation/texture.py": OURS,
     "state/container.py": ["state.ospc", "values of a state", "arrays of a state", "result of a batch"],
-    **dict.fromkeys(("atomic.py", "folders.py", "report/page.py", "cli/rerun_stream.py", "live/page/server.py"), OURS),
+    **dict.fromkeys(
+        ("atomic.py", "folders.py", "report/page.py", "cli/rerun_stream.py", "live/page/server.py"), OURS
+    ),
 }
 """Of every module that reads: the parsers of it that are tried, or why none has to be."""
 

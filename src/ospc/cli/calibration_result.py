@@ -15,7 +15,7 @@ from ospc.cli.terminal import say, styled
 
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
-    from ospc.output import OutputFolder, Written
+    from ospc.output import OutputFolder, Times, Written
     from ospc.photometry.calibration import Calibration
     from ospc.recording import Recording
 
@@ -74,7 +74,7 @@ class ResultFolder:
     folder
         Where the files go.
     recording
-        The recording; None for a camera, which leaves out the times and the example pictures.
+        The recording; None for a camera, of which the report has no example pictures.
     interruption
         An interruption while files are written only leaves out pictures.
     quiet, as_json
@@ -83,6 +83,8 @@ class ResultFolder:
         What to compare with.
     pdf
         Whether to write the report as PDF too.
+    times
+        When frames were taken, where there is no recording; None for nothing.
     """
 
     folder: OutputFolder
@@ -92,6 +94,7 @@ class ResultFolder:
     as_json: bool = False
     truth: Photometry | None = None
     pdf: bool = False
+    times: Times | None = None
 
     @property
     def talkative(self) -> bool:
@@ -121,7 +124,7 @@ class ResultFolder:
     def _written(self, outcome: Outcome) -> tuple[Outcome, Written]:
         """Write data, report, then pictures; an interruption now only leaves out pictures."""
         folder, before = self.folder, self.interruption.count
-        written = folder.write(outcome.calibration, self.recording)
+        written = folder.write(outcome.calibration, self.times if self.recording is None else self.recording)
         if not written.problems:
             with ThreadPoolExecutor(1) as second:
                 # The report follows points through images, which leaves the interpreter to whoever draws.

@@ -134,12 +134,15 @@ def command(
                 if not no_page:
                     _show_page(stack, capture, port, browser=not no_browser)
                 try:
-                    result = ResultFolder(folder, recording, interruption, quiet, as_json)
+                    result = ResultFolder(folder, recording, interruption, quiet, as_json, times=capture.times)
                     content = _captured(capture, live, opened.frames, result, full=no_page)
                 except OspcError as error:
                     capture.end("failed", str(error))
                     raise
-                capture.end("written", f"Written to {out}. This page can be closed.")
+                if content["error"]:
+                    capture.end("failed", content["error"])
+                else:
+                    capture.end("written", f"Written to {out}. This page can be closed.")
     if as_json:
         print_json(content)
     if content["error"]:

@@ -19,8 +19,8 @@ from ospc.pace import Pace
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-    from ospc.live.calibrator import LiveStatus
     from ospc.live.capture import Bars, Capture
+    from ospc.live.status import LiveStatus
     from ospc.methods.preview import Preview
 
 _REFRESH_S = 0.4

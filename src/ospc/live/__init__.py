@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ospc.live.advice import Instruction
-from ospc.live.calibrator import LiveCalibrator, LiveStatus
+from ospc.live.calibrator import LiveCalibrator
+from ospc.live.status import LiveStatus
 
 __all__ = ["Instruction", "LiveCalibrator", "LiveStatus"]

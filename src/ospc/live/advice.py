@@ -59,9 +59,6 @@ _LATEST_PAIRS, _FEW_POINTS = 16, 12.0
 _MIN_LOG_RANGE = 0.4
 """Range of ln exposure below which the exposure hardly changed: a factor of 1.5."""
 
-_STILL = 0.01
-"""Median displacement of the points in half diagonals up to which a camera counts as resting."""
-
 _CORNERS = {(-1, -1): "upper left", (1, -1): "upper right", (-1, 1): "lower left", (1, 1): "lower right"}
 _TURNS = {(-1, -1): "right and down", (1, -1): "left and down", (-1, 1): "right and up", (1, 1): "left and up"}
 """Where a camera turns for its picture to move to a corner."""
@@ -178,7 +175,7 @@ class Adviser:
     def _urgent(self, preview: Preview | None, known: Calibration | None) -> Instruction | None:
         """Return what goes before everything else."""
         if known is not None:
-            response, vignette = certainty(known)
+            response, vignette = certainty(known, 1.0 if preview is None else preview.usable_radius)
             enough = known.converged and known.counts.get("pairs", 0) >= FEWEST_PAIRS
             if enough and response is not None and vignette is not None and max(response, vignette) <= self._goal:
                 text = f"Done: response and vignette are known to ±{self._goal:g}."
@@ -260,15 +257,17 @@ def _dark(grey: float) -> Instruction:
 
 
 def _best_motion(preview: Preview, knowledge: Knowledge, goal: float) -> _Option:
+    reach = min(1.0, preview.usable_radius / _RADII[-1])
     ways = [(a, b) for a in _RADII for b in _RADII if b > a]
-    gains = [knowledge.gain_of_motion(a, b, _TYPICAL_GREY, goal) for a, b in ways]
+    gains = [knowledge.gain_of_motion(reach * a, reach * b, _TYPICAL_GREY, goal) for a, b in ways]
     best = int(np.argmax(gains))
-    return _Option(_motion(*ways[best], _least_seen_corner(preview)), gains[best])
+    radius0, radius1 = (reach * radius for radius in ways[best])
+    return _Option(_motion(radius0, radius1, _least_seen_corner(preview)), gains[best])
 
 
 def _motion(radius0: float, radius1: float, corner: tuple[int, int]) -> Instruction:
     place = "what is in the middle" if radius0 < _RADII[1] else "something even near the middle"
-    way = "" if radius1 == _RADII[-1] else f"{radius1:.0%} of the way "
+    way = "" if radius1 >= _RADII[-1] else f"{radius1:.0%} of the way "
     text = (
         f"Turn the camera slowly to the {_TURNS[corner]}, until {place} has moved {way}to the {_CORNERS[corner]} "
         f"corner of the picture."

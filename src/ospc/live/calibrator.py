@@ -14,12 +14,11 @@ from types import TracebackType
 from typing import Any
 
 from ospc.calibrator import OnlineCalibrator
-from ospc.engine_state import Epoch
 from ospc.errors import FrameError, OspcError, SettingError, said_by
 from ospc.exposures.findings import LagChoice
-from ospc.live.advice import Adviser, Instruction
+from ospc.live.advice import Adviser
 from ospc.live.knowledge import GOAL
-from ospc.methods.method import Progress
+from ospc.live.status import LiveStatus
 from ospc.methods.preview import Preview
 from ospc.pace import Pace
 from ospc.photometry.calibration import Calibration
@@ -38,54 +37,6 @@ CONFIRMING = 12
 
 LOOK_S, LOOK_SHARE = 0.4, 0.1
 """Shortest time in seconds between two looks for advice, and the largest share of the time that they may take."""
-
-
-@dataclass(frozen=True)
-class LiveStatus:
-    """Where a live calibration stands; taken without waiting.
-
-    Attributes
-    ----------
-    frames
-        Frames pushed so far.
-    processed
-        Frames that the background has processed.
-    dropped
-        Frames that should have been processed, but too many images were waiting.
-    unusable
-        Frames that could not be used.
-    reasons
-        Why frames could not be used, the latest last.
-    converged
-        Whether response and vignette were identifiable at the latest estimate.
-    converged_after
-        Frames pushed when they first were; None before.
-    notes
-        When they became known, and whether and how the camera changed since.
-    epochs
-        The epochs of the camera, one more than it changed. Those that ended hold their calibration.
-    progress
-        The method's own figures.
-    instruction
-        What to film next, and why.
-    """
-
-    frames: int
-    processed: int
-    dropped: int
-    unusable: int
-    reasons: tuple[str, ...]
-    converged: bool
-    converged_after: int | None
-    notes: tuple[str, ...]
-    epochs: tuple[Epoch, ...]
-    progress: Progress
-    instruction: Instruction
-
-    @property
-    def advice(self) -> str:
-        """What to film next, as text: one instruction at a time, until it says that it is done."""
-        return self.instruction.text
 
 
 class LiveCalibrator:

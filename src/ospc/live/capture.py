@@ -14,8 +14,9 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import FrameError
 from ospc.live.advice import Instruction
-from ospc.live.calibrator import LiveCalibrator, LiveStatus
+from ospc.live.calibrator import LiveCalibrator
 from ospc.live.knowledge import GOAL
+from ospc.live.status import LiveStatus
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
@@ -88,6 +89,29 @@ class Bars:
         )
 
 
+class FilmedTimes:
+    """Stamps and exposures of all frames, as a recording has them."""
+
+    def __init__(self) -> None:
+        self._stamps_s: list[float] = []
+        self._exposures_ms: list[float] = []
+
+    def append(self, frame: Frame) -> None:
+        """Take note of the next frame."""
+        self._stamps_s.append(frame.stamp_s)
+        self._exposures_ms.append(frame.exposure_ms)
+
+    @property
+    def stamps_s(self) -> FloatArray:
+        """Time stamp in seconds of every frame, shape (frames,)."""
+        return np.array(self._stamps_s)
+
+    @property
+    def exposures_ms(self) -> FloatArray:
+        """Exposure in milliseconds of every frame, shape (frames,)."""
+        return np.array(self._exposures_ms)
+
+
 class Capture:
     """Feeds a live calibrator, and tells any thread where it stands.
 
@@ -101,6 +125,13 @@ class Capture:
         Whether it then ends by itself.
     out
         Name of the folder that is written in the end, for the page.
+
+    Attributes
+    ----------
+    stage, message
+        What is being done, and how it ended.
+    times
+        When the frames were taken, and how long they were exposed.
     """
 
     def __init__(self, live: LiveCalibrator, *, goal: float = GOAL, ends: bool = True, out: str = "") -> None:
@@ -113,6 +144,7 @@ class Capture:
         self._begun_s = time.monotonic()
         self.stage: Stage = "filming"
         self.message = ""
+        self.times = FilmedTimes()
 
     def run(self, frames: Iterable[Frame], stop: Callable[[], bool], *, replayed: bool) -> None:
         """Push frames until they end, the goal is reached, or somebody asks for the end.
@@ -128,6 +160,7 @@ class Capture:
         """
         for frame in frames:
             self._frame = frame
+            self.times.append(frame)
             self._live.push(frame)
             if replayed:
                 self._live.wait(WAITING_FRAMES)

@@ -119,7 +119,7 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
     fit, observations = preview.fit, preview.observations
     step = max(1, len(observations.starts) // _POINTS)
     covariance, scale = _covariance(fit, observations.of_points(slice(None, None, step)), step)
-    wanted = _wanted(fit, sum(measured_greys(observations)) / 2)
+    wanted = _wanted(fit, sum(measured_greys(observations)) / 2, _radii(preview.usable_radius))
     disagreement = np.maximum(_variance(wanted, fit.covariance - fit.chance), 0)
     share = np.where(np.arange(len(wanted)) < len(_GREYS), SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE)
     systematic = (share * (wanted @ fit.parameters)) ** 2
@@ -127,17 +127,17 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
     return Knowledge(fit, covariance, wanted, sigma, scale)
 
 
-def certainty(calibration: Calibration) -> tuple[float | None, float | None]:
+def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[float | None, float | None]:
     """Return what :attr:`Knowledge.response_sigma` and ``vignette_sigma`` estimate, of a calibration.
 
-    None stands for a part that is not known at all.
+    None stands for a part that is not known at all. Radii beyond the usable part of the image do not count.
     """
     response, sigma = calibration.response, calibration.vignette_sigma
     spread = None if response is None else response.inverse_sigma
     of_response = None
     if response is not None and spread is not None:
         of_response = _root_mean_square(np.interp(_GREYS, response.levels, spread))
-    return of_response, None if sigma is None else _root_mean_square(sigma)
+    return of_response, None if sigma is None else _root_mean_square(sigma[: len(_radii(usable_radius))])
 
 
 def _covariance(fit: Fit, some: ExposedObservations, step: int) -> tuple[FloatArray, float]:
@@ -148,11 +148,15 @@ def _covariance(fit: Fit, some: ExposedObservations, step: int) -> tuple[FloatAr
     return np.asarray(np.linalg.inv(information), dtype=np.float64), equations.information_scale
 
 
-def _wanted(fit: Fit, reference: float) -> FloatArray:
+def _radii(usable_radius: float) -> FloatArray:
+    return PROFILE_RADII[usable_radius >= PROFILE_RADII]
+
+
+def _wanted(fit: Fit, reference: float, radii: FloatArray) -> FloatArray:
     basis, vignette = fit.response_basis, fit.vignette_basis
     g = np.exp(np.interp(_GREYS, basis.grid, basis.log_of(fit.response_parameters))) * (_GREYS > 0)
     response = g[:, None] * (basis.log_rows(_GREYS) - basis.log_rows([reference]))
-    places = PROFILE_RADII[:, None] * _DIAGONAL
+    places = radii[:, None] * _DIAGONAL
     value = np.exp(vignette.log_value(fit.vignette_parameters, places))
     fall = value[:, None] * vignette.jacobian(fit.vignette_parameters, places)
     wanted = np.zeros((len(response) + len(fall), len(basis) + len(vignette)))
