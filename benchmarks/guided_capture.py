@@ -29,8 +29,11 @@ from ospc.simulation.sensor import Sensor
 
 RESPONSES = ("srgb", "gamma2.2", "linear", "filmic")
 FPS = 20.0
-ESTIMATE_S, NEAR = 2.0, 1.6
-"""Time between complete estimates in seconds, and within how many goals the quick one has to be for them."""
+ESTIMATE_S = 0.5
+"""Shortest time between complete estimates where quick figures are within the goal, in seconds."""
+
+CHECK_S = 2.0
+"""Longest time between them, so that the true errors are known, in seconds."""
 
 LOOK_S = 0.5
 """Time between looks of the adviser."""
@@ -232,7 +235,7 @@ def capture(
     person, motion = Person(camera.scene, settings, camera.truth.response), Motion.of(settings)
     instruction, said = adviser.instruction, ""
     found = {"stated": np.inf, "true": np.inf, "response": np.inf, "vignette": np.inf}
-    next_estimate_s = 0.0
+    estimated_s, known = 0.0, None
     for number in range(int(longest_s * FPS)):
         time_s = number / FPS
         if directed:
@@ -242,13 +245,12 @@ def capture(
             position_m, turn = pose.position_m[0], pose.rotation[0]
         calibrator.push(camera.shoot(position_m, turn))
         if number % int(LOOK_S * FPS) == 0:
-            instruction = adviser.look(calibrator.preview(), time_s)
+            instruction = adviser.look(calibrator.preview(), time_s, known)
             if instruction.kind != said:
                 said = instruction.kind
                 report(f"    {time_s:5.1f} s {said:8} response ±{instruction.response_sigma}")
-        quick = [s or np.inf for s in (instruction.response_sigma, instruction.vignette_sigma)]
-        if time_s >= next_estimate_s and max(quick) < NEAR * GOAL:
-            next_estimate_s = time_s + ESTIMATE_S
+        if time_s >= estimated_s + (ESTIMATE_S if adviser.expects_end else CHECK_S):
+            estimated_s = time_s
             known = calibrator.calibration()
             errors = Errors.of(known, camera)
             if max(errors.response, errors.vignette) > GOAL:

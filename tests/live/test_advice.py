@@ -21,6 +21,7 @@ from ospc.methods.preview import preview_of
 from ospc.methods.summary import summarise
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.settings import DefaultSettings
 from synthetic_observations import SIZE, Camera
 
@@ -50,6 +51,7 @@ NO_DARK = state(lambda o: o.grey > 0.35, camera=replace(CAMERA, response=Respons
 NO_BRIGHT = state(lambda o: o.grey < 0.6)
 NO_OUTER = state(lambda o: radius(o) < 0.3)
 NO_EXPOSURES = state(lambda o: o.grey < 0.95, camera=replace(CAMERA, log_ratio=0.06))
+EVERYTHING = state(lambda o: o.grey > 0.02, pairs=100)
 ALL_STATES = (NO_DARK, NO_BRIGHT, NO_OUTER, NO_EXPOSURES)
 
 
@@ -163,9 +165,21 @@ def test_it_says_done_when_both_are_known_to_the_goal_and_not_before():
 
 def test_exposures_that_contradict_the_images_come_first():
     known = calibrated(30)
-    verdicts = known.verdicts | {"exposures": replace(known.verdicts["response"], remedy="switch gain control off")}
-    doubted = replace(known, warnings=("exposures are late",), verdicts=verdicts)
+    stale = Verdict("not identifiable", "the exposures are stale", "switch gain control off")
+    doubted = replace(known, verdicts=known.verdicts | {"exposures": stale})
     assert Adviser().look(NO_BRIGHT, 0.0, doubted).text == "switch gain control off"
+    changed_before = replace(known, warnings=("the vignette changed at frame 7",))
+    assert Adviser().look(NO_BRIGHT, 0.0, changed_before).kind == "bright"
+
+
+def test_what_only_a_complete_estimate_finds_is_shown_as_missing():
+    known = calibrated(100)
+    quick = advice(EVERYTHING)
+    adviser = Adviser(1.01 * max(quick.response_sigma, quick.vignette_sigma, *certainty(known)))
+    found = adviser.look(EVERYTHING, 0.0, replace(known, vignette_sigma=known.vignette_sigma + 1))
+    assert adviser.expects_end
+    assert found.vignette_sigma > 1
+    assert found.kind == "move"
 
 
 @pytest.mark.parametrize("preview", ALL_STATES)

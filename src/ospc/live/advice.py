@@ -99,11 +99,6 @@ class Instruction:
     response_sigma: float | None = None
     vignette_sigma: float | None = None
 
-    def reaches(self, goal: float) -> bool:
-        """Whether both standard deviations are known and within a goal."""
-        sigmas = (self.response_sigma, self.vignette_sigma)
-        return all(sigma is not None and sigma <= goal for sigma in sigmas)
-
 
 _BEGIN = Instruction("begin", "Film something with texture and even surfaces, and turn the camera slowly.")
 _SLOWER = Instruction(
@@ -135,6 +130,8 @@ class Adviser:
     def __init__(self, goal: float = GOAL) -> None:
         self._goal = goal
         self._now = _BEGIN
+        self.expects_end = False
+        """Whether, by the quick figures, a complete estimate would find the goal reached."""
         self._since_s = -np.inf
         self._first_gain = 0.0
         self._set_aside: dict[Kind, float] = {}
@@ -157,6 +154,7 @@ class Adviser:
         known
             The latest complete estimate: only that can say that the goal is reached.
         """
+        self.expects_end = False
         urgent = self._urgent(preview, known)
         if urgent is not None:
             self._switch(urgent, time_s, 0.0)
@@ -165,6 +163,10 @@ class Adviser:
         if preview is None or knowledge is None:
             self._switch(_before_a_fit(preview), time_s, 0.0)
             return self._now
+        if knowledge.reaches(self._goal):
+            self.expects_end = True
+            if known is not None:
+                knowledge = knowledge.corrected(*certainty(known, preview.usable_radius))
         options = {o.instruction.kind: o for o in _options(preview, knowledge, self._goal)}
         self._choose(options, time_s)
         self._now = replace(
@@ -180,8 +182,9 @@ class Adviser:
             if enough and response is not None and vignette is not None and max(response, vignette) <= self._goal:
                 text = f"Done: response and vignette are known to ±{self._goal:g}."
                 return Instruction("done", text, response_sigma=response, vignette_sigma=vignette)
-            if known.warnings:
-                return Instruction("exposures", known.verdicts["exposures"].remedy or known.warnings[0])
+            exposures = known.verdicts.get("exposures")
+            if exposures is not None and exposures.state == "not identifiable":
+                return Instruction("exposures", exposures.remedy or exposures.reason)
         return _SLOWER if preview is not None and self._finds_little(preview) else None
 
     def _finds_little(self, preview: Preview) -> bool:

@@ -82,7 +82,6 @@ class LiveCalibrator:
         self._engine = OnlineCalibrator(settings, correct_lag=correct_lag)
         self._engine.source = source or {}
         self._adviser = Adviser(goal)
-        self._goal = goal
         self._pace = Pace(LOOK_S, LOOK_SHARE)
         self._preview: Preview | None = None
         self._confirmed: Calibration | None = None
@@ -298,7 +297,7 @@ class LiveCalibrator:
         self._preview = self._engine.preview()
         now = self._adviser.look(self._preview, time.monotonic(), self._confirmed)
         due = self._engine.processed >= self._estimated_after + CONFIRMING
-        if due and now.kind != "done" and now.reaches(self._goal):
+        if due and now.kind != "done" and self._adviser.expects_end:
             self._estimate()  # quick figures leave out what only a complete estimate finds
 
     def _note_changes(self) -> None:

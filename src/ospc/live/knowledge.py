@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,9 +31,6 @@ _PAIR_POINTS = 100
 _GRADIENT = 0.003
 """Grey gradient of an imagined point, in full scale per pixel: half of what counts as flat."""
 
-_REACHED = 0.1
-"""Weight of a part that is known to the goal, beside one that is not: it should not get worse, and may get better."""
-
 _DIAGONAL = np.ones(2) / np.sqrt(2)
 
 
@@ -49,27 +46,30 @@ class Knowledge:
         Covariance of the parameters by all observations so far, shape (p, p).
     wanted
         A row for every grey level and radius: the derivative of g or V there, shape (n, p).
-    sigma
-        Standard deviation of g or V there, shape (n,).
     information_scale
         Share of its nominal information that an observation adds.
+    response_sigma, vignette_sigma
+        Standard deviations of g, its scale held, and of V, as root mean squares over grey levels and radii.
     """
 
     fit: Fit
     covariance: FloatArray
     wanted: FloatArray
-    sigma: FloatArray
     information_scale: float
+    response_sigma: float
+    vignette_sigma: float
 
-    @property
-    def response_sigma(self) -> float:
-        """Standard deviation of g, its scale held, as a root mean square over the grey levels."""
-        return _root_mean_square(self.sigma[: len(_GREYS)])
+    def reaches(self, goal: float) -> bool:
+        """Whether both standard deviations are within a goal."""
+        return max(self.response_sigma, self.vignette_sigma) <= goal
 
-    @property
-    def vignette_sigma(self) -> float:
-        """Standard deviation of V as a root mean square over the radii."""
-        return _root_mean_square(self.sigma[len(_GREYS) :])
+    def corrected(self, response_sigma: float | None, vignette_sigma: float | None) -> Knowledge:
+        """Return it with the standard deviations of a complete estimate, where they are larger."""
+        return replace(
+            self,
+            response_sigma=max(self.response_sigma, response_sigma or 0.0),
+            vignette_sigma=max(self.vignette_sigma, vignette_sigma or 0.0),
+        )
 
     def gain_of_exposure(self, grey0: float, grey1: float, goal: float) -> float:
         """Return what a pair of frames adds in which points change from one grey level to another.
@@ -100,8 +100,10 @@ class Knowledge:
         spread = self.covariance @ row
         falls = (self.wanted @ spread) ** 2 / (1 / information + row @ spread)
         response, vignette = np.mean(falls[: len(_GREYS)]), np.mean(falls[len(_GREYS) :])
-        total = response * _weight(self.response_sigma, goal) + vignette * _weight(self.vignette_sigma, goal)
-        return float(total / goal**2)
+        if (self.response_sigma <= goal) != (self.vignette_sigma <= goal):
+            # Only what is not known to the goal yet counts.
+            return float(response if self.response_sigma > goal else vignette) / goal**2
+        return float(response + vignette) / goal**2
 
     def _log_variance(self, grey: FloatArray) -> FloatArray:
         """Return the variance of ln g of single samples at grey levels."""
@@ -124,7 +126,10 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
     share = np.where(np.arange(len(wanted)) < len(_GREYS), SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE)
     systematic = (share * (wanted @ fit.parameters)) ** 2
     sigma = np.sqrt(_variance(wanted, covariance) + disagreement + systematic)
-    return Knowledge(fit, covariance, wanted, sigma, scale)
+    greys = len(_GREYS)
+    return Knowledge(
+        fit, covariance, wanted, scale, _root_mean_square(sigma[:greys]), _root_mean_square(sigma[greys:])
+    )
 
 
 def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[float | None, float | None]:
@@ -167,10 +172,6 @@ def _wanted(fit: Fit, reference: float, radii: FloatArray) -> FloatArray:
 
 def _variance(rows: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("ij,jk,ik->i", rows, covariance, rows))
-
-
-def _weight(sigma: float, goal: float) -> float:
-    return 1.0 if sigma > goal else _REACHED
 
 
 def _root_mean_square(sigma: FloatArray) -> float:
