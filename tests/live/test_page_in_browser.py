@@ -27,7 +27,7 @@ STATE = """JSON.stringify({
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     place = tmp_path_factory.mktemp("simulated") / "r"
-    simulate(place, SimulationSettings(size=(256, 192), frames=70, seed=3, response="srgb"))
+    simulate(place, SimulationSettings(size=(256, 192), frames=50, seed=3, response="srgb"))
     return place
 
 
@@ -95,5 +95,5 @@ def test_the_button_ends_it_and_nothing_is_cut_off(live, chromium, tmp_path):
     assert chromium.value("document.getElementById('finish').disabled")
     assert ended().exit_code == 3
     known = json.loads((tmp_path / "live" / "calibration.json").read_text())
-    assert 0 < known["counts"]["frames"] < 70
+    assert 0 < known["counts"]["frames"] < 50
     assert chromium.complaints() == []

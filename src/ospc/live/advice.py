@@ -50,6 +50,8 @@ _RADII = (0.0, 0.3, 0.6, 0.9)
 """Radii of imagined points in half diagonals; places beyond 0.9 are hardly ever matched."""
 
 _TYPICAL_GREY = 0.4
+"""Grey level of imagined points that move: exposure controls aim at it."""
+
 _OUTER_RADIUS = 0.6
 """Radius from which a place counts as near a corner: what decides which corner has been seen least."""
 
