@@ -48,6 +48,7 @@ _COLUMNS, _ROWS = 16, 12
 """Cells of the image whose observations are counted for what is drawn over the picture."""
 
 _CURVE_POINTS = 51
+"""Points of the response's curve, as many as the vignette's profile has."""
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ _GRADIENT = 0.003
 """Grey gradient of an imagined point, in full scale per pixel: half of what counts as flat."""
 
 _DIAGONAL = np.ones(2) / np.sqrt(2)
+"""Direction from the centre to a corner of a square image; quick fits are alike in all directions."""
 
 
 @dataclass(frozen=True)
