@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 # Workers and the processes they start share the processor: their matrices are small, and threads only get in each
@@ -12,6 +13,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import settings
+
+import browser
 
 # How long an example takes says something about the machine, not about the property; and what is tested is the same
 # everywhere: to look for more, run with --hypothesis-seed and other profiles.
@@ -26,3 +29,14 @@ def real_data() -> Path:
     if not place.is_dir():
         pytest.skip(f"no real recordings at {place}; set OSPC_DATA to their folder")
     return place
+
+
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
+    """A page of a real browser; tests that need it skip where there is none."""
+    program = browser.find()
+    if program is None:
+        pytest.skip(f"no browser of the names {', '.join(browser.NAMES)} on this machine")
+    running = browser.Browser(program, tmp_path_factory.mktemp("profile"))
+    yield running
+    running.close()

@@ -6,7 +6,9 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
+from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError
 from ospc.folders import check_usable
 from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_times, write_vignette
@@ -55,6 +57,20 @@ class Written:
         return Written(self.files + other.files, self.notes + other.notes, self.problems + other.problems)
 
 
+class Times(Protocol):
+    """What times.txt is made of: a recording, or what a camera has filmed."""
+
+    @property
+    def exposures_ms(self) -> FloatArray:
+        """Exposure in milliseconds of every frame, shape (frames,)."""
+        ...
+
+    @property
+    def stamps_s(self) -> FloatArray:
+        """Time stamp in seconds of every frame, shape (frames,)."""
+        ...
+
+
 @dataclass(frozen=True)
 class OutputFolder:
     """A folder that may be written to; make one with :meth:`at`.
@@ -94,7 +110,7 @@ class OutputFolder:
             ) from None
         return cls(place)
 
-    def write(self, calibration: Calibration, recording: Recording | None = None) -> Written:
+    def write(self, calibration: Calibration, times: Times | None = None) -> Written:
         """Write the files for programs, and remove all files of an earlier run.
 
         Every file is written whole or not at all. calibration.json comes first; a problem with a later file does not
@@ -104,7 +120,7 @@ class OutputFolder:
         ----------
         calibration
             What to write.
-        recording
+        times
             Source of times.txt.
 
         Raises
@@ -120,7 +136,7 @@ class OutputFolder:
         if isinstance(calibration.vignette, RasterVignette):
             first.append(self.path / _MAP)
         written = Written(tuple(first)) + self._remove_earlier(keep=first)
-        for name, write in self._writers(calibration, recording):
+        for name, write in self._writers(calibration, times):
             try:
                 written += Written((write(self.path / name),))
             except ExposureError as error:
@@ -188,9 +204,7 @@ class OutputFolder:
         return _collected(reports(), f"{self.path}: the report cannot be written")
 
     @staticmethod
-    def _writers(
-        calibration: Calibration, recording: Recording | None
-    ) -> Iterator[tuple[str, Callable[[Path], Path]]]:
+    def _writers(calibration: Calibration, times: Times | None) -> Iterator[tuple[str, Callable[[Path], Path]]]:
         response, vignette = calibration.response, calibration.vignette
         if calibration.caveat:
             yield CAVEAT, lambda place: write_caveat(place, calibration.caveat)
@@ -201,9 +215,9 @@ class OutputFolder:
             yield "pcalib_16bit.txt", lambda place: write_pcalib(response, place, values)
         if vignette is not None:
             yield "vignette.png", lambda place: write_vignette(vignette, place, calibration.caveat)
-        if recording is not None:
-            ids = range(len(recording.exposures_ms))
-            stamps_s, exposures_ms = recording.stamps_s, recording.exposures_ms
+        if times is not None:
+            stamps_s, exposures_ms = times.stamps_s, times.exposures_ms
+            ids = range(len(exposures_ms))
             yield "times.txt", lambda place: write_times(place, ids, stamps_s, exposures_ms)
 
     def _remove_earlier(self, keep: list[Path]) -> Written:

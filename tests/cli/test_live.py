@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import io
+import json
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +16,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from ospc import OnlineCalibrator, open_recording
-from ospc.cli import pace
-from ospc.cli.live import LiveView, Watching, figures
-from ospc.cli.live_marks import Canvas, bars, falling
-from ospc.cli.pace import Pace
+from command_line import ospc
+from ospc import OnlineCalibrator, open_recording, pace
+from ospc.cli import live as live_command
+from ospc.cli.live_marks import Canvas, bars, falling, filled
+from ospc.cli.live_view import LiveView
 from ospc.cli.progress import ProgressLine
+from ospc.cli.watching import Watching, figures
+from ospc.errors import OspcError, RecordingError
+from ospc.live import LiveCalibrator
+from ospc.live.capture import Capture
+from ospc.live.knowledge import GOAL
+from ospc.output import OutputFolder, Written
+from ospc.pace import Pace
+from ospc.recording import Frame
 from ospc.simulation import SimulationSettings, simulate
 
 
@@ -71,19 +84,21 @@ def test_a_curve_is_where_its_values_are():
 
 
 def test_the_view_fits_the_terminal_and_shows_everything(recording, terminal):
-    calibrator, view = OnlineCalibrator(), LiveView(len(recording))
-    line = ProgressLine(terminal)
-    terminal.print(view.picture(line.bar, calibrator.preview(), terminal.width))
-    for frame in recording:
-        calibrator.push(frame)
-    line.show("comparing", len(recording), len(recording), figures(calibrator.status))
-    terminal.print(view.picture(line.bar, calibrator.preview(), terminal.width))
+    with LiveCalibrator() as live:
+        capture = Capture(live)
+        view = LiveView(capture, terminal)
+        terminal.print(view.picture(terminal.width))
+        capture.run(recording, lambda: False, replayed=True)
+        live.wait()
+        terminal.print(view.picture(terminal.width))
     shown = terminal.file.getvalue()
     assert max(len(line) for line in shown.splitlines()) <= 80
     for part in (
-        "nothing was compared yet",
-        "24/24",
+        "Film something with texture",
+        "24 frames",
         "pairs",
+        "certainty",
+        "█",
         "grey levels",
         "exposures",
         "radii",
@@ -105,16 +120,88 @@ def test_a_stage_of_unknown_length_shows_no_full_bar(terminal):
     assert (line.bar.tasks[0].completed, line.bar.tasks[0].total) == (6, 24)
 
 
-def test_watching_changes_nothing(recording, terminal):
-    watched, alone = OnlineCalibrator(), OnlineCalibrator()
-    with LiveView(len(recording), terminal, Pace(0.0, 1.0)).shown() as show:
-        for frame in recording:
-            watched.push(frame)
-            show(watched, "comparing", frame)
-            alone.push(frame)
-        show(watched, "estimating", None)
-    assert watched.calibration().as_dict() == alone.calibration().as_dict()
-    assert "estimating" in terminal.file.getvalue()
+@given(st.floats(-1, 2), st.integers(1, 40))
+def test_a_bar_is_as_full_as_its_share(share, most):
+    drawn = filled(share, most)
+    assert len(drawn) == most
+    assert drawn.count("█") == int(min(max(share, 0), 1) * most)
+
+
+def test_without_a_page_it_says_what_to_film_and_writes_what_calibrate_writes(recording, tmp_path, monkeypatch):
+    for name in ("draw", "report"):
+        monkeypatch.setattr(OutputFolder, name, lambda *_, **__: Written(()))
+    done = ospc("live", recording.path, "-o", tmp_path / "live", "--no-page", "--pace", "0")
+    assert done.exit_code in (0, 3), done.output
+    assert "→ Film something with texture" in done.stderr
+    assert "certainty" in done.stderr
+    assert ospc("calibrate", recording.path, "-o", tmp_path / "command").exit_code == done.exit_code
+    for file in (tmp_path / "command").iterdir():
+        assert (tmp_path / "live" / file.name).read_bytes() == file.read_bytes(), file.name
+
+
+class FakeCamera:
+    """A camera that films a recording, and fails in the end if it is told to."""
+
+    name, notes = "fake", ("fake: a camera",)
+
+    def __init__(self, recording, failure=None):
+        self._recording, self._failure = recording, failure
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def __iter__(self):
+        for frame in self._recording:
+            yield Frame.of_array(frame.image, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s)
+        if self._failure is not None:
+            raise self._failure
+
+
+@pytest.mark.parametrize("failure", [None, RecordingError("the cable was pulled")])
+def test_of_a_camera_what_is_known_is_written_whatever_happens(recording, tmp_path, monkeypatch, failure):
+    monkeypatch.setattr("ospc.recording.live.open_camera", lambda *_: FakeCamera(recording, failure))
+    done = ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "-q")
+    known = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert known["counts"]["frames"] == len(recording)
+    assert len((tmp_path / "out" / "times.txt").read_text().splitlines()) == len(recording)
+    assert known["partial"] == (failure is not None)
+    assert (tmp_path / "out" / "report.html").exists()
+    if failure is None:
+        assert done.exit_code in (0, 3)
+    else:
+        assert "the cable was pulled" in str(done.exception)
+
+
+def test_ctrl_c_ends_it_and_keeps_what_is_known(recording, tmp_path):
+    words = ["live", str(recording.path), "-o", str(tmp_path / "out"), "--no-page", "--pace", "0.2"]
+    program = "from ospc.cli.main import main; main()"
+    running = subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.PIPE, text=True)
+    assert running.stderr.readline()  # it films
+    time.sleep(1.5)
+    running.send_signal(signal.SIGINT)
+    assert running.wait(30) == 130
+    running.stderr.close()
+    known = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert known["partial"]
+    assert 0 < known["counts"]["frames"] < len(recording)
+
+
+@pytest.mark.parametrize("source", ["nothing/there", "a_camera"])
+def test_what_is_neither_a_recording_nor_a_camera_is_refused(source, tmp_path):
+    done = ospc("live", source, "-o", tmp_path / "out", "--no-page")
+    assert isinstance(done.exception, OspcError)
+    assert "opencv:" in str(done.exception)
+
+
+def test_the_goal_is_that_of_the_library():
+    assert live_command._GOAL == GOAL
+
+
+def test_a_mask_is_for_recordings(tmp_path):
+    assert ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "--roi", "0,0,9,9").exit_code == 2
 
 
 def test_nobody_looking_costs_nothing(recording):

@@ -63,7 +63,9 @@ PARSERS = {
     "simulation/files.py": OURS,
     "simulation/texture.py": OURS,
     "state/container.py": ["state.ospc", "values of a state", "arrays of a state", "result of a batch"],
-    **dict.fromkeys(("atomic.py", "folders.py", "report/page.py", "cli/live_rerun.py"), OURS),
+    **dict.fromkeys(
+        ("atomic.py", "folders.py", "report/page.py", "cli/rerun_stream.py", "live/page/server.py"), OURS
+    ),
 }
 """Of every module that reads: the parsers of it that are tried, or why none has to be."""
 
@@ -79,7 +81,7 @@ def test_every_module_that_reads_files_has_a_parser_that_is_tried():
 
 
 PASSING_ON = {
-    *(f"cli/{name}.py" for name in ("calibrate", "check", "convert", "report", "simulate")),
+    *(f"cli/{name}.py" for name in ("calibrate", "check", "convert", "live", "report", "simulate")),
     *("formats/opening.py", "pooling/prior_calibration.py", "recording/kinds.py", "recording/live/cameras.py"),
     "research/faults/greys.py",
 }

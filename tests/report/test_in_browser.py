@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import browser
 import numpy as np
 import pytest
 from recordings import before_a_wall, calibration
 
+from browser import CUT_OFF
 from ospc.photometry.calibration import ExposureRatios
 from ospc.report.charts import Findings
 from ospc.report.examples import examples_of
@@ -14,13 +14,6 @@ from ospc.report.page import write_page
 
 REPORTS = ("everything", "nothing")
 WIDTHS_PX = (1400, 700, 400, 320)
-
-CUT_OFF = """
-[...document.querySelectorAll('body *:not(svg *)')].filter(e => {
-  const box = e.getBoundingClientRect();
-  return box.width > 0 && (box.right > document.documentElement.clientWidth + 1 || box.left < -1);
-}).map(e => e.outerHTML.slice(0, 80))
-"""
 
 CONTRASTS = """
 (() => {
@@ -40,16 +33,6 @@ CONTRASTS = """
   });
 })()
 """
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory):
-    program = browser.find()
-    if program is None:
-        pytest.skip(f"no browser of the names {', '.join(browser.NAMES)} on this machine")
-    running = browser.Browser(program, tmp_path_factory.mktemp("profile"))
-    yield running
-    running.close()
 
 
 @pytest.fixture(scope="module")

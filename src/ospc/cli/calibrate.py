@@ -12,7 +12,6 @@ import click
 
 from ospc.cli.calibration_report import print_json
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
-from ospc.cli.live import Watching
 from ospc.cli.options import (
     COMPLETE,
     UNDETERMINED,
@@ -31,6 +30,7 @@ from ospc.cli.options import (
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
 from ospc.cli.terminal import say
+from ospc.cli.watching import Watching
 from ospc.errors import OspcError, SettingError
 
 if TYPE_CHECKING:
@@ -54,7 +54,6 @@ class _Request:
     start_from: Path | None
     correct_lag: LagChoice
     pdf: bool
-    live: bool
     rerun: bool
     rerun_file: Path | None
     force: bool
@@ -127,7 +126,6 @@ class _Request:
     show_default=True,
     help="How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
 )
-@click.option("--live", is_flag=True, help="Show coverage and converging curves in the terminal while it runs.")
 @click.option("--rerun", is_flag=True, help="Open the Rerun viewer and watch the run in it; needs the extra rerun.")
 @click.option(
     "--rerun-file",
@@ -188,6 +186,7 @@ def command(interruption: Interruption, /, *, list_topics: bool, **options: Any)
 
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
+    from ospc.cli.calibration_result import ResultFolder
     from ospc.cli.calibration_run import CalibrationRun
     from ospc.cli.checkpoints import Checkpoints
     from ospc.exposures.findings import check_lag
@@ -210,19 +209,17 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         prior.check_size(recording.size)
     # A state does not hold an exponent: it must not be merged with states of known exposures.
     checkpoints = None if exposures_unknown else Checkpoints(folder.path, request.checkpoint_s, request.resume, prior)
+    result = ResultFolder(
+        folder, recording, request.interruption, request.quiet, request.as_json, truth=truth, pdf=request.pdf
+    )
     return CalibrationRun(
         recording,
         settings,
-        folder,
-        request.interruption,
-        quiet=request.quiet,
-        as_json=request.as_json,
-        truth=truth,
+        result,
         checkpoints=checkpoints,
         # Exposures that come from the images cannot disagree with them.
         correct_lag="trusted" if exposures_unknown else request.correct_lag,
-        watching=Watching(live=request.live, viewer=request.rerun, stream=request.rerun_file),
-        pdf=request.pdf,
+        watching=Watching(viewer=request.rerun, stream=request.rerun_file),
     ).calibrate()
 
 

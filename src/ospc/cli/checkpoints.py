@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ospc.cli.pace import Pace
 from ospc.errors import FormatError, SettingError
+from ospc.pace import Pace
 from ospc.state.container import STATE_NAME
 
 if TYPE_CHECKING:

@@ -39,6 +39,7 @@ def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int,
     factor of eight. OUT gets the recording with its truth, and the calibration as 'ospc calibrate' writes it, with
     pictures that compare the estimate with the truth. The exit codes are those of 'ospc calibrate'.
     """
+    from ospc.cli.calibration_result import ResultFolder
     from ospc.cli.calibration_run import CalibrationRun
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
@@ -54,13 +55,11 @@ def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int,
         simulate(recording, settings, overwrite=True, progress=step)
     if not quiet:
         say(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
+    recorded = open_recording(recording)
     content = CalibrationRun(
-        open_recording(recording),
+        recorded,
         preset("default"),
-        folder,
-        interruption,
-        quiet=quiet,
-        truth=open_photometry(recording),
+        ResultFolder(folder, recorded, interruption, quiet=quiet, truth=open_photometry(recording)),
     ).calibrate()
     if content["error"]:
         raise OspcError(content["error"])

@@ -1,212 +1,218 @@
-"""What is shown while a calibration runs: a progress bar, or coverage and converging curves."""
+"""``ospc live``: a capture guided by what is still unknown, in a browser or in the terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+import click
 
-from ospc.arrays import FloatArray
-from ospc.cli.pace import Pace
-from ospc.cli.progress import ProgressLine, progress_line
-from ospc.cli.terminal import console
+from ospc.cli.calibration_report import print_json, say_notes
+from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
+from ospc.cli.options import (
+    COMPLETE,
+    UNDETERMINED,
+    correct_lag_option,
+    exit_codes,
+    force_option,
+    json_option,
+    out_option,
+    quiet_option,
+)
+from ospc.cli.reading import Reading, reading_options
+from ospc.cli.terminal import say
+from ospc.errors import OspcError, one_line
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
-
-    from ospc.calibrator import OnlineCalibrator, Status
-    from ospc.methods.preview import Preview
+    from ospc.cli.calibration_result import ResultFolder
+    from ospc.exposures.findings import LagChoice
+    from ospc.live.calibrator import LiveCalibrator
+    from ospc.live.capture import Capture
     from ospc.recording import Frame, Recording
 
-Watcher = Callable[["OnlineCalibrator", str, "Frame | None"], None]
-"""Is told where a run stands: the calibrator, the stage in one word, and the frame just used, None where none was."""
-
-COMPARING = "comparing"
-"""The stage of which it is known how far it is."""
-
-_REFRESH_S = 0.4
-"""Shortest time between two pictures, in seconds."""
-
-_LARGEST_SHARE = 0.03
-"""Largest share of the time that watching may take."""
-
-_EARLIER_CURVES = 5
-_MOST_COLUMNS, _ROWS = 42, 9
-"""Size of a drawing in characters."""
+_GOAL = 0.005
+"""As :data:`ospc.live.knowledge.GOAL`, which would take long to import for a help text."""
 
 
 @dataclass(frozen=True)
-class Watching:
-    """How a run is watched.
+class _Source:
+    """Where frames come from: a recording, or a camera, of which there is no recording."""
 
-    Attributes
-    ----------
-    visible
-        Whether somebody looks at a terminal.
-    live
-        Whether to show coverage and curves there, instead of a progress bar alone.
-    viewer
-        Whether to open the Rerun viewer.
-    stream
-        File to stream to, for that viewer; None for none.
+    name: str
+    notes: tuple[str, ...]
+    frames: Iterable[Frame]
+    identity: dict[str, Any]
+    recording: Recording | None = None
+
+
+@click.command(
+    "live",
+    epilog=exit_codes(
+        {
+            COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
+            1: "error; what was known by then is written as partial if possible",
+            UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the "
+            "camera changed meanwhile",
+            INTERRUPTED: "interrupted before a recording's end; the partial result is written",
+        }
+    ),
+)
+@click.argument("source")
+@out_option(help="Folder to write the results to.")
+@click.option("--no-page", is_flag=True, help="Show instruction and bars in the terminal, not in a browser.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page; by default any that is free."
+)
+@click.option("--no-browser", is_flag=True, help="Print the address of the page, but open no browser.")
+@click.option(
+    "--goal",
+    type=click.FloatRange(min=0),
+    default=_GOAL,
+    show_default=True,
+    help="Uncertainty of response and vignette at which the capture ends by itself; 0 to end it yourself.",
+)
+@click.option(
+    "--pace",
+    type=click.FloatRange(min=0),
+    default=1.0,
+    show_default=True,
+    help="How many times as fast as it was filmed a recording is replayed; 0 for as fast as it can be calibrated.",
+)
+@correct_lag_option
+@force_option("Write into OUT even if it holds other files; those named as results go.")
+@quiet_option
+@json_option
+@reading_options
+@click.pass_obj
+def command(
+    interruption: Interruption,
+    /,
+    *,
+    source: str,
+    out: Path,
+    no_page: bool,
+    port: int,
+    no_browser: bool,
+    goal: float,
+    pace: float,
+    correct_lag: LagChoice,
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+    **options: Any,
+) -> int:
+    """Calibrate the camera SOURCE while it films, and say what to film next.
+
+    SOURCE is a camera as 'ospc record' takes it (opencv:0, realsense, depthai:left, …), or a recording, which is
+    replayed as if it were being filmed.
+
+    A page in the browser (extra 'live') shows the picture, what was seen so far, how well response and vignette are
+    known, and one instruction at a time. It can be reached from this machine only. With --no-page, the terminal shows
+    the same.
+
+    The capture ends when both are known to the goal, at the button or Ctrl-C, or at the end of a recording. OUT then
+    gets what 'ospc calibrate' writes.
     """
+    from ospc.cli.calibration_result import ResultFolder
+    from ospc.live.calibrator import LiveCalibrator
+    from ospc.live.capture import Capture
+    from ospc.output import OutputFolder
 
-    visible: bool = False
-    live: bool = False
-    viewer: bool = False
-    stream: Path | None = None
-
-    @contextmanager
-    def of(self, recording: Recording) -> Iterator[Watcher]:
-        """Give what is to be told of every frame.
-
-        Raises
-        ------
-        MissingExtraError
-            If the Rerun viewer is asked for, but not installed.
-        FormatError
-            If the file cannot be written.
-        """
-        with ExitStack() as stack:
-            watchers: list[Watcher] = []
-            if self.viewer or self.stream is not None:
-                from ospc.cli.live_rerun import RerunStream
-
-                watchers.append(stack.enter_context(RerunStream.opened(recording, self.stream, spawn=self.viewer)))
-            if self.visible:
-                show = LiveView(len(recording)).shown if self.live else partial(_bar_shown, len(recording))
-                watchers.append(stack.enter_context(show()))
-
-            def tell(calibrator: OnlineCalibrator, stage: str, frame: Frame | None) -> None:
-                for watcher in watchers:
-                    watcher(calibrator, stage, frame)
-
-            yield tell
+    reading = Reading.taken_from(options)
+    with leaving("no result was written"), _opened(source, reading, pace) as opened:
+        recording = opened.recording
+        folder = OutputFolder.at(out, recording=None if recording is None else Path(source), force=force)
+        if not (quiet or as_json):
+            say_notes(opened.notes)
+        aim = goal or _GOAL
+        with LiveCalibrator(correct_lag=correct_lag, goal=aim, source=opened.identity) as live:
+            capture = Capture(live, goal=aim, ends=goal > 0, out=str(out))
+            with ExitStack() as stack:
+                if not no_page:
+                    _show_page(stack, capture, port, browser=not no_browser)
+                try:
+                    result = ResultFolder(folder, recording, interruption, quiet, as_json, times=capture.times)
+                    content = _captured(capture, live, opened.frames, result, full=no_page)
+                except OspcError as error:
+                    capture.end("failed", str(error))
+                    raise
+                if content["error"]:
+                    capture.end("failed", content["error"])
+                else:
+                    capture.end("written", f"Written to {out}. This page can be closed.")
+    if as_json:
+        print_json(content)
+    if content["error"]:
+        raise OspcError(content["error"])
+    return int(content["exit_code"])
 
 
 @contextmanager
-def _bar_shown(total: int) -> Iterator[Watcher]:
-    with progress_line() as show:
-        yield lambda calibrator, stage, _frame: _show_status(show, calibrator, stage, total)
+def _opened(source: str, reading: Reading, pace: float) -> Iterator[_Source]:
+    """Open a recording where there is one of that name, otherwise a camera."""
+    from ospc.live.capture import replayed
+    from ospc.recording.live import open_camera
+
+    place = Path(source)
+    if place.exists():
+        from ospc.cli.calibration_run import identification
+
+        recording = reading.open(place)
+        yield _Source(source, recording.notes, replayed(recording, pace), identification(recording), recording)
+        return
+    if reading.mask is not None or reading.region is not None or reading.each_channel or reading.kind is not None:
+        raise click.UsageError("--kind, --mask, --roi and --channel each are for recordings, not for cameras")
+    if place.name != source:
+        raise OspcError(f"{source}: does not exist; name a recording, or a camera such as opencv:0")
+    with open_camera(source, reading.options) as camera:
+        yield _Source(source, camera.notes, camera, {"kind": "camera", "name": camera.name})
 
 
-def _show_status(show: Callable[..., None], calibrator: OnlineCalibrator, stage: str, total: int) -> None:
-    status = calibrator.status
-    done, of = (status.frames, total) if stage == COMPARING else (0, 0)
-    show(stage, done, of, figures(status))
+def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) -> None:
+    from ospc.live.page import PageServer
+
+    server = stack.enter_context(PageServer(capture, port))
+    say(f"guidance at {server.url} (for this machine only); Ctrl-C or the button there ends the capture", err=True)
+    if browser:
+        click.launch(server.url)
 
 
-@dataclass
-class LiveView:
-    """Coverage and converging curves on standard error, some times a second.
+def _captured(
+    capture: Capture, live: LiveCalibrator, frames: Iterable[Frame], result: ResultFolder, *, full: bool
+) -> dict[str, Any]:
+    """Film, estimate, write and report."""
+    from ospc.cli.calibration_result import Outcome
+    from ospc.cli.calibration_run import load_drawing
+    from ospc.cli.live_view import shown
+    from ospc.output import Written
+    from ospc.state.container import STATE_NAME
 
-    Attributes
-    ----------
-    total
-        Number of frames.
-    console
-        Where to; standard error where not given.
-    """
+    load_drawing()
+    failure, interruption = "", result.interruption
+    with interruption.deferred():
+        with shown(capture, quiet=not result.talkative, full=full) as show:
 
-    total: int
-    console: Console | None = None
-    _pace: Pace = field(default_factory=partial(Pace, _REFRESH_S, _LARGEST_SHARE))
-    _responses: list[FloatArray] = field(default_factory=list)
-    _vignettes: list[FloatArray] = field(default_factory=list)
-    _spreads: tuple[list[float], list[float]] = field(default_factory=lambda: ([], []))
+            def stop() -> bool:
+                show()
+                return interruption.requested
 
-    @contextmanager
-    def shown(self) -> Iterator[Watcher]:
-        """Show it for the time of the context."""
-        from rich.live import Live
-
-        on = self.console or console(stderr=True)
-        line = ProgressLine(on)
-        with Live(line.bar, console=on, transient=True, auto_refresh=False) as live:
-
-            def show(calibrator: OnlineCalibrator, stage: str, _frame: Frame | None) -> None:
-                if self._pace.due or stage != COMPARING:
-                    with self._pace.look():
-                        _show_status(line.show, calibrator, stage, self.total)
-                        live.update(self.picture(line.bar, calibrator.preview(), on.width), refresh=True)
-
-            yield show
-
-    def picture(self, head: RenderableType, preview: Preview | None, width: int) -> RenderableType:
-        """Return what to show of a preview below a head line, so many characters wide, and remember its curves."""
-        from rich.console import Group
-        from rich.text import Text
-
-        if preview is None:
-            return Group(head, Text("nothing was compared yet", style="dim"))
-        self._remember(preview)
-        return Group(head, _coverage(preview), self._curves(width))
-
-    def _remember(self, preview: Preview) -> None:
-        from ospc.photometry.calibration import PROFILE_RADII
-        from ospc.photometry.vignette import diagonal_profile
-
-        if preview.response is None or preview.vignette is None or preview.vignette_sigma is None:
-            return
-        response = preview.response.inverse(np.linspace(0, 1, 101))
-        if self._responses and np.array_equal(response, self._responses[-1]):
-            return
-        spread = preview.response.inverse_sigma
-        self._responses.append(response)
-        self._vignettes.append(diagonal_profile(preview.vignette, PROFILE_RADII))
-        self._spreads[0].append(float(np.nan if spread is None else spread.max()))
-        self._spreads[1].append(float(preview.vignette_sigma[-1]))
-
-    def _curves(self, width: int) -> RenderableType:
-        from rich.table import Table
-
-        from ospc.cli.live_marks import Canvas, falling
-
-        columns = max(8, min(_MOST_COLUMNS, width // 2 - 3))
-        table = Table(box=None, padding=(0, 2, 0, 0))
-        names = ("response g(M)", "vignette V(R)")
-        drawings, captions = [], []
-        for name, curves, spreads, colour in zip(
-            names, (self._responses, self._vignettes), self._spreads, ("bright_blue", "bright_yellow"), strict=True
-        ):
-            table.add_column(name, header_style="bold", width=columns, no_wrap=True)
-            canvas = Canvas(columns, _ROWS)
-            for curve in curves[-1 - _EARLIER_CURVES : -1]:
-                canvas.line(curve, "bright_black")
-            for curve in curves[-1:]:
-                canvas.line(curve, colour)
-            drawings.append(canvas.text())
-            captions.append(f"±{spreads[-1]:.2g}  {falling(spreads, columns - 10)}" if spreads else "no estimate yet")
-        table.add_row(*drawings)
-        table.add_row(*captions)
-        return table
-
-
-def figures(status: Status) -> str:
-    """Return the method's own figures in one line."""
-    progress = status.progress
-    parts = [f"{progress.pairs} pairs"]
-    if progress.response_sigma is not None:
-        parts.append(f"g ±{progress.response_sigma:.2g}")
-    if progress.vignette_sigma is not None:
-        parts.append(f"V ±{progress.vignette_sigma:.2g}")
-    return "  ".join(parts)
-
-
-def _coverage(preview: Preview) -> RenderableType:
-    from rich.table import Table
-
-    from ospc.cli.live_marks import bars
-
-    seen = preview.coverage
-    low, high = seen.exposure_edges_ms[[0, -1]]
-    table = Table.grid(padding=(0, 2, 0, 0))
-    table.add_row("grey levels", f"[green]{bars(seen.by_grey)}[/]", "black to white")
-    table.add_row("exposures", f"[green]{bars(seen.grey_exposure.sum(axis=1))}[/]", f"{low:.3g} to {high:.3g} ms")
-    table.add_row("radii", f"[green]{bars(seen.by_radius)}[/]", "centre to corner; · is never seen")
-    return table
+            try:
+                capture.run(frames, stop, replayed=result.recording is not None)
+            except Exception as error:  # whatever it is, the frames before it are worth an estimate
+                failure = one_line(error)
+        capture.stage = "estimating"
+        try:
+            found = live.calibration()
+        except OspcError as error:
+            raise OspcError(failure or str(error)) from None
+        capture.stage = "writing"
+        # Whoever ends a camera's capture has filmed enough; a recording has more to give.
+        early = interruption.requested and result.recording is not None
+        outcome = Outcome(replace(found, partial=early or bool(failure)), live.first_reasons, early, failure)
+        place = result.folder.path
+        place.mkdir(parents=True, exist_ok=True)
+        state = Written((live.save_state(place / STATE_NAME),))
+        return result.take(outcome, state, [] if result.recording is not None else list(live.status.notes))

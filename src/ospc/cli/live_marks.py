@@ -24,6 +24,12 @@ def bars(counts: IntArray) -> str:
     return "".join(_BARS[step] if count else _NOTHING for step, count in zip(steps, counts, strict=True))
 
 
+def filled(share: float, most: int) -> str:
+    """Return a bar that is full at a share of 1."""
+    full = int(np.clip(share, 0, 1) * most)
+    return "█" * full + "░" * (most - full)
+
+
 def falling(values: list[float], most: int) -> str:
     """Return a bar for each of the latest positive values, their heights by the logarithm from the lowest up."""
     logs = np.log(np.maximum(values[-most:], 1e-12))

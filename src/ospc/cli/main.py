@@ -27,6 +27,7 @@ _COMMANDS = {
     "export": "Export a calibration for another program.",
     "import": "Import a calibration from pcalib.txt and vignette.png, or from another program.",
     "report": "Write the report on a calibration again, as HTML or PDF.",
+    "live": "Calibrate a camera while it films, and say what to film next.",
     "merge": "Combine several recordings of one camera into one calibration.",
     "record": "Record from a camera to a folder that can be calibrated.",
     "simulate": "Simulate a recording with known truth.",

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import AsyncIterable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from ospc.calibrator import OnlineCalibrator
-from ospc.engine_state import Epoch
 from ospc.errors import FrameError, OspcError, SettingError, said_by
 from ospc.exposures.findings import LagChoice
-from ospc.methods.method import Progress
+from ospc.live.advice import Adviser
+from ospc.live.knowledge import GOAL
+from ospc.live.status import LiveStatus
+from ospc.methods.preview import Preview
+from ospc.pace import Pace
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame
 from ospc.recording.stream import Item, frames_of
@@ -26,45 +32,11 @@ QUEUE_BYTES = 64 * 2**20
 FIRST_ESTIMATE, ESTIMATE_GROWTH = 48, 2
 """Frames processed before the first estimate that nobody asked for, and how many times as many before each next."""
 
+CONFIRMING = 12
+"""Frames processed before the next estimate where the information so far says that the goal may be reached."""
 
-@dataclass(frozen=True)
-class LiveStatus:
-    """Where a live calibration stands; taken without waiting.
-
-    Attributes
-    ----------
-    frames
-        Frames pushed so far.
-    processed
-        Frames that the background has processed.
-    dropped
-        Frames that should have been processed, but too many images were waiting.
-    unusable
-        Frames that could not be used.
-    reasons
-        Why frames could not be used, the latest last.
-    converged
-        Whether response and vignette were identifiable at the latest estimate.
-    converged_after
-        Frames pushed when they first were; None before.
-    notes
-        When they became known, and whether and how the camera changed since.
-    epochs
-        The epochs of the camera, one more than it changed. Those that ended hold their calibration.
-    progress
-        The method's own figures.
-    """
-
-    frames: int
-    processed: int
-    dropped: int
-    unusable: int
-    reasons: tuple[str, ...]
-    converged: bool
-    converged_after: int | None
-    notes: tuple[str, ...]
-    epochs: tuple[Epoch, ...]
-    progress: Progress
+LOOK_S, LOOK_SHARE = 0.4, 0.1
+"""Shortest time in seconds between two looks for advice, and the largest share of the time that they may take."""
 
 
 class LiveCalibrator:
@@ -81,6 +53,10 @@ class LiveCalibrator:
     correct_lag
         What to do where exposures are written beside other frames than their own, as for
         :func:`~ospc.calibrator.calibrate`.
+    goal
+        Standard deviation of g and of V, as root mean squares, at which the advice is that it is done.
+    source
+        Identification of the recording that is replayed; empty for a camera.
 
     Raises
     ------
@@ -95,8 +71,21 @@ class LiveCalibrator:
     ...     live.calibration().save("calibration.json")
     """
 
-    def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
+    def __init__(
+        self,
+        settings: Settings | str = "default",
+        *,
+        correct_lag: LagChoice = "auto",
+        goal: float = GOAL,
+        source: dict[str, Any] | None = None,
+    ) -> None:
         self._engine = OnlineCalibrator(settings, correct_lag=correct_lag)
+        self._engine.source = source or {}
+        self._adviser = Adviser(goal)
+        self._pace = Pace(LOOK_S, LOOK_SHARE)
+        self._preview: Preview | None = None
+        self._confirmed: Calibration | None = None
+        self._estimated_after = 0
         if not isinstance(self._engine.settings, DefaultSettings):
             raise SettingError(f"preset {self._engine.settings.name} cannot keep up with a camera; use the default")
         self._process = os.getpid()
@@ -144,6 +133,18 @@ class LiveCalibrator:
         async for frame in source:
             self.push(frame)
 
+    def wait(self, most: int = 0) -> None:
+        """Wait until at most so many frames are waiting for the background; of a recording, none is dropped then.
+
+        Raises
+        ------
+        OspcError
+            As :meth:`push`.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: len(self._queue) <= most or self._failure is not None or self._closed)
+            self._check()
+
     @property
     def status(self) -> LiveStatus:
         """Where it stands."""
@@ -160,7 +161,18 @@ class LiveCalibrator:
                 tuple(self._notes),
                 self._engine.epochs,
                 status.progress,
+                self._adviser.instruction,
             )
+
+    @property
+    def preview(self) -> Preview | None:
+        """Quick estimates and what they rest on, some tenths of a second old; None before there are any."""
+        return self._preview
+
+    @property
+    def first_reasons(self) -> tuple[str, ...]:
+        """Why the first frames that could not be used were skipped, at most three."""
+        return self._engine.first_reasons
 
     @property
     def latest(self) -> Calibration | None:
@@ -181,6 +193,10 @@ class LiveCalibrator:
             self._asked.append(answer)
             self._changed.notify_all()
         return answer.result()
+
+    def save_state(self, path: str | Path) -> Path:
+        """Write all that is known to a file, as ``OnlineCalibrator.save_state`` does with its summary."""
+        return self._engine.save_state(path, complete=True)
 
     def close(self) -> None:
         """End the background once its present work is done; what is known stays in :attr:`latest`."""
@@ -268,10 +284,21 @@ class LiveCalibrator:
         with self._changed:
             self._queue.popleft()
             self._waiting_bytes -= entry.bytes
+            self._changed.notify_all()
         self._note_changes()
         if self._engine.processed >= self._next_estimate:
             self._next_estimate = ESTIMATE_GROWTH * self._engine.processed
             self._estimate()
+        if self._pace.due:
+            with self._pace.look():
+                self._advise()
+
+    def _advise(self) -> None:
+        self._preview = self._engine.preview()
+        now = self._adviser.look(self._preview, time.monotonic(), self._confirmed)
+        due = self._engine.processed >= self._estimated_after + CONFIRMING
+        if due and now.kind != "done" and self._adviser.expects_end:
+            self._estimate()  # quick figures leave out what only a complete estimate finds
 
     def _note_changes(self) -> None:
         epochs = self._engine.epochs
@@ -281,6 +308,7 @@ class LiveCalibrator:
             if change is not None:
                 self._note(change.text)
             self._next_estimate = self._engine.processed + FIRST_ESTIMATE
+            self._confirmed = None
             if self._latest is not None:
                 self._latest = replace(self._latest, converged=False)
 
@@ -289,7 +317,8 @@ class LiveCalibrator:
         if found.converged and (self._latest is None or not self._latest.converged):
             self._note(f"response and vignette are known after {self._frames} frames")
             self._converged_after = self._converged_after or self._frames
-        self._latest = found
+        self._latest = self._confirmed = found
+        self._estimated_after = self._engine.processed
         return found
 
     def _note(self, text: str) -> None:

@@ -173,7 +173,15 @@ class MaximumLikelihoodMethod:
         latest = None if self._latest is None else self._latest.with_exposures(exposures)
         if not len(exposed):
             return None
-        return preview_of(exposed, latest, self._fit, size=self._size, max_grey=self._max_grey, pairs=self._pairs)
+        return preview_of(
+            exposed,
+            latest,
+            self._fit,
+            size=self._size,
+            max_grey=self._max_grey,
+            pairs=self._pairs,
+            usable_radius=self._circle.usable_radius(),
+        )
 
     def inputs(self, exposures: ExposureTable) -> FitInputs:
         """Return all that was observed, with the exposures as they are known now, and the fit to it.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,6 +57,10 @@ class Preview:
         Standard deviation of the vignette's profile at the 51 radii 0, 0.02, … 1, shape (51,).
     matches
         Points of the latest pair of frames; None where nothing was found again in it.
+    observations, fit
+        All that was observed, and the latest quick fit, None before there is one: what advice is derived from.
+    usable_radius
+        Radius in half diagonals that the usable part of the image reaches.
     """
 
     pairs: int
@@ -65,6 +69,9 @@ class Preview:
     vignette: Vignette | None = None
     vignette_sigma: FloatArray | None = None
     matches: Matches | None = None
+    observations: ExposedObservations | None = None
+    fit: Fit | None = None
+    usable_radius: float = 1.0
 
 
 def preview_of(
@@ -75,6 +82,7 @@ def preview_of(
     size: ImageSize,
     max_grey: int,
     pairs: int,
+    usable_radius: float = 1.0,
 ) -> Preview:
     """Return what is known.
 
@@ -92,12 +100,15 @@ def preview_of(
         Largest grey value of the frames.
     pairs
         Pairs of frames compared so far.
+    usable_radius
+        Radius in half diagonals that the usable part of the image reaches.
     """
     coverage, matches = coverage_of(observations, None, size), matches_of(latest, fit, size)
+    known = Preview(pairs, coverage, matches=matches, observations=observations, usable_radius=usable_radius)
     if fit is None:
-        return Preview(pairs, coverage, matches=matches)
-    response, vignette = fit.response(max_grey, measured_greys(observations)), fit.vignette(size)
-    return Preview(pairs, coverage, response, vignette, vignette_sigma(fit), matches)
+        return known
+    response = fit.response(max_grey, measured_greys(observations))
+    return replace(known, response=response, vignette=fit.vignette(size), vignette_sigma=vignette_sigma(fit), fit=fit)
 
 
 def matches_of(latest: ExposedObservations | None, fit: Fit | None, size: ImageSize) -> Matches | None:

@@ -9,9 +9,9 @@ import pytest
 
 from command_line import ospc
 from ospc.calibrator import OnlineCalibrator
-from ospc.cli.live_rerun import RerunStream
-from ospc.cli.pace import Pace
+from ospc.cli.rerun_stream import RerunStream
 from ospc.errors import FormatError, MissingExtraError
+from ospc.pace import Pace
 from ospc.recording import open_recording
 from ospc.simulation import SimulationSettings, simulate
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.cli.live import Watcher
-from ospc.cli.pace import Pace
+from ospc.cli.watching import Watcher
 from ospc.errors import FormatError, MissingExtraError, SettingError
+from ospc.pace import Pace
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.correction import Corrector
 from ospc.photometry.vignette import diagonal_profile

@@ -16,6 +16,14 @@ from typing import Any
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _LIMIT_S = 60.0
 
+CUT_OFF = """
+[...document.querySelectorAll('body *:not(svg *)')].filter(e => {
+  const box = e.getBoundingClientRect();
+  return box.width > 0 && (box.right > document.documentElement.clientWidth + 1 || box.left < -1);
+}).map(e => e.outerHTML.slice(0, 80))
+"""
+"""Elements of a page that reach beyond its sides."""
+
 
 def find() -> str | None:
     """Return the path of a browser of that family; None where there is none."""

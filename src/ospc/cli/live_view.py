@@ -1,0 +1,203 @@
+"""A guided capture in the terminal: the instruction, bars and curves; or lines, where nobody looks at a terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.cli.terminal import console, say
+from ospc.pace import Pace
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+
+    from ospc.live.capture import Bars, Capture
+    from ospc.live.status import LiveStatus
+    from ospc.methods.preview import Preview
+
+_REFRESH_S = 0.4
+"""Shortest time between two pictures, in seconds."""
+
+_LARGEST_SHARE = 0.03
+"""Largest share of the time that watching may take."""
+
+_LINE_S = 5.0
+"""Time between two lines where nobody looks at a terminal, if the instruction stays the same, in seconds."""
+
+_BAR = 20
+"""Characters of a bar."""
+
+_EARLIER_CURVES = 5
+_MOST_COLUMNS, _ROWS = 42, 9
+"""Size of a drawing in characters."""
+
+Shown = Callable[[], None]
+"""Is called after every frame."""
+
+
+@contextmanager
+def shown(capture: Capture, *, quiet: bool, full: bool) -> Iterator[Shown]:
+    """Show a capture in the terminal for the time of the context.
+
+    Parameters
+    ----------
+    capture
+        What to show.
+    quiet
+        Whether to show nothing.
+    full
+        Whether to show the bars and curves that a page would show.
+    """
+    if quiet:
+        yield lambda: None
+    elif sys.stderr.isatty() and full:
+        with LiveView(capture).shown() as show:
+            yield show
+    else:
+        yield Lines(capture).show
+
+
+@dataclass
+class Lines:
+    """A line for every new instruction, and one every few seconds: for programs, logs and pipes."""
+
+    capture: Capture
+    _text: str = ""
+    _next_s: float = 0.0
+
+    def show(self) -> None:
+        """Print a line if there is something new."""
+        status = self.capture.status
+        now_s = time.monotonic()
+        if status.advice != self._text or now_s >= self._next_s:
+            self._text, self._next_s = status.advice, now_s + _LINE_S
+            say(f"{figures(status)}  {in_words(self.capture.bars)}", err=True)
+            say(f"  → {status.advice}", err=True)
+
+
+@dataclass
+class LiveView:
+    """Instruction, bars and converging curves on standard error, some times a second.
+
+    Attributes
+    ----------
+    capture
+        What to show.
+    console
+        Where to; standard error where not given.
+    """
+
+    capture: Capture
+    console: Console | None = None
+    _pace: Pace = field(default_factory=partial(Pace, _REFRESH_S, _LARGEST_SHARE))
+    _responses: list[FloatArray] = field(default_factory=list)
+    _vignettes: list[FloatArray] = field(default_factory=list)
+    _spreads: tuple[list[float], list[float]] = field(default_factory=lambda: ([], []))
+
+    @contextmanager
+    def shown(self) -> Iterator[Shown]:
+        """Show it for the time of the context."""
+        from rich.live import Live
+
+        on = self.console or console(stderr=True)
+        with Live(console=on, transient=True, auto_refresh=False) as live:
+
+            def show() -> None:
+                if self._pace.due:
+                    with self._pace.look():
+                        live.update(self.picture(on.width), refresh=True)
+
+            yield show
+
+    def picture(self, width: int) -> RenderableType:
+        """Return what to show, so many characters wide, and remember its curves."""
+        from rich.console import Group
+        from rich.text import Text
+
+        from ospc.cli.live_marks import filled
+
+        status, preview = self.capture.status, self.capture.preview
+        parts: list[RenderableType] = [Text(status.advice, style="bold"), Text(figures(status), style="dim")]
+        for name, share in asdict(self.capture.bars).items():
+            parts.append(Text.assemble(f"{name:10} ", (filled(share, _BAR), "green"), f" {share:4.0%}"))
+        if preview is not None:
+            self._remember(preview)
+            parts += [_coverage(preview), self._curves(width)]
+        return Group(*parts)
+
+    def _remember(self, preview: Preview) -> None:
+        from ospc.photometry.calibration import PROFILE_RADII
+        from ospc.photometry.vignette import diagonal_profile
+
+        if preview.response is None or preview.vignette is None or preview.vignette_sigma is None:
+            return
+        response = preview.response.inverse(np.linspace(0, 1, 101))
+        if self._responses and np.array_equal(response, self._responses[-1]):
+            return
+        spread = preview.response.inverse_sigma
+        self._responses.append(response)
+        self._vignettes.append(diagonal_profile(preview.vignette, PROFILE_RADII))
+        self._spreads[0].append(float(np.nan if spread is None else spread.max()))
+        self._spreads[1].append(float(preview.vignette_sigma[-1]))
+
+    def _curves(self, width: int) -> RenderableType:
+        from rich.table import Table
+
+        from ospc.cli.live_marks import Canvas, falling
+
+        columns = max(8, min(_MOST_COLUMNS, width // 2 - 3))
+        table = Table(box=None, padding=(0, 2, 0, 0))
+        names = ("response g(M)", "vignette V(R)")
+        drawings, captions = [], []
+        for name, curves, spreads, colour in zip(
+            names, (self._responses, self._vignettes), self._spreads, ("bright_blue", "bright_yellow"), strict=True
+        ):
+            table.add_column(name, header_style="bold", width=columns, no_wrap=True)
+            canvas = Canvas(columns, _ROWS)
+            for curve in curves[-1 - _EARLIER_CURVES : -1]:
+                canvas.line(curve, "bright_black")
+            for curve in curves[-1:]:
+                canvas.line(curve, colour)
+            drawings.append(canvas.text())
+            captions.append(f"±{spreads[-1]:.2g}  {falling(spreads, columns - 10)}" if spreads else "no estimate yet")
+        table.add_row(*drawings)
+        table.add_row(*captions)
+        return table
+
+
+def figures(status: LiveStatus) -> str:
+    """Return frames and uncertainty in one line."""
+    parts = [f"{status.frames} frames", f"{status.progress.pairs} pairs"]
+    if status.dropped:
+        parts.append(f"{status.dropped} dropped")
+    for name, sigma in (("g", status.instruction.response_sigma), ("V", status.instruction.vignette_sigma)):
+        if sigma is not None:
+            parts.append(f"{name} ±{sigma:.2g}")
+    return "  ".join(parts)
+
+
+def in_words(bars: Bars) -> str:
+    """Return the bars as text."""
+    return "  ".join(f"{name} {share:.0%}" for name, share in asdict(bars).items())
+
+
+def _coverage(preview: Preview) -> RenderableType:
+    from rich.table import Table
+
+    from ospc.cli.live_marks import bars
+
+    seen = preview.coverage
+    low, high = seen.exposure_edges_ms[[0, -1]]
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_row("grey levels", f"[green]{bars(seen.by_grey)}[/]", "black to white")
+    table.add_row("exposures", f"[green]{bars(seen.grey_exposure.sum(axis=1))}[/]", f"{low:.3g} to {high:.3g} ms")
+    table.add_row("radii", f"[green]{bars(seen.by_radius)}[/]", "centre to corner; · is never seen")
+    return table

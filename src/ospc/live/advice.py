@@ -1,0 +1,290 @@
+"""What to film next: one instruction at a time, derived from the information matrix of what was observed so far."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ospc.live.knowledge import GOAL, Knowledge, certainty, knowledge_of
+from ospc.methods.preview import Preview
+from ospc.photometry.calibration import Calibration
+
+Kind = Literal["begin", "slower", "move", "bright", "dark", "vary", "exposures", "done"]
+
+_CHOSEN = ("move", "bright", "dark", "vary")
+"""Kinds between which the gain decides."""
+
+HOLD_S = 3.0
+"""Time for which an instruction stays, in seconds, unless it is urgent: nobody follows what changes faster."""
+
+PATIENCE_S = 12.0
+"""Time after which an instruction that brings nothing gives way to the next best one, in seconds."""
+
+SET_ASIDE_S = 20.0
+"""Time for which it is then left out, in seconds."""
+
+FEWEST_PAIRS = 64
+"""Pairs of frames before anything counts as done: the first were registered without knowing the vignette, and their
+common errors do not show in any standard deviation."""
+
+_BETTER = 1.3
+"""Gain of another instruction over that of the present one at which it takes its place."""
+
+_PROGRESS = 0.8
+"""Share of its first gain below which an instruction counts as followed: its gain shrinks as the aim comes closer."""
+
+_EXPOSURE_STEP = 1.5
+"""Factor between the exposures of an imagined pair: what turning from a wall to a window changes within a second."""
+
+_TARGETS = np.linspace(0.05, 0.95, 19)
+"""Grey levels of imagined points, spaced as the knots of the response."""
+
+_DARK, _BRIGHT = 0.25, 0.7
+"""Grey levels below which surroundings have to be brighter for points to become so dark, and vice versa."""
+
+_RADII = (0.0, 0.3, 0.6, 0.9)
+"""Radii of imagined points in half diagonals; places beyond 0.9 are hardly ever matched."""
+
+_TYPICAL_GREY = 0.4
+"""Grey level of imagined points that move: exposure controls aim at it."""
+
+_OUTER_RADIUS = 0.6
+"""Radius from which a place counts as near a corner: what decides which corner has been seen least."""
+
+_LATEST_PAIRS, _FEW_POINTS = 16, 12.0
+"""Pairs looked back at, and points per pair below which the camera is said to move too fast; a hundred are usual."""
+
+_MIN_LOG_RANGE = 0.4
+"""Range of ln exposure below which the exposure hardly changed: a factor of 1.5."""
+
+_CORNERS = {(-1, -1): "upper left", (1, -1): "upper right", (-1, 1): "lower left", (1, 1): "lower right"}
+_TURNS = {(-1, -1): "right and down", (1, -1): "left and down", (-1, 1): "right and up", (1, 1): "left and up"}
+"""Where a camera turns for its picture to move to a corner."""
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """What to do next, and why.
+
+    Attributes
+    ----------
+    kind
+        What sort of instruction it is.
+    text
+        For the person or the program that holds the camera, one sentence or two.
+    part
+        What it makes better known: "response" or "vignette"; empty for everything.
+    greys
+        Grey levels at which the response is to be measured; None where it is about something else.
+    radii
+        Radii in half diagonals between which points are to move; None where it is about something else.
+    arrow
+        From where to where in the image, (x, y) in shares of its width and height; None for nowhere.
+    exposure
+        1 where the exposure should become longer, -1 shorter, 0 where it is about something else.
+    response_sigma, vignette_sigma
+        Standard deviations of g and V as root mean squares over grey levels and radii; None before there is an
+        estimate.
+    """
+
+    kind: Kind
+    text: str
+    part: str = ""
+    greys: tuple[float, float] | None = None
+    radii: tuple[float, float] | None = None
+    arrow: tuple[tuple[float, float], tuple[float, float]] | None = None
+    exposure: int = 0
+    response_sigma: float | None = None
+    vignette_sigma: float | None = None
+
+
+_BEGIN = Instruction("begin", "Film something with texture and even surfaces, and turn the camera slowly.")
+_SLOWER = Instruction(
+    "slower", "Move more slowly, and film something with more texture: hardly anything is found again."
+)
+_VARY = Instruction(
+    "vary",
+    "Turn to and fro between something bright and something dark, so that the exposure changes; if it does not, "
+    "switch auto exposure on or change it by hand.",
+    "response",
+)
+
+
+@dataclass(frozen=True)
+class _Option:
+    instruction: Instruction
+    gain: float
+
+
+class Adviser:
+    """Chooses the instruction of the moment, and keeps to it long enough to be followed.
+
+    Parameters
+    ----------
+    goal
+        Standard deviation of g and of V, as root mean squares, at which both count as known.
+    """
+
+    def __init__(self, goal: float = GOAL) -> None:
+        self._goal = goal
+        self._now = _BEGIN
+        self.expects_end = False
+        """Whether, by the quick figures, a complete estimate would find the goal reached."""
+        self._since_s = -np.inf
+        self._first_gain = 0.0
+        self._set_aside: dict[Kind, float] = {}
+        self._found: deque[tuple[int, int]] = deque()
+
+    @property
+    def instruction(self) -> Instruction:
+        """The instruction of the moment; read without waiting."""
+        return self._now
+
+    def look(self, preview: Preview | None, time_s: float, known: Calibration | None = None) -> Instruction:
+        """Take note of where a run stands, and return the instruction of the moment.
+
+        Parameters
+        ----------
+        preview
+            What the engine knows at the moment.
+        time_s
+            When that is, in seconds from any origin.
+        known
+            The latest complete estimate: only that can say that the goal is reached.
+        """
+        self.expects_end = False
+        urgent = self._urgent(preview, known)
+        if urgent is not None:
+            self._switch(urgent, time_s, 0.0)
+            return self._now
+        knowledge = knowledge_of(preview)
+        if preview is None or knowledge is None:
+            self._switch(_before_a_fit(preview), time_s, 0.0)
+            return self._now
+        if knowledge.reaches(self._goal):
+            self.expects_end = True
+            if known is not None:
+                knowledge = knowledge.corrected(*certainty(known, preview.usable_radius))
+        options = {o.instruction.kind: o for o in _options(preview, knowledge, self._goal)}
+        self._choose(options, time_s)
+        self._now = replace(
+            self._now, response_sigma=knowledge.response_sigma, vignette_sigma=knowledge.vignette_sigma
+        )
+        return self._now
+
+    def _urgent(self, preview: Preview | None, known: Calibration | None) -> Instruction | None:
+        """Return what goes before everything else."""
+        if known is not None:
+            response, vignette = certainty(known, 1.0 if preview is None else preview.usable_radius)
+            enough = known.converged and known.counts.get("pairs", 0) >= FEWEST_PAIRS
+            if enough and response is not None and vignette is not None and max(response, vignette) <= self._goal:
+                text = f"Done: response and vignette are known to ±{self._goal:g}."
+                return Instruction("done", text, response_sigma=response, vignette_sigma=vignette)
+            exposures = known.verdicts.get("exposures")
+            if exposures is not None and exposures.state == "not identifiable":
+                return Instruction("exposures", exposures.remedy or exposures.reason)
+        return _SLOWER if preview is not None and self._finds_little(preview) else None
+
+    def _finds_little(self, preview: Preview) -> bool:
+        """Whether hardly any scene points were found again in the latest pairs of frames."""
+        points = 0 if preview.observations is None else len(preview.observations.starts)
+        if self._found and points < self._found[-1][1]:
+            self._found.clear()  # some were dropped to save memory
+        self._found.append((preview.pairs, points))
+        while len(self._found) > 2 and self._found[1][0] <= preview.pairs - _LATEST_PAIRS:
+            self._found.popleft()
+        pairs, before = self._found[0]
+        return preview.pairs - pairs >= _LATEST_PAIRS and points - before < _FEW_POINTS * (preview.pairs - pairs)
+
+    def _choose(self, options: dict[Kind, _Option], time_s: float) -> None:
+        self._set_aside = {kind: until for kind, until in self._set_aside.items() if until > time_s}
+        present = options.get(self._now.kind)
+        if self._now.kind in _CHOSEN and time_s - self._since_s < HOLD_S:
+            return
+        if present is not None and time_s - self._since_s > PATIENCE_S:
+            if present.gain > _PROGRESS * self._first_gain:
+                self._set_aside[self._now.kind] = time_s + SET_ASIDE_S
+            self._since_s, self._first_gain = time_s, present.gain
+        free = [option for kind, option in options.items() if kind not in self._set_aside] or [*options.values()]
+        best = max(free, key=lambda option: option.gain)
+        kept = present is not None and present in free and best.gain < _BETTER * present.gain
+        chosen = present if kept and present is not None else best
+        self._switch(chosen.instruction, time_s, chosen.gain)
+
+    def _switch(self, instruction: Instruction, time_s: float, gain: float) -> None:
+        if instruction.kind != self._now.kind:
+            self._since_s, self._first_gain = time_s, gain
+        self._now = instruction
+
+
+def _before_a_fit(preview: Preview | None) -> Instruction:
+    if preview is None:
+        return _BEGIN
+    low, high = np.log(preview.coverage.exposure_edges_ms[[0, -1]])
+    return _VARY if high - low < _MIN_LOG_RANGE else _BEGIN
+
+
+def _options(preview: Preview, knowledge: Knowledge, goal: float) -> Iterator[_Option]:
+    """Give every instruction with what following it for one pair of frames would add."""
+    longer = [knowledge.gain_of_exposure(m, knowledge.grey_after(m, _EXPOSURE_STEP), goal) for m in _TARGETS]
+    shorter = [knowledge.gain_of_exposure(m, knowledge.grey_after(m, 1 / _EXPOSURE_STEP), goal) for m in _TARGETS]
+    gains = np.maximum(longer, shorter)
+    low, high = np.log(preview.coverage.exposure_edges_ms[[0, -1]])
+    if high - low < _MIN_LOG_RANGE:
+        yield _Option(_VARY, float(gains.max()))
+    else:
+        for make, inside in ((_bright, _TARGETS > _BRIGHT), (_dark, _TARGETS < _DARK)):
+            at = int(np.argmax(np.where(inside, gains, -1.0)))
+            yield _Option(make(float(_TARGETS[at])), float(gains[at]))
+        middle = (_TARGETS >= _DARK) & (_TARGETS <= _BRIGHT)
+        yield _Option(_VARY, float(gains[middle].max()))
+    yield _best_motion(preview, knowledge, goal)
+
+
+def _bright(grey: float) -> Instruction:
+    text = (
+        "Film something bright and even, such as a wall, a door or paper in the light, and turn slowly towards "
+        "something darker while it stays in view: it should become almost white."
+    )
+    return Instruction("bright", text, "response", (max(grey - 0.1, 0.0), min(grey + 0.1, 1.0)), exposure=1)
+
+
+def _dark(grey: float) -> Instruction:
+    text = (
+        "Film something dark and even, and turn slowly towards a window or a lamp while it stays in view: it should "
+        "become almost black."
+    )
+    return Instruction("dark", text, "response", (max(grey - 0.1, 0.0), min(grey + 0.1, 1.0)), exposure=-1)
+
+
+def _best_motion(preview: Preview, knowledge: Knowledge, goal: float) -> _Option:
+    reach = min(1.0, preview.usable_radius / _RADII[-1])
+    ways = [(a, b) for a in _RADII for b in _RADII if b > a]
+    gains = [knowledge.gain_of_motion(reach * a, reach * b, _TYPICAL_GREY, goal) for a, b in ways]
+    best = int(np.argmax(gains))
+    radius0, radius1 = (reach * radius for radius in ways[best])
+    return _Option(_motion(radius0, radius1, _least_seen_corner(preview)), gains[best])
+
+
+def _motion(radius0: float, radius1: float, corner: tuple[int, int]) -> Instruction:
+    place = "what is in the middle" if radius0 < _RADII[1] else "something even near the middle"
+    way = "" if radius1 >= _RADII[-1] else f"{radius1:.0%} of the way "
+    text = (
+        f"Turn the camera slowly to the {_TURNS[corner]}, until {place} has moved {way}to the {_CORNERS[corner]} "
+        f"corner of the picture."
+    )
+    ends = tuple((0.5 + 0.5 * corner[0] * radius, 0.5 + 0.5 * corner[1] * radius) for radius in (radius0, radius1))
+    return Instruction("move", text, "vignette", radii=(radius0, radius1), arrow=(ends[0], ends[1]))
+
+
+def _least_seen_corner(preview: Preview) -> tuple[int, int]:
+    if preview.observations is None:
+        return (1, -1)
+    places = preview.observations.position
+    outer = places[np.hypot(*places.T) > _OUTER_RADIUS]
+    counts = {corner: int(np.sum((outer * corner > 0).all(axis=1))) for corner in _CORNERS}
+    return min(counts, key=lambda corner: counts[corner])

@@ -1,0 +1,284 @@
+"""A guided capture: frames go to a live calibrator, and whoever looks sees where it stands."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.errors import FrameError
+from ospc.live.advice import Instruction
+from ospc.live.calibrator import LiveCalibrator
+from ospc.live.knowledge import GOAL
+from ospc.live.status import LiveStatus
+from ospc.methods.preview import Preview
+from ospc.photometry.calibration import PROFILE_RADII
+from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.vignette import diagonal_profile
+from ospc.recording import Frame
+
+Stage = Literal["filming", "estimating", "writing", "written", "failed"]
+
+WAITING_FRAMES = 4
+"""Frames of a recording that may wait for the background: what is shown is then what is being calibrated."""
+
+_PICTURE_PX, _JPEG = 640, 80
+"""Longest side and JPEG quality of the picture that is shown."""
+
+_COVERED = 150
+"""Observations that fill a class of grey levels, of radii or of places: five times as many as keep the report from
+calling it a gap."""
+
+_GREYS, _RADII = slice(1, -2), slice(0, -1)
+"""Classes that can be covered: in those left out, nearly everything is clipped, or lies outside the image."""
+
+_WIDE_RANGE, _NOTHING_KNOWN = 8.0, 0.2
+"""Ratio of the extreme exposures that fills its bar, and standard deviation with which that of certainty is empty."""
+
+_UNCONFIRMED = 0.97
+"""Most that the bar of certainty shows before a complete estimate has confirmed what quick ones say."""
+
+_COLUMNS, _ROWS = 16, 12
+"""Cells of the image whose observations are counted for what is drawn over the picture."""
+
+_CURVE_POINTS = 51
+"""Points of the response's curve, as many as the vignette's profile has."""
+
+
+@dataclass(frozen=True)
+class Bars:
+    """How full the bars are, each from 0 to 1.
+
+    Attributes
+    ----------
+    exposures
+        Range of the exposures, on a logarithmic scale.
+    greys, radii
+        Share of the grey levels and of the radii with enough observations.
+    certainty
+        How near the uncertainty is to the goal, on a logarithmic scale.
+    """
+
+    exposures: float = 0.0
+    greys: float = 0.0
+    radii: float = 0.0
+    certainty: float = 0.0
+
+    @classmethod
+    def of(cls, preview: Preview | None, instruction: Instruction, goal: float = GOAL) -> Bars:
+        """Return the bars of a moment."""
+        if preview is None:
+            return cls()
+        low, high = preview.coverage.exposure_edges_ms[[0, -1]]
+        sigmas = (instruction.response_sigma, instruction.vignette_sigma)
+        known = [sigma for sigma in sigmas if sigma is not None]
+        certainty = 1.0 if instruction.kind == "done" else 0.0
+        if len(known) == len(sigmas) and not certainty:
+            reached = np.log(_NOTHING_KNOWN / max(*known, goal)) / np.log(_NOTHING_KNOWN / goal)
+            certainty = min(float(reached), _UNCONFIRMED)
+        return cls(
+            min(float(np.log(high / low) / np.log(_WIDE_RANGE)), 1.0),
+            _share(preview.coverage.by_grey[_GREYS]),
+            _share(preview.coverage.by_radius[_RADII]),
+            max(certainty, 0.0),
+        )
+
+
+class FilmedTimes:
+    """Stamps and exposures of all frames, as a recording has them."""
+
+    def __init__(self) -> None:
+        self._stamps_s: list[float] = []
+        self._exposures_ms: list[float] = []
+
+    def append(self, frame: Frame) -> None:
+        """Take note of the next frame."""
+        self._stamps_s.append(frame.stamp_s)
+        self._exposures_ms.append(frame.exposure_ms)
+
+    @property
+    def stamps_s(self) -> FloatArray:
+        """Time stamp in seconds of every frame, shape (frames,)."""
+        return np.array(self._stamps_s)
+
+    @property
+    def exposures_ms(self) -> FloatArray:
+        """Exposure in milliseconds of every frame, shape (frames,)."""
+        return np.array(self._exposures_ms)
+
+
+class Capture:
+    """Feeds a live calibrator, and tells any thread where it stands.
+
+    Parameters
+    ----------
+    live
+        The calibrator.
+    goal
+        Uncertainty at which the capture is complete.
+    ends
+        Whether it then ends by itself.
+    out
+        Name of the folder that is written in the end, for the page.
+
+    Attributes
+    ----------
+    stage, message
+        What is being done, and how it ended.
+    times
+        When the frames were taken, and how long they were exposed.
+    """
+
+    def __init__(self, live: LiveCalibrator, *, goal: float = GOAL, ends: bool = True, out: str = "") -> None:
+        self._live = live
+        self._goal = goal
+        self._ends = ends
+        self._out = out
+        self._frame: Frame | None = None
+        self._finish = threading.Event()
+        self._begun_s = time.monotonic()
+        self.stage: Stage = "filming"
+        self.message = ""
+        self.times = FilmedTimes()
+
+    def run(self, frames: Iterable[Frame], stop: Callable[[], bool], *, replayed: bool) -> None:
+        """Push frames until they end, the goal is reached, or somebody asks for the end.
+
+        Parameters
+        ----------
+        frames
+            From a camera, or from a recording.
+        stop
+            Asked after every frame; ends the capture if it returns True.
+        replayed
+            Whether the frames come from a recording: they then wait for the background, and none is dropped.
+        """
+        for frame in frames:
+            self._frame = frame
+            self.times.append(frame)
+            self._live.push(frame)
+            if replayed:
+                self._live.wait(WAITING_FRAMES)
+            done = self._ends and self._live.status.instruction.kind == "done"
+            if stop() or self._finish.is_set() or done:
+                break
+
+    def end(self, stage: Stage, message: str) -> None:
+        """Say how it ended."""
+        self.stage, self.message = stage, message
+
+    def finish(self) -> None:
+        """Ask for the end of the capture."""
+        self._finish.set()
+
+    @property
+    def status(self) -> LiveStatus:
+        """Where the calibrator stands."""
+        return self._live.status
+
+    @property
+    def preview(self) -> Preview | None:
+        """What is known, some tenths of a second old; None before anything is."""
+        return self._live.preview
+
+    @property
+    def bars(self) -> Bars:
+        """How full the bars are."""
+        return Bars.of(self._live.preview, self._live.status.instruction, self._goal)
+
+    def view(self) -> dict[str, Any]:
+        """Return all that the page shows beside the picture, as JSON-compatible values."""
+        status, preview = self._live.status, self._live.preview
+        now = status.instruction
+        return {
+            "stage": self.stage,
+            "message": self.message,
+            "out": self._out,
+            "goal": self._goal,
+            "seconds": round(time.monotonic() - self._begun_s, 1),
+            "frames": status.frames,
+            "dropped": status.dropped,
+            "unusable": status.unusable,
+            "notes": list(status.notes),
+            "instruction": asdict(now),
+            "bars": asdict(Bars.of(preview, now, self._goal)),
+            **({} if preview is None else _seen(preview)),
+        }
+
+    def picture(self) -> bytes | None:
+        """Return the latest frame as JPEG, reduced; None where there is none that can be read."""
+        frame = self._frame
+        if frame is None:
+            return None
+        try:
+            image = frame.image_8_bit
+        except FrameError:
+            return None
+        scale = min(1.0, _PICTURE_PX / max(image.shape))
+        if scale < 1:
+            image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        done, stored = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG])
+        return stored.tobytes() if done else None
+
+
+def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:
+    """Yield the frames of a recording at the times of their stamps.
+
+    Parameters
+    ----------
+    frames
+        The recording.
+    pace
+        How many times as fast as it was filmed; 0 for as fast as frames are taken.
+    """
+    begun_s, first_s = time.monotonic(), None
+    for frame in frames:
+        first_s = frame.stamp_s if first_s is None else first_s
+        if pace > 0:
+            due_s = begun_s + (frame.stamp_s - first_s) / pace
+            time.sleep(max(0.0, due_s - time.monotonic()))
+        yield frame
+
+
+def _seen(preview: Preview) -> dict[str, Any]:
+    """Return the places and radii that were seen, and the curves with their standard deviations."""
+    found: dict[str, Any] = {
+        "greys": _filled(preview.coverage.by_grey),
+        "radii": _filled(preview.coverage.by_radius),
+        "exposures_ms": preview.coverage.exposure_edges_ms[[0, -1]].tolist(),
+    }
+    if preview.observations is not None and preview.vignette is not None:
+        found["places"] = _places(preview.observations.position, preview.vignette.size)
+    if preview.response is not None and preview.vignette is not None and preview.vignette_sigma is not None:
+        grey = np.linspace(0, 1, _CURVE_POINTS)
+        sigma = preview.response.inverse_sigma
+        spread = np.zeros_like(grey) if sigma is None else np.interp(grey, preview.response.levels, sigma)
+        found["response"] = _curve(preview.response.inverse(grey), spread)
+        found["vignette"] = _curve(diagonal_profile(preview.vignette, PROFILE_RADII), preview.vignette_sigma)
+    return found
+
+
+def _places(position: FloatArray, size: tuple[int, int]) -> list[list[float]]:
+    shares = position * half_diagonal(size) / np.array(size) + 0.5
+    cells = np.clip((shares * (_COLUMNS, _ROWS)).astype(int), 0, (_COLUMNS - 1, _ROWS - 1))
+    counts = np.bincount(cells[:, 1] * _COLUMNS + cells[:, 0], minlength=_COLUMNS * _ROWS).reshape(_ROWS, _COLUMNS)
+    return [_filled(row) for row in counts]
+
+
+def _curve(value: FloatArray, sigma: FloatArray) -> dict[str, list[float]]:
+    return {"value": np.round(value, 5).tolist(), "sigma": np.round(sigma, 5).tolist()}
+
+
+def _filled(counts: IntArray) -> list[float]:
+    """Return how full classes are, from 0 to 1."""
+    return [round(min(count / _COVERED, 1.0), 2) for count in counts.tolist()]
+
+
+def _share(counts: IntArray) -> float:
+    return float(np.mean(np.minimum(counts / _COVERED, 1.0)))

@@ -1,0 +1,179 @@
+"""How well response and vignette are known at the moment, and how much another view would add."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.estimation.fit import Fit, measured_greys
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.prior import Prior
+from ospc.methods.preview import Preview
+from ospc.observations import ExposedObservations
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE
+
+GOAL = 0.005
+"""Error of g and of V, as a root mean square over all grey levels and radii, at which a capture is complete: direct
+odometry gains nothing from less."""
+
+_GREYS = np.linspace(0, 1, 65)
+"""Grey levels at which the response's uncertainty is looked at; dense enough for its 33 knots."""
+
+_POINTS = 3000
+"""Scene points that the information matrix is added up from: 25 ms, and as representative as all of them."""
+
+_PAIR_POINTS = 100
+"""Scene points of an imagined pair of frames: half of what a usual one gives."""
+
+_GRADIENT = 0.003
+"""Grey gradient of an imagined point, in full scale per pixel: half of what counts as flat."""
+
+_DIAGONAL = np.ones(2) / np.sqrt(2)
+"""Direction from the centre to a corner of a square image; quick fits are alike in all directions."""
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What the observations so far say on the parameters, and what is asked of them.
+
+    Attributes
+    ----------
+    fit
+        The fit that the parameters are linearised at.
+    covariance
+        Covariance of the parameters by all observations so far, shape (p, p).
+    wanted
+        A row for every grey level and radius: the derivative of g or V there, shape (n, p).
+    information_scale
+        Share of its nominal information that an observation adds.
+    response_sigma, vignette_sigma
+        Standard deviations of g, its scale held, and of V, as root mean squares over grey levels and radii.
+    """
+
+    fit: Fit
+    covariance: FloatArray
+    wanted: FloatArray
+    information_scale: float
+    response_sigma: float
+    vignette_sigma: float
+
+    def reaches(self, goal: float) -> bool:
+        """Whether both standard deviations are within a goal."""
+        return max(self.response_sigma, self.vignette_sigma) <= goal
+
+    def corrected(self, response_sigma: float | None, vignette_sigma: float | None) -> Knowledge:
+        """Return it with the standard deviations of a complete estimate, where they are larger."""
+        return replace(
+            self,
+            response_sigma=max(self.response_sigma, response_sigma or 0.0),
+            vignette_sigma=max(self.vignette_sigma, vignette_sigma or 0.0),
+        )
+
+    def gain_of_exposure(self, grey0: float, grey1: float, goal: float) -> float:
+        """Return what a pair of frames adds in which points change from one grey level to another.
+
+        It is the decrease of the summed squares of :attr:`response_sigma` and :attr:`vignette_sigma` in goals.
+        """
+        rows = self.fit.response_basis.log_rows([grey0, grey1])
+        row = np.concatenate([rows[1] - rows[0], np.zeros(len(self.fit.vignette_basis))])
+        return self._gain(row, (grey0, grey1), goal)
+
+    def gain_of_motion(self, radius0: float, radius1: float, grey: float, goal: float) -> float:
+        """Return what a pair of frames adds in which points of a grey level move from one radius to another."""
+        places = np.array([radius0, radius1])[:, None] * _DIAGONAL
+        rows = self.fit.vignette_basis.jacobian(self.fit.vignette_parameters, places)
+        row = np.concatenate([np.zeros(len(self.fit.response_basis)), rows[0] - rows[1]])
+        return self._gain(row, (grey, grey), goal)
+
+    def grey_after(self, grey: float, factor: float) -> float:
+        """Return the grey level of a point when the exposure is so many times as long; 1 where it saturates."""
+        log_g = self.fit.response_basis.log_of(self.fit.response_parameters)
+        now = np.interp(grey, self.fit.response_basis.grid, log_g)
+        return float(np.interp(now + np.log(factor), log_g, self.fit.response_basis.grid))
+
+    def _gain(self, row: FloatArray, greys: tuple[float, float], goal: float) -> float:
+        """Return the decrease by one more row of the normal equations (Sherman and Morrison)."""
+        variance = float(self._log_variance(np.array(greys)).sum())
+        information = _PAIR_POINTS * self.information_scale / variance
+        spread = self.covariance @ row
+        falls = (self.wanted @ spread) ** 2 / (1 / information + row @ spread)
+        response, vignette = np.mean(falls[: len(_GREYS)]), np.mean(falls[len(_GREYS) :])
+        if (self.response_sigma <= goal) != (self.vignette_sigma <= goal):
+            # Only what is not known to the goal yet counts.
+            return float(response if self.response_sigma > goal else vignette) / goal**2
+        return float(response + vignette) / goal**2
+
+    def _log_variance(self, grey: FloatArray) -> FloatArray:
+        """Return the variance of ln g of single samples at grey levels."""
+        basis, parameters = self.fit.response_basis, self.fit.response_parameters
+        grey = np.clip(grey, basis.grid[1], 1.0)
+        slope = grey / np.interp(grey, basis.grid, basis.gamma_of(parameters))
+        irradiance = np.maximum(np.exp(np.interp(grey, basis.grid, basis.log_of(parameters))), 1e-12)
+        return self.fit.errors.variance(grey, slope, irradiance, np.full(len(grey), _GRADIENT)) / slope**2
+
+
+def knowledge_of(preview: Preview | None) -> Knowledge | None:
+    """Return what is known by all observations so far; None before there is a fit."""
+    if preview is None or preview.fit is None or preview.observations is None:
+        return None
+    fit, observations = preview.fit, preview.observations
+    step = max(1, len(observations.starts) // _POINTS)
+    covariance, scale = _covariance(fit, observations.of_points(slice(None, None, step)), step)
+    wanted = _wanted(fit, sum(measured_greys(observations)) / 2, _radii(preview.usable_radius))
+    disagreement = np.maximum(_variance(wanted, fit.covariance - fit.chance), 0)
+    share = np.where(np.arange(len(wanted)) < len(_GREYS), SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE)
+    systematic = (share * (wanted @ fit.parameters)) ** 2
+    sigma = np.sqrt(_variance(wanted, covariance) + disagreement + systematic)
+    greys = len(_GREYS)
+    return Knowledge(
+        fit, covariance, wanted, scale, _root_mean_square(sigma[:greys]), _root_mean_square(sigma[greys:])
+    )
+
+
+def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[float | None, float | None]:
+    """Return what :attr:`Knowledge.response_sigma` and ``vignette_sigma`` estimate, of a calibration.
+
+    None stands for a part that is not known at all. Radii beyond the usable part of the image do not count.
+    """
+    response, sigma = calibration.response, calibration.vignette_sigma
+    spread = None if response is None else response.inverse_sigma
+    of_response = None
+    if response is not None and spread is not None:
+        of_response = _root_mean_square(np.interp(_GREYS, response.levels, spread))
+    return of_response, None if sigma is None else _root_mean_square(sigma[: len(_radii(usable_radius))])
+
+
+def _covariance(fit: Fit, some: ExposedObservations, step: int) -> tuple[FloatArray, float]:
+    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis)
+    equations = estimator.information(some, fit, fit.parameters)
+    prior = Prior(fit.response_basis.knots, fit.response_parameters, fit.vignette_basis.prior_sigma)
+    information = step * equations.information_scale * equations.matrix + prior.precision(fit.hyperparameters)
+    return np.asarray(np.linalg.inv(information), dtype=np.float64), equations.information_scale
+
+
+def _radii(usable_radius: float) -> FloatArray:
+    return PROFILE_RADII[usable_radius >= PROFILE_RADII]
+
+
+def _wanted(fit: Fit, reference: float, radii: FloatArray) -> FloatArray:
+    basis, vignette = fit.response_basis, fit.vignette_basis
+    g = np.exp(np.interp(_GREYS, basis.grid, basis.log_of(fit.response_parameters))) * (_GREYS > 0)
+    response = g[:, None] * (basis.log_rows(_GREYS) - basis.log_rows([reference]))
+    places = radii[:, None] * _DIAGONAL
+    value = np.exp(vignette.log_value(fit.vignette_parameters, places))
+    fall = value[:, None] * vignette.jacobian(fit.vignette_parameters, places)
+    wanted = np.zeros((len(response) + len(fall), len(basis) + len(vignette)))
+    wanted[: len(response), : len(basis)] = response
+    wanted[len(response) :, len(basis) :] = fall
+    return wanted
+
+
+def _variance(rows: FloatArray, covariance: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ij,jk,ik->i", rows, covariance, rows))
+
+
+def _root_mean_square(sigma: FloatArray) -> float:
+    return float(np.sqrt(np.mean(sigma**2)))

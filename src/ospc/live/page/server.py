@@ -1,0 +1,167 @@
+"""Serves the page of a capture on the loopback address, to whoever knows its token."""
+
+from __future__ import annotations
+
+import hmac
+import json
+import logging
+import secrets
+import socket
+import threading
+from importlib.resources import files
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from ospc.errors import SettingError, needs_extra
+from ospc.live.capture import Capture
+
+if TYPE_CHECKING:
+    from websockets.http11 import Request, Response
+    from websockets.sync.server import Server, ServerConnection
+
+ADDRESS = "127.0.0.1"
+
+_TOKEN_BYTES = 24
+"""Random bytes in the address of the page: nobody on this machine guesses 192 bits."""
+
+_PERIOD_S = 0.15
+"""Time between two updates of a page, in seconds."""
+
+_LAST_WORD_S = 5.0
+"""Longest time in seconds for which the server waits, in the end, until pages were told of it."""
+
+_ASSETS = {
+    "": ("page.html", "text/html; charset=utf-8"),
+    "page.css": ("page.css", "text/css; charset=utf-8"),
+    "page.js": ("page.js", "text/javascript; charset=utf-8"),
+}
+_SOCKET = "socket"
+
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+class PageServer:
+    """A page that shows a capture; use it in a ``with`` statement.
+
+    Only requests from this machine that name the token and this address are answered: others get 403, which keeps
+    other users and web pages out.
+
+    Parameters
+    ----------
+    capture
+        What to show.
+    port
+        TCP port; 0 for any that is free.
+
+    Raises
+    ------
+    MissingExtraError
+        Without the package ``websockets``.
+    SettingError
+        If the port is in use.
+    """
+
+    def __init__(self, capture: Capture, port: int = 0) -> None:
+        with needs_extra("the page of a capture", "live"):
+            from websockets.sync.server import serve
+            from websockets.typing import Origin
+        self._capture = capture
+        self._token = secrets.token_urlsafe(_TOKEN_BYTES)
+        self._stopped = threading.Event()
+        self._pages: set[threading.Thread] = set()
+        logger = logging.getLogger("ospc.live.page")
+        logger.setLevel(logging.CRITICAL)  # a browser that goes away is no error
+        try:
+            listening = socket.create_server((ADDRESS, port))
+        except OSError as error:
+            raise SettingError(f"port {port} cannot be used ({error.strerror}); choose another one") from None
+        self.port: int = listening.getsockname()[1]
+        self._hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
+        self._server: Server = serve(
+            self._show,
+            sock=listening,
+            process_request=self._answer,
+            origins=[Origin(f"http://{host}") for host in self._hosts],
+            compression=None,
+            max_size=1024,
+            logger=logger,
+        )
+        self._thread = threading.Thread(target=self._server.serve_forever, name="ospc-page", daemon=True)
+
+    @property
+    def url(self) -> str:
+        """Address of the page, with its token."""
+        return f"http://{ADDRESS}:{self.port}/{self._token}/"
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        """Tell pages how it ended, and stop."""
+        self._stopped.set()
+        for page in tuple(self._pages):
+            page.join(_LAST_WORD_S)
+        self._server.shutdown()
+        self._thread.join()
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Return a file, or None to go on with the WebSocket; 403 to whoever must not know more."""
+        token, _, name = request.path.removeprefix("/").partition("/")
+        hosts = request.headers.get_all("Host")
+        is_ours = len(hosts) == 1 and hosts[0] in self._hosts
+        if not (hmac.compare_digest(token.encode(), self._token.encode()) and is_ours):
+            return _with_headers(connection.respond(403, "forbidden\n"), "text/plain; charset=utf-8")
+        if name == _SOCKET:
+            return None
+        if name not in _ASSETS:
+            return _with_headers(connection.respond(404, "there is no such page\n"), "text/plain; charset=utf-8")
+        file, kind = _ASSETS[name]
+        text = files("ospc.live.page").joinpath(file).read_text(encoding="utf-8")
+        return _with_headers(connection.respond(200, text), kind)
+
+    def _show(self, connection: ServerConnection) -> None:
+        """Send a page what it shows until the end, and listen for the request to finish."""
+        from websockets.exceptions import ConnectionClosed
+
+        self._pages.add(threading.current_thread())
+        try:
+            last = False
+            while not last:
+                last = self._stopped.is_set()
+                connection.send(json.dumps(_finite(self._capture.view()), allow_nan=False))
+                picture = self._capture.picture()
+                if picture is not None:
+                    connection.send(picture)
+                try:
+                    said = connection.recv(timeout=0 if last else _PERIOD_S)
+                except TimeoutError:
+                    continue
+                if said == "finish":
+                    self._capture.finish()
+        except ConnectionClosed:
+            pass  # the page was left; the capture goes on
+        finally:
+            self._pages.discard(threading.current_thread())
+
+
+def _with_headers(response: Response, kind: str) -> Response:
+    del response.headers["Content-Type"]
+    response.headers["Content-Type"] = kind
+    for name, value in _HEADERS.items():
+        response.headers[name] = value
+    return response
+
+
+def _finite(content: Any) -> Any:
+    """Return the values with None instead of numbers that JSON lacks."""
+    return json.loads(json.dumps(content), parse_constant=lambda _: None)

@@ -1,0 +1,191 @@
+"""Advice names what is missing, stays long enough to be followed, and ends when both curves are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.live.advice import HOLD_S, PATIENCE_S, Adviser
+from ospc.live.capture import Bars
+from ospc.live.knowledge import GOAL, certainty, knowledge_of
+from ospc.methods.inputs import FitInputs
+from ospc.methods.preview import preview_of
+from ospc.methods.summary import summarise
+from ospc.photometry.noise import NoiseModel
+from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
+from ospc.settings import DefaultSettings
+from synthetic_observations import SIZE, Camera
+
+CAMERA = Camera(Response.gamma(2.2))
+
+
+def fitted(observations):
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(16), VignetteBasis(4), rounds=3)
+    return estimator.fit(observations)
+
+
+def state(seen, *, camera=CAMERA, pairs=40, seed=1):
+    """Return the preview after filming points of which only some were seen."""
+    everything = camera.pairs(seed, groups=pairs, points=400)
+    observations = everything.of_points(np.logical_and.reduceat(seen(everything), everything.starts))
+    if camera.log_ratio < 0.1:  # nor does the exposure change from pair to pair
+        first = np.repeat(observations.log_exposure[observations.starts], observations.counts)
+        observations = replace(observations, log_exposure=observations.log_exposure - first)
+    return preview_of(observations, observations, fitted(observations), size=SIZE, max_grey=255, pairs=pairs)
+
+
+def radius(observations):
+    return np.hypot(*observations.position.T)
+
+
+NO_DARK = state(lambda o: o.grey > 0.35, camera=replace(CAMERA, response=Response.gamma(1.0)))
+NO_BRIGHT = state(lambda o: o.grey < 0.6)
+NO_OUTER = state(lambda o: radius(o) < 0.3)
+NO_EXPOSURES = state(lambda o: o.grey < 0.95, camera=replace(CAMERA, log_ratio=0.06))
+EVERYTHING = state(lambda o: o.grey > 0.02, pairs=100)
+ALL_STATES = (NO_DARK, NO_BRIGHT, NO_OUTER, NO_EXPOSURES)
+
+
+def advice(preview, goal=GOAL):
+    return Adviser(goal).look(preview, 0.0)
+
+
+def test_before_anything_is_known_it_says_how_to_begin():
+    assert advice(None).kind == "begin"
+
+
+def test_a_missing_bright_end_asks_for_something_almost_white():
+    found = advice(NO_BRIGHT)
+    assert (found.kind, found.part, found.exposure) == ("bright", "response", 1)
+    assert found.greys[1] > 0.7
+    assert "almost white" in found.text
+
+
+def test_a_missing_dark_end_asks_for_something_almost_black():
+    found = advice(NO_DARK)
+    assert (found.kind, found.part, found.exposure) == ("dark", "response", -1)
+    assert found.greys[0] < 0.25
+    assert "almost black" in found.text
+
+
+def test_a_missing_corner_is_asked_for_with_an_arrow_that_leads_outwards():
+    found = advice(NO_OUTER)
+    assert (found.kind, found.part) == ("move", "vignette")
+    (x0, y0), (x1, y1) = found.arrow
+    assert np.hypot(x1 - 0.5, y1 - 0.5) > np.hypot(x0 - 0.5, y0 - 0.5)
+    assert found.radii[1] > 0.3
+    # What moves to the right and up in the picture does so because the camera turns to the left and down.
+    words = {(True, False): "left and down", (False, False): "right and down"}
+    turn = words.get((x1 > 0.5, y1 > 0.5)) or {True: "left and up", False: "right and up"}[x1 > 0.5]
+    assert turn in found.text
+
+
+def test_exposures_that_hardly_change_are_asked_to_change():
+    for preview in (NO_EXPOSURES, replace(NO_EXPOSURES, fit=None)):
+        found = advice(preview)
+        assert (found.kind, found.part) == ("vary", "response")
+        assert "exposure changes" in found.text
+
+
+def test_where_nothing_is_found_again_it_asks_for_less_haste():
+    adviser = Adviser()
+    kinds = [adviser.look(replace(NO_BRIGHT, pairs=40 + 2 * i), 0.5 * i).kind for i in range(20)]
+    assert kinds[0] == "bright"
+    assert kinds[-1] == "slower"
+
+
+@pytest.mark.parametrize("preview", ALL_STATES)
+def test_what_is_advised_would_tell_more_than_anything_else(preview):
+    knowledge, found = knowledge_of(preview), advice(preview)
+    if found.greys is not None:
+        wanted = np.mean(found.greys)
+        other = 0.5
+        gain = max(knowledge.gain_of_exposure(wanted, knowledge.grey_after(wanted, f), GOAL) for f in (1.5, 1 / 1.5))
+        assert gain >= knowledge.gain_of_exposure(other, knowledge.grey_after(other, 1.5), GOAL)
+
+
+KNOWLEDGE = knowledge_of(NO_BRIGHT)
+
+
+@given(st.floats(0.05, 0.95), st.floats(0.05, 0.95))
+def test_no_view_makes_anything_less_known(one, other):
+    assert KNOWLEDGE.gain_of_exposure(one, other, GOAL) >= 0
+    assert KNOWLEDGE.gain_of_motion(one, other, 0.4, GOAL) >= 0
+    assert KNOWLEDGE.gain_of_exposure(one, one, GOAL) == pytest.approx(0)
+
+
+@settings(max_examples=6)
+@given(st.lists(st.sampled_from(range(len(ALL_STATES))), min_size=8, max_size=20))
+def test_an_instruction_stays_long_enough_to_be_followed(states):
+    adviser, changes, before = Adviser(), [], None
+    for number, which in enumerate(states):
+        found = adviser.look(ALL_STATES[which], 0.4 * number)
+        if found.kind != before:
+            changes.append(0.4 * number)
+            before = found.kind
+    assert all(later - earlier >= HOLD_S - 1e-9 for earlier, later in pairwise(changes))
+
+
+def test_an_instruction_that_brings_nothing_gives_way():
+    adviser = Adviser()
+    kinds = [adviser.look(NO_BRIGHT, 1.0 * second).kind for second in range(int(PATIENCE_S + 3))]
+    assert kinds[0] == "bright"
+    assert kinds[-1] != "bright"
+
+
+def calibrated(pairs, *, seed=3):
+    observations = CAMERA.pairs(seed, groups=pairs, points=400)
+    fit = fitted(observations)
+    low, high = np.exp(observations.log_exposure.min()), np.exp(observations.log_exposure.max())
+    noise = NoiseModel(1e-6, 1e-6)
+    inputs = FitInputs(SIZE, 255, noise, observations, fit, (float(low), float(high)), False, pairs)
+    return summarise(inputs, DefaultSettings())
+
+
+def test_it_says_done_when_both_are_known_to_the_goal_and_not_before():
+    known = calibrated(100)
+    goal = 1.01 * max(certainty(known))
+    found = Adviser(goal).look(NO_BRIGHT, 0.0, known)
+    assert found.kind == "done"
+    assert found.text.startswith("Done")
+    assert Bars.of(NO_BRIGHT, found).certainty == 1.0
+    assert Adviser(0.9 * goal).look(NO_BRIGHT, 0.0, known).kind != "done"
+    few = replace(known, counts=known.counts | {"pairs": 10})
+    assert Adviser(goal).look(NO_BRIGHT, 0.0, few).kind != "done"
+
+
+def test_exposures_that_contradict_the_images_come_first():
+    known = calibrated(30)
+    stale = Verdict("not identifiable", "the exposures are stale", "switch gain control off")
+    doubted = replace(known, verdicts=known.verdicts | {"exposures": stale})
+    assert Adviser().look(NO_BRIGHT, 0.0, doubted).text == "switch gain control off"
+    changed_before = replace(known, warnings=("the vignette changed at frame 7",))
+    assert Adviser().look(NO_BRIGHT, 0.0, changed_before).kind == "bright"
+
+
+def test_what_only_a_complete_estimate_finds_is_shown_as_missing():
+    known = calibrated(100)
+    quick = advice(EVERYTHING)
+    adviser = Adviser(1.01 * max(quick.response_sigma, quick.vignette_sigma, *certainty(known)))
+    found = adviser.look(EVERYTHING, 0.0, replace(known, vignette_sigma=known.vignette_sigma + 1))
+    assert adviser.expects_end
+    assert found.vignette_sigma > 1
+    assert found.kind == "move"
+
+
+@pytest.mark.parametrize("preview", ALL_STATES)
+def test_bars_are_shares(preview):
+    bars = vars(Bars.of(preview, advice(preview)))
+    assert set(bars) == {"exposures", "greys", "radii", "certainty"}
+    assert all(0 <= value <= 1 for value in bars.values())
+    assert Bars.of(None, advice(None)) == Bars()
+    assert Bars.of(NO_OUTER, advice(NO_OUTER)).radii < 0.5

@@ -1,0 +1,88 @@
+"""A capture as its page and its caller see it: it ends when asked, and nothing of a recording is dropped."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from ospc.errors import FrameError
+from ospc.live.calibrator import LiveCalibrator
+from ospc.live.capture import WAITING_FRAMES, Capture, replayed
+from ospc.recording import Frame
+from ospc.simulation import SimulationSettings, frames
+
+SETTINGS = SimulationSettings(size=(160, 120), frames=30, exposure="sweep", exposure_min_ms=3, exposure_max_ms=12)
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    return list(frames(SETTINGS))
+
+
+def never():
+    return False
+
+
+def test_what_it_shows_is_json_and_grows(filmed):
+    with LiveCalibrator() as live:
+        capture = Capture(live, out="there")
+        before = capture.view()
+        capture.run(filmed, never, replayed=True)
+        live.wait()
+        after = capture.view()
+        json.dumps([before, after], allow_nan=False)
+        picture = capture.picture()
+    assert before["frames"] == 0
+    assert set(before["bars"].values()) == {0.0}
+    assert (after["frames"], after["dropped"], after["out"]) == (30, 0, "there")
+    assert after["instruction"]["text"] == live.status.advice
+    shown = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert np.mean(np.abs(shown.astype(float) - filmed[-1].image)) < 6
+
+
+def test_it_ends_where_it_is_asked_to(filmed):
+    with LiveCalibrator() as live:
+        asked = iter([False, False, True])
+        Capture(live).run(filmed, lambda: next(asked), replayed=False)
+        assert live.status.frames == 3
+        capture = Capture(live)
+        capture.finish()
+        capture.run(filmed, never, replayed=False)
+        assert live.status.frames == 4
+
+
+def test_frames_of_a_recording_wait_for_the_background(filmed):
+    with LiveCalibrator() as live:
+        longest = 0
+
+        def watch():
+            nonlocal longest
+            longest = max(longest, len(live._queue))
+            return False
+
+        Capture(live).run(filmed, watch, replayed=True)
+        assert longest <= WAITING_FRAMES
+
+
+def test_a_recording_is_replayed_at_its_pace(filmed):
+    begun_s = time.monotonic()
+    assert [f.index for f in replayed(filmed[:9], 2.0)] == list(range(9))
+    assert 8 / 20 / 2 <= time.monotonic() - begun_s < 2.0
+    begun_s = time.monotonic()
+    list(replayed(filmed, 0))
+    assert time.monotonic() - begun_s < 0.2
+
+
+def test_a_frame_that_cannot_be_read_shows_nothing():
+    def torn():
+        raise FrameError("torn")
+
+    with LiveCalibrator() as live:
+        capture = Capture(live)
+        assert capture.picture() is None
+        capture.run([Frame(0, 0.0, 1.0, "torn", torn)], never, replayed=True)
+        assert capture.picture() is None
