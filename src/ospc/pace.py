@@ -27,6 +27,11 @@ class Pace:
         """Whether it is time."""
         return time.monotonic() >= self._next_s
 
+    @property
+    def remaining_s(self) -> float:
+        """How long it is until it is time."""
+        return max(0.0, self._next_s - time.monotonic())
+
     @contextmanager
     def look(self) -> Iterator[None]:
         """Measure how long a look takes."""

@@ -48,6 +48,19 @@ def test_beyond_the_queue_images_are_dropped_and_counted(monkeypatch):
         held.go.set()
 
 
+def test_while_frames_wait_no_other_is_thought_unneeded(monkeypatch):
+    """Those that wait may raise a suspicion, after which every frame is needed."""
+    held = Held(monkeypatch)
+    with LiveCalibrator() as live:
+        assert live.push(grey(0))
+        assert held.begun.wait(10)
+        monkeypatch.setattr(Engine, "may_need", lambda engine, number: False)
+        assert live.push(grey(1))
+        held.go.set()
+        live.wait(1)
+    assert [frame.image.max() for frame in held.pushed] == [0, 1]
+
+
 def test_a_buffer_may_be_filled_anew(monkeypatch):
     held = Held(monkeypatch)
     buffer = np.full((48, 64), 7, np.uint8)

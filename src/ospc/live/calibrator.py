@@ -101,13 +101,14 @@ class LiveCalibrator:
         self._latest: Calibration | None = None
         self._converged_after: int | None = None
         self._notes: list[str] = []
+        self._unseen = False
         self._worker = threading.Thread(target=self._work, name="ospc-live", daemon=True)
         self._worker.start()
 
     def push(self, frame: Frame) -> bool:
-        """Take the next frame, without waiting for any work on it, and return whether it will be processed.
+        """Take the next frame, without waiting for any work on it, and return whether its image was kept.
 
-        Images in memory are copied if they will be processed: a driver may fill its buffer anew.
+        Images in memory are copied if they may be processed: a driver may fill its buffer anew.
 
         Raises
         ------
@@ -136,13 +137,21 @@ class LiveCalibrator:
     def wait(self, most: int = 0) -> None:
         """Wait until at most so many frames are waiting for the background; of a recording, none is dropped then.
 
+        With none left, :attr:`preview` and :attr:`status` are up to date as well.
+
         Raises
         ------
         OspcError
             As :meth:`push`.
         """
         with self._changed:
-            self._changed.wait_for(lambda: len(self._queue) <= most or self._failure is not None or self._closed)
+            self._changed.wait_for(
+                lambda: (
+                    (len(self._queue) <= most and not (self._unseen and most == 0))
+                    or self._failure is not None
+                    or self._closed
+                )
+            )
             self._check()
 
     @property
@@ -226,10 +235,11 @@ class LiveCalibrator:
 
     def _entry(self, frame: Frame, wanted: bool) -> _Entry:
         """Return what is kept of a frame until the background takes it."""
-        if not wanted:
+        # What waits in the queue may change which frames are wanted: they are foreseen only while none waits.
+        if not wanted and not self._queue:
             return _Entry(frame.exposure_ms)
         if self._waiting_bytes >= QUEUE_BYTES:
-            self._dropped += 1
+            self._dropped += wanted
             return _Entry(frame.exposure_ms)
         if frame.threads:
             return _Entry(frame.exposure_ms, frame)
@@ -259,13 +269,17 @@ class LiveCalibrator:
     def _step(self) -> bool:
         """Do one piece of work; return whether there may be more."""
         with self._changed:
-            self._changed.wait_for(lambda: self._queue or self._asked or self._closed)
+            until_look_s = self._pace.remaining_s if self._unseen else None
+            self._changed.wait_for(lambda: self._queue or self._asked or self._closed, until_look_s)
             if self._closed and not self._asked:
                 return False
             entry = self._queue[0] if self._queue else None
             asked = [] if self._queue else self._asked[:]
         if entry is not None:
             self._take(entry)
+        if self._unseen and self._pace.due:
+            with self._pace.look():
+                self._advise()
         for answer in asked:
             try:
                 answer.set_result(self._estimate())
@@ -282,6 +296,7 @@ class LiveCalibrator:
             used = self._engine.push(entry.frame)
             self._unusable += not used
         with self._changed:
+            self._unseen = True
             self._queue.popleft()
             self._waiting_bytes -= entry.bytes
             self._changed.notify_all()
@@ -289,9 +304,6 @@ class LiveCalibrator:
         if self._engine.processed >= self._next_estimate:
             self._next_estimate = ESTIMATE_GROWTH * self._engine.processed
             self._estimate()
-        if self._pace.due:
-            with self._pace.look():
-                self._advise()
 
     def _advise(self) -> None:
         self._preview = self._engine.preview()
@@ -299,6 +311,9 @@ class LiveCalibrator:
         due = self._engine.processed >= self._estimated_after + CONFIRMING
         if due and now.kind != "done" and self._adviser.expects_end:
             self._estimate()  # quick figures leave out what only a complete estimate finds
+        with self._changed:
+            self._unseen = False
+            self._changed.notify_all()
 
     def _note_changes(self) -> None:
         epochs = self._engine.epochs
