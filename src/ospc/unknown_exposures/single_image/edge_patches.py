@@ -27,7 +27,7 @@ _SPACING_PX = 8
 _CANNY = (40, 100)
 """Thresholds of the edge detector, in grey levels."""
 
-_MOST_SPREAD, _LEAST_CONTRAST = 3.0, 20.0
+_MOST_SPREAD, _LEAST_CONTRAST = 4.0, 20.0
 """Largest standard deviation within a region, and least distance of the regions, in grey levels of each channel: the
 error of the means must be small against what the curve bends in between."""
 

@@ -23,8 +23,8 @@ from ospc.photometry.response import Response
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.response_prior import response_prior
 
-_PRIOR_WEIGHT = 0.001
-"""λ: the weight of the prior."""
+_PRIOR_WEIGHT, _WINDOWS = 0.001, 50
+"""λ, and the number of windows that it is for; with fewer the prior weighs more, as against a sum over windows."""
 
 _LEAST_SQUARE = 1e-12
 """Square of a line's length below which it counts as a point: a guard against division by zero."""
@@ -48,6 +48,5 @@ def edge_colour_response(patches: EdgePatches, prior_weight: float = _PRIOR_WEIG
     """
     if patches.first.shape[1] != 3:
         raise NotObservableError("the colours of edges are needed, and the image is grey")
-    return response_prior().most_likely(
-        lambda curve: edge_colour_distance(patches, curve), prior_weight, "edge-colours"
-    )
+    weight = prior_weight * _WINDOWS / len(patches.first)
+    return response_prior().most_likely(lambda curve: edge_colour_distance(patches, curve), weight, "edge-colours")
