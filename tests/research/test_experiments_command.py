@@ -16,7 +16,7 @@ def run(*words):
 
 
 def test_every_experiment_has_a_command():
-    assert set(command.commands) == {*EXPERIMENTS, "ambiguity"}
+    assert set(command.commands) == {*EXPERIMENTS, "ambiguity", "systems"}
 
 
 def test_a_given_recording_is_measured_once_beside_another_programs_calibration(tiny_room, tmp_path, monkeypatch):

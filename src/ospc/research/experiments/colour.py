@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -59,10 +60,14 @@ class ColourSource(SimulatedSource):
                 for one, sensor in zip(scenes, sensors, strict=True)
             ]
             image = np.stack(planes, axis=-1)
-            exposure_ms = float(known.metadata_exposures_ms[index])
-            yield Frame(
-                index, stamp, exposure_ms, f"frame {index}", lambda i=image: i, self.settings.max_grey, colour=True
+            grey = Frame.of_array(
+                planes[1],
+                float(known.metadata_exposures_ms[index]),
+                index=index,
+                stamp_s=stamp,
+                max_grey=self.settings.max_grey,
             )
+            yield replace(grey, load=partial(np.asarray, image), colour=True)
 
 
 def tinted(scene: Scene, seed: int, channel: int) -> Scene:
