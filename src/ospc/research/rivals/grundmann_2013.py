@@ -68,7 +68,7 @@ def mixture_responses(
     mean = np.interp(grey, greys, model.mean)
     matrix, target = columns[first] - columns[second], mean[second] - mean[first]
     pair = frame[first]
-    weights = np.minimum(weight[first], weight[second])
+    weights = np.minimum(weight[first], weight[second]) * model.weight(grey[first], grey[second])
     level = np.minimum((grey[first] * _BINS / 256).astype(int), _BINS - 1)
     weights = weights / np.maximum(np.bincount(level, minlength=_BINS), 1)[level]
     weights = weights * first.size / weights.sum()

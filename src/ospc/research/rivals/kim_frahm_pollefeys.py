@@ -48,6 +48,9 @@ _FEWEST = 15
 _EVERY, _TURNS = 10, 4
 """Pairs after which c is estimated again while frames come in, and turns over all pairs kept at the end."""
 
+_LEAST_CHANGE = 0.05
+"""Smallest |K| of pairs that the response is estimated from: with less, only the noise of grey levels shows."""
+
 _MOST_PAIRS = 60
 """Pairs whose pixels are kept for the last turns."""
 
@@ -194,7 +197,7 @@ def reduced_system(pair: TrackedPair, model: LogModel, coefficients: FloatArray)
         axis=-1,
     )
     target = np.interp(pair.first, greys, model.mean) - np.interp(pair.second, greys, model.mean)
-    weight = _exposed(pair)
+    weight = _exposed(pair) * model.weight(pair.first, pair.second)
     eliminated = _Eliminated.of(weight, _slopes(pair, model.curve(coefficients)))
     matrix, vector = eliminated.reduced(columns, target)
     last = max(matrix[-1, -1], 1e-12)
@@ -216,6 +219,7 @@ class KimFrahmPollefeys:
         self._coefficients = np.zeros(len(self._model.components))
         self._previous: Image | None = None
         self._pairs: list[TrackedPair] = []
+        self._tracked = 0
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
@@ -229,11 +233,12 @@ class KimFrahmPollefeys:
         points = corners.reshape(-1, 2).astype(np.float64)
         points = points[np.all((points > _SIDE) & (points < np.array(previous.shape[::-1]) - _SIDE), axis=1)]
         pair = track(previous, image, points, self._model.curve(self._coefficients)) if len(points) else None
-        if pair is None:
+        if pair is None or abs(pair.log_ratio) < _LEAST_CHANGE:
             return
         # Pairs whose brightness changes most show most of the response.
         self._pairs = sorted([*self._pairs, pair], key=lambda one: -abs(one.log_ratio))[:_MOST_PAIRS]
-        if len(self._pairs) % _EVERY == 0:
+        self._tracked += 1
+        if self._tracked % _EVERY == 0:
             self._coefficients = self._solved(None)
 
     def found(self) -> dict[str, Outcome]:
@@ -247,7 +252,9 @@ class KimFrahmPollefeys:
     def _solved(self, truth: Response | None) -> FloatArray:
         """Return c from all pairs kept."""
         if not self._pairs:
-            raise NotObservableError("too few features could be tracked from frame to frame")
+            raise NotObservableError(
+                "the exposure of successive frames hardly changes, or too few features could be tracked across it"
+            )
         coefficients = self._coefficients
         for _ in range(_TURNS):
             systems = [reduced_system(pair, self._model, coefficients) for pair in self._pairs]

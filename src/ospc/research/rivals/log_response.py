@@ -58,6 +58,15 @@ class LogModel:
         rising[0] = 0.0
         return Response.from_values(rising, model={"name": name, "coefficients": coefficients.tolist()})
 
+    def weight(self, grey0: FloatArray, grey1: FloatArray) -> FloatArray:
+        """Return the weight of ln g(M₁) − ln g(M₀) where both have the same noise in grey levels, of 255.
+
+        Unweighted, the darkest levels, where ln g is steep and its noise large, flatten the whole curve.
+        """
+        slope = np.abs(np.gradient(self.mean))
+        variance = sum(np.interp(grey, np.arange(_LEVELS), slope) ** 2 for grey in (grey0, grey1))
+        return np.asarray(float(slope.min()) ** 2 / variance)
+
     def solved(self, matrix: FloatArray, vector: FloatArray, truth: Response | None) -> FloatArray:
         """Return the c of A c = b with a known ln g at one grey level, for one curve or several in a row.
 
