@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 from ospc.photometry.calibration import Calibration
@@ -19,6 +20,9 @@ PICTURES = tuple(_CONTENT)
 """File names: an overview like figure 3 of the paper, and its three parts on their own."""
 
 _HEIGHT_IN, _CHART_IN, _BETWEEN_IN = 4.2, 3.1, 0.85
+_LETTERS_PER_IN = 16
+"""Letters of the caveat below a picture in an inch."""
+
 _MARGINS_IN = {"left": 0.78, "right": 0.15, "top": 0.62, "bottom": 0.72}
 """Room around the charts for titles and labels."""
 
@@ -45,7 +49,8 @@ def write_picture(name: str, findings: Findings, path: Path) -> Path | None:
         figure.suptitle(
             printable(_title(calibration)), fontsize=9, y=1 - 0.12 / _HEIGHT_IN, va="top", parse_math=False
         )
-        figure.supxlabel(calibration.caveat, fontsize=8, color=ORANGE)
+        caveat = textwrap.fill(calibration.rests_on, round(_LETTERS_PER_IN * width_in)) or calibration.caveat
+        figure.supxlabel(caveat, fontsize=8, color=ORANGE)
         return save(figure, path)
 
 

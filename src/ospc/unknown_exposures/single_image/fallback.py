@@ -107,8 +107,7 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
         counts={"frames": len(eight)},
         versions=versions(),
         advice=(_REMEDY,),
-        rests_on=f"Response and vignette are guesses from {count}: the response rests on {basis}, the vignette on "
-        f"{shading}. No exposures were known, and nothing was measured",
+        rests_on=f"Guessed from {count} without exposures: g from {basis}, V from {shading}",
     )
 
 
@@ -117,10 +116,10 @@ def _response(images: Sequence[Image]) -> tuple[Response, str]:
     try:
         patches = EdgePatches.of(images)
         found = edge_colour_response(patches)
-        basis = f"the colours of {len(patches.first)} edges and on what responses usually look like"
+        basis = f"{len(patches.first)} edges in colour and usual curves"
     except NotObservableError:
         found = response_prior().response(np.zeros(COMPONENTS), "usual")
-        basis = "what responses usually look like, for want of edges in colour"
+        basis = "usual curves, for want of edges in colour"
     log_g = np.log(np.maximum(found.inverse_table, np.finfo(float).tiny))
     log_reference = float(np.log(found.inverse(found.reference_grey)))
     sigma = np.hypot(LEAST_LOG_SIGMA, SHAPE_SIGMA * np.abs(log_g - log_reference))
@@ -135,7 +134,7 @@ def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> t
     try:
         own = radial_gradient_vignette(light, [grey < _BRIGHTEST for grey in greys])
     except NotObservableError:
-        return usual, "what vignettes usually look like, for want of exposed pixels"
+        return usual, "usual curves, for want of exposed pixels"
     both = zip(own.coefficients, _USUAL_VIGNETTE, strict=True)
     blended = tuple(_OWN_SHARE * a + (1 - _OWN_SHARE) * b for a, b in both)
-    return PolynomialVignette(size, blended), "radial gradients of brightness and on what vignettes usually look like"
+    return PolynomialVignette(size, blended), "radial gradients and usual curves"
