@@ -43,7 +43,7 @@ _KNOTS = np.array([0.1, 0.25, 0.4, 0.6, 0.75, 0.9])
 _USUAL_GAMMA = 2.2
 """γ without a known point: that of a usual camera."""
 
-_BEND = 0.05
+_BENDING = 1.5
 """Weight that pulls splines to zero, over one observation: the smooth models explain what they can."""
 
 _ROBUST = 0.05
@@ -88,8 +88,10 @@ class SplineEstimate:
     exposures: FloatArray
 
 
-def estimate_splines(points: KeyFramePoints, gamma: float = _USUAL_GAMMA) -> SplineEstimate:
-    """Return the estimate for a γ, which fixes the exponent.
+def estimate_splines(
+    points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bending: float = _BENDING
+) -> SplineEstimate:
+    """Return the estimate for a γ, which fixes the exponent, and a weight of bending.
 
     Raises
     ------
@@ -104,7 +106,9 @@ def estimate_splines(points: KeyFramePoints, gamma: float = _USUAL_GAMMA) -> Spl
     _, frame = np.unique(points.frame[used], return_inverse=True)
     grey_basis, grey = _grey_splines(points.grey[used]), points.grey[used] ** gamma
     plane_basis = _plane_splines(points.position[used])
-    counts, frames = np.bincount(point), int(frame.max()) + 1
+    # The noise of ln g is largest where g is steep, M^γ at small M; unweighted, it flattens the curve.
+    weight = points.grey[used]
+    totals, frames = np.bincount(point, weights=weight**2), int(frame.max()) + 1
     knots, terms = grey_basis.shape[1], plane_basis.shape[1]
 
     def residuals(unknown: FloatArray) -> FloatArray:
@@ -112,12 +116,12 @@ def estimate_splines(points: KeyFramePoints, gamma: float = _USUAL_GAMMA) -> Spl
         shade = np.log(np.maximum(1 + plane_basis @ unknown[knots : knots + terms], _LEAST))
         rest = curve - shade - np.append(0.0, unknown[knots + terms :])[frame]
         # ln L is the mean over the observations of a point.
-        return np.asarray(rest - (np.bincount(point, weights=rest) / counts)[point])
+        return np.asarray(weight * (rest - (np.bincount(point, weights=weight**2 * rest) / totals)[point]))
 
     bent = np.concatenate([_splines_of(knots, terms), np.zeros(frames - 1, dtype=bool)])
 
     def with_bending(unknown: FloatArray) -> FloatArray:
-        return np.append(residuals(unknown), _BEND * unknown[bent])
+        return np.append(residuals(unknown), bending * unknown[bent])
 
     start = np.zeros(knots + terms + frames - 1)
     found = least_squares(with_bending, start, loss="soft_l1", f_scale=_ROBUST, method="trf", x_scale="jac").x
