@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from command_line import ospc
 from ospc.cli.experiments import command
 from ospc.errors import SettingError
 from ospc.research.experiments.design import EXPERIMENTS
-from ospc.research.source import MeasuringTask
+from ospc.research.experiments.systems import SYSTEMS, in_colour
+from ospc.research.source import MeasuringTask, SimulatedSource
+from ospc.simulation import SimulationSettings
 
 
 def run(*words):
@@ -16,7 +19,7 @@ def run(*words):
 
 
 def test_every_experiment_has_a_command():
-    assert set(command.commands) == {*EXPERIMENTS, "ambiguity"}
+    assert set(command.commands) == {*EXPERIMENTS, "ambiguity", "systems"}
 
 
 def test_a_given_recording_is_measured_once_beside_another_programs_calibration(tiny_room, tmp_path, monkeypatch):
@@ -57,3 +60,31 @@ def test_wrong_options_are_one_sentence(tmp_path, words):
     result = ospc("experiments", "joint", "-o", tmp_path, "--frames", 4, *words)
     assert result.exit_code == 2 or isinstance(result.exception, SettingError)
     assert words[1] in result.output + str(result.exception)
+
+
+def test_systems_are_listed_measured_side_by_side_and_resumed(tmp_path, monkeypatch):
+    listed = run("systems", "--list")
+    assert listed.exit_code == 0, listed.output
+    assert "lin-2004: Lin, Gu, Yamazaki, Shum 2004" in listed.output
+    assert listed.output.count("\n") == len(SYSTEMS)
+    only = ["--only", "lin-zhang*,zheng-2008,fallback", "--count", 1, "--frames", 3, "--size", "96x72"]
+    first = run("systems", "-o", tmp_path, *only)
+    assert first.exit_code == 0, first.output
+    assert (tmp_path / "systems.png").is_file()
+    table = (tmp_path / "table.md").read_text()
+    assert "Zheng, Lin, Kambhamettu, Yu, Kang 2008" in table
+    assert "Coverage of the bands" in table
+    assert "bergmann" not in table
+    monkeypatch.setattr(MeasuringTask, "run", lambda *_: pytest.fail("computed again"))
+    assert run("systems", "-o", tmp_path, *only).exit_code == 0
+    with pytest.raises(SettingError, match="no system"):
+        raise run("systems", "-o", tmp_path, "--only", "nobody").exception
+
+
+def test_the_green_channel_of_a_recording_in_colour_is_the_recording():
+    source = SimulatedSource("room", SimulationSettings(size=(96, 72), frames=2))
+    for grey, colour in zip(source.frames(), in_colour(source).frames(), strict=True):
+        assert colour.image.shape == (72, 96, 3)
+        assert colour.exposure_ms == grey.exposure_ms
+        np.testing.assert_array_equal(colour.image[..., 1], grey.image)
+        assert not np.array_equal(colour.image[..., 0], grey.image)

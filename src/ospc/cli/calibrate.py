@@ -31,10 +31,11 @@ from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
 from ospc.cli.terminal import say
 from ospc.cli.watching import Watching
-from ospc.errors import OspcError, SettingError
+from ospc.errors import OspcError, RecordingError, SettingError
 
 if TYPE_CHECKING:
     from ospc.exposures.findings import LagChoice
+    from ospc.formats.opening import Photometry
     from ospc.recording import Recording
     from ospc.settings import Settings
 
@@ -60,6 +61,7 @@ class _Request:
     quiet: bool
     as_json: bool
     all_cameras: bool
+    fallback: str | None
     interruption: Interruption
 
     @property
@@ -152,6 +154,12 @@ class _Request:
     "--truth and --start-from may be folders of the same names.",
 )
 @unknown_exposures_option
+@click.option(
+    "--fallback",
+    type=click.Choice(["single-image"]),
+    help="What to do with one photograph, or a recording without exposures: single-image guesses response and "
+    "vignette from edges and shading, with wide bands, and says so in every file.",
+)
 @list_topics_option
 @click.pass_obj
 def command(interruption: Interruption, /, *, list_topics: bool, **options: Any) -> int | None:
@@ -173,6 +181,8 @@ def command(interruption: Interruption, /, *, list_topics: bool, **options: Any)
         raise click.UsageError("Missing option '-o' / '--out'.")
     if options["unknown_exposures"] and (options["resume"] or options["start_from"] or options["mask"]):
         raise click.UsageError("--unknown-exposures goes with none of --resume, --start-from and --mask")
+    if options["fallback"] and (options["unknown_exposures"] or options["mask"] or options["roi"]):
+        raise click.UsageError("--fallback goes with none of --unknown-exposures, --mask and --roi")
     request = _Request(reading=Reading.taken_from(options), interruption=interruption, **options)
     with leaving("no result was written"):
         if request.all_cameras or request.reading.each_channel:
@@ -193,11 +203,19 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.pooling.prior_calibration import PriorCalibration
+    from ospc.recording.image_source import is_image_name
 
     settings, exposures_unknown = request.settings, request.reading.options.unknown_exposures
     prior = None if request.start_from is None else PriorCalibration.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
-    recording = opened()
+    try:
+        recording = opened()
+    except RecordingError as error:
+        if request.fallback is not None:
+            return _guess(request, truth)
+        if request.path.is_file() and is_image_name(request.path.name):
+            raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
+        raise
     folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
     if exposures_unknown:
         from ospc.unknown_exposures import recover_exposures
@@ -221,6 +239,28 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         correct_lag="trusted" if exposures_unknown else request.correct_lag,
         watching=Watching(viewer=request.rerun, stream=request.rerun_file),
     ).calibrate()
+
+
+def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
+    """Calibrate from single images, of which nothing is known; the result is never complete."""
+    from ospc.cli.calibration_report import result_as_dict, say_result
+    from ospc.output import OutputFolder
+    from ospc.unknown_exposures.single_image.fallback import calibrate_single_images, single_images
+
+    folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
+    images = single_images(request.path, request.reading.kind, request.reading.options)
+    calibration = replace(calibrate_single_images(images), source={"name": request.path.name})
+    written = folder.write(calibration)
+    written += folder.report(calibration, truth=truth, pdf=request.pdf) + folder.draw(calibration, truth)
+    if request.talkative:
+        say(f"note: {calibration.caveat}", err=True)
+        say_result(calibration, folder, written, truth, [])
+    return {
+        "exit_code": UNDETERMINED,
+        **result_as_dict(calibration, folder, written, truth),
+        "rests_on": calibration.rests_on,
+        "error": "; ".join(written.problems) or None,
+    }
 
 
 def _calibrate_rig(request: _Request) -> int:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ospc.recording import Recording
     from ospc.research.odometry.judging import Odometry
 
-_CONDITIONS = "truth,ours,joint-wgt,joint-wogt,none"
+_CONDITIONS = "truth,paper,ours,joint-wgt,joint-wogt,none"
 
 
 @click.command("odometry")
@@ -67,7 +67,8 @@ def odometry(
     """Run direct visual odometry over RECORDINGS with several calibrations, and compare the drift.
 
     Each recording is a folder in the layout of the TUM monocular data set, with camera.txt and groundtruthSync.txt;
-    'truth' uses its pcalib.txt and vignette.png. 'ours' and the joint estimates are made from the recording itself.
+    'truth' uses its pcalib.txt and vignette.png. 'paper', 'ours' and the joint estimates are
+    made from the recording itself.
     OUT gets table.md (medians of e_align, the lowest bold), runs.csv, results.json,
     cumulative.png and the trajectories. Every finished run is kept in OUT: the same command continues where it was
     interrupted. A calibration given under the name of a condition replaces its estimate.

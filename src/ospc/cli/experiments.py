@@ -16,7 +16,9 @@ from ospc.cli.studies import (
     print_tables,
     run_tasks,
     study_out_option,
+    words,
 )
+from ospc.cli.terminal import say
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -113,6 +115,66 @@ def _run_experiment(name: str, options: dict[str, Any]) -> None:
         print_tables([median_table(rows)])
     problems = [f"{row.recording}, {row.method}: {row.problem}" for row in rows if row.problem]
     finish_study(written, problems, complete=complete)
+
+
+@command.command("systems")
+@click.argument("recordings", nargs=-1, type=PATH)
+@study_out_option("ospc-experiments")
+@data_option
+@click.option("--count", type=click.IntRange(0, 1000), default=10, show_default=True, help="Recordings simulated.")
+@click.option("--frames", type=click.IntRange(2, 1_000_000), default=200, show_default=True, help="Frames of each.")
+@click.option(
+    "--size", type=STUDY_SIZE, metavar="WxH", default="320x240", show_default=True, help="Size of simulated images."
+)
+@click.option("--only", default="", metavar="NAMES", help="Systems of these names or patterns, separated by commas.")
+@click.option(
+    "--list", "only_list", is_flag=True, help="Print the systems with authors and year, and do nothing else."
+)
+@jobs_option
+def systems(
+    recordings: tuple[Path, ...],
+    out: Path,
+    data: Path | None,
+    *,
+    count: int,
+    frames: int,
+    size: tuple[int, int],
+    only: str,
+    only_list: bool,
+    jobs: int,
+) -> None:
+    """Every system that the paper names, side by side: what it needs, what it recovers, and how well.
+
+    Each is measured with and without the point of the truth that it may need, on simulated recordings, and with
+    --data on a real video and on photographs of charts.
+    """
+    from ospc.research.experiments.systems import chosen_systems, system_sources, system_tasks
+    from ospc.research.experiments.systems_report import system_tables, write_systems
+    from ospc.research.source import GivenSource, measured
+
+    chosen = chosen_systems(words(only))
+    if only_list:
+        for system in chosen:
+            say(str(system))
+        return
+    sources: list[Source] = [GivenSource.of(place, frames) for place in recordings]
+    if not sources:
+        sources = system_sources(count, frames, size, data)
+    counts = {source.name: source.count for source in sources}
+    rows: list[Measurement] = []
+    written: list[Path] = []
+
+    def take(finished: Finished) -> None:
+        rows.extend(measured(finished.result))
+        # After every recording, so that an interruption leaves the table of those before.
+        if len({row.method for row in rows if row.recording == rows[-1].recording}) >= len(chosen):
+            written[:] = write_systems(chosen, rows, counts, out)
+
+    complete = run_tasks(system_tasks(chosen, sources), out / "cache", jobs, take)
+    if rows:
+        written[:] = write_systems(chosen, rows, counts, out)
+        print_tables(system_tables(chosen, rows, counts))
+    finish_study(written, (), complete=complete)
 
 
 def _run_ambiguity(options: dict[str, Any]) -> None:

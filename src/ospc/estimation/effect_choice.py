@@ -180,4 +180,5 @@ def _slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
         parameters = np.append(fit.parameters + value[0] * trial.carried, value)
         return effects.without_typical_light(fit.response_basis, parameters)[1][:-1]
 
-    return np.asarray(approx_fprime(np.zeros(1), changed)).reshape(-1)
+    # A secant: near black ln g is far from linear in additional light.
+    return np.asarray(approx_fprime(np.zeros(1), changed, trial.sigma)).reshape(-1)

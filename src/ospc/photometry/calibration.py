@@ -89,6 +89,8 @@ class Calibration:
         Standard deviation of ln γ, if response, vignette and exposures are known only up to a common exponent γ
         because no exposures were given; included in the other standard deviations, but not in the covariance. 0
         otherwise.
+    rests_on
+        What it rests on in place of measurements, if it is a guess from single images; empty otherwise.
     """
 
     size: ImageSize
@@ -112,6 +114,7 @@ class Calibration:
     effects: tuple[EffectEstimate, ...] = ()
     coverage: Coverage | None = None
     exponent_sigma: float = 0.0
+    rests_on: str = ""
 
     @property
     def complete(self) -> bool:
@@ -124,7 +127,7 @@ class Calibration:
     def caveat(self) -> str:
         """What everything made from it has to say if the exposures were unknown; empty if they were known."""
         if not self.exponent_sigma:
-            return ""
+            return self.rests_on
         return (
             "The exposures were unknown: response, vignette and exposures are estimated up to one common exponent γ "
             f"(ln γ ± {self.exponent_sigma:.2f})"

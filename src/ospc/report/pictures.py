@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable
 from typing import Any
 
@@ -29,8 +30,11 @@ _MARGINS_IN = {"left": 0.76, "right": 0.14, "top": 0.62, "bottom": 0.72}
 _TILE_IN = _MARGINS_IN["left"] + _CHART_IN + _MARGINS_IN["right"]
 """Width of a chart with its margins: a whole number of pixels, so that pictures can be cut from one drawing."""
 
-_HEAD_IN, _FOOT_IN = 0.3, 0.2
-"""Height of the lines above and below the charts that belong to the whole picture."""
+_HEAD_IN, _LINE_IN = 0.32, 0.14
+"""Height of the title, and of a line below the charts: both belong to the whole picture."""
+
+_LETTERS = 58
+"""Letters of a line that fit into the width of a chart."""
 
 
 def pictures_of(findings: Findings) -> dict[str, Image]:
@@ -43,12 +47,13 @@ def pictures_of(findings: Findings) -> dict[str, Image]:
     row = list(dict.fromkeys(part for parts in content.values() for part in parts))
     with rules():
         whole = as_image(row_of((charts[part] for part in row), findings.calibration))
+    foot_in = _LINE_IN * (1 + len(_caveat(findings.calibration)))
     tiles = dict(zip(row, np.split(whole, len(row), axis=1), strict=True))
     pictures = {}
     for name, parts in content.items():
         if name == PICTURES[0] or not all(charts[part].unknown for part in parts):
             picture = np.concatenate([tiles[part] for part in parts], axis=1)
-            for lines in (slice(round(_HEAD_IN * DPI)), slice(-round(_FOOT_IN * DPI), None)):
+            for lines in (slice(round(_HEAD_IN * DPI)), slice(-round(foot_in * DPI), None)):
                 picture[lines] = whole[lines, : picture.shape[1]]
             pictures[name] = picture
     return pictures
@@ -57,15 +62,23 @@ def pictures_of(findings: Findings) -> dict[str, Image]:
 def row_of(charts: Iterable[Chart], calibration: Calibration) -> Any:
     """Return a figure of charts side by side, with the title of a picture above and its caveat below, both left."""
     charts = list(charts)
-    width_in = len(charts) * _TILE_IN
-    figure = new_figure(width_in, _HEIGHT_IN, _MARGINS_IN)
+    caveat = _caveat(calibration)
+    width_in, height_in = len(charts) * _TILE_IN, _HEIGHT_IN + _LINE_IN * len(caveat)
+    margins_in = _MARGINS_IN | {"bottom": _MARGINS_IN["bottom"] + _LINE_IN * len(caveat)}
+    figure = new_figure(width_in, height_in, margins_in)
     between = (_MARGINS_IN["left"] + _MARGINS_IN["right"]) / _CHART_IN
     for cell, chart in zip(figure.add_gridspec(1, len(charts), wspace=between), charts, strict=True):
         chart.draw_into(cell)
-    at, edge = 0.12 / width_in, 0.12 / _HEIGHT_IN
-    figure.text(at, 1 - edge, printable(_title(calibration)), fontsize=9, va="top", parse_math=False)
-    figure.text(at, edge / 2, calibration.caveat, fontsize=8, va="bottom", color=ORANGE)
+    at, edge = 0.12 / width_in, 0.06 / height_in
+    title = textwrap.fill(_title(calibration), _LETTERS, max_lines=2)
+    figure.text(at, 1 - edge, printable(title), fontsize=8.5, va="top", parse_math=False, linespacing=1.1)
+    figure.text(at, edge, "\n".join(caveat), fontsize=8, va="bottom", color=ORANGE, linespacing=1.1)
     return figure
+
+
+def _caveat(calibration: Calibration) -> list[str]:
+    """Return the lines below the charts; none where the calibration rests on exposures."""
+    return textwrap.wrap(calibration.caveat, _LETTERS)
 
 
 def _title(calibration: Calibration) -> str:

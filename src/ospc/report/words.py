@@ -33,8 +33,10 @@ def headline(calibration: Calibration) -> str:
         parts.append(f"The {_both(rough)} {_are(rough)} known only roughly.")
     if unknown:
         parts.append(f"This recording does not determine the {_both(unknown)}; no estimate is given.")
-    if calibration.caveat:
+    if calibration.exponent_sigma:
         parts.append(f"{calibration.caveat}, chosen so that the response resembles that of a typical camera.")
+    elif calibration.caveat:
+        parts.append(f"{calibration.caveat}.")
     if calibration.partial:
         parts.append("The run stopped before the end of the recording; more frames would improve the result.")
     return " ".join(parts) or "This calibration does not say how well it is known."

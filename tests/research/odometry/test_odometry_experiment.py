@@ -147,6 +147,7 @@ def test_numbers_that_make_no_sense_are_refused(experiment):
 def test_the_conditions_are_the_papers():
     assert [(c.name, c.mode, c.calibrated, c.metadata_exposures) for c in STANDARD] == [
         ("truth", 0, True, True),
+        ("paper", 0, True, True),
         ("ours", 0, True, True),
         ("joint-wgt", 0, True, True),
         ("joint-wogt", 0, True, True),

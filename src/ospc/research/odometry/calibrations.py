@@ -20,6 +20,9 @@ from ospc.research.rivals.bergmann import Bergmann
 from ospc.research.source import PCALIB, true_curves
 from ospc.research.store import key_of, made_with
 
+_FROM_EXPOSURES = {"paper": "paper", "ours": "default"}
+"""Conditions whose calibration is estimated with the exposures of the recording, and their presets."""
+
 OnEstimate = Callable[[str, float], None]
 """Called with what is being estimated, and the share that is done."""
 
@@ -59,18 +62,18 @@ class Calibrations:
             return self.given[condition.name]
         if condition.name == "truth":
             return Photometry(str(recording.path), *true_curves(recording))
-        if condition.name not in ("ours", "joint-wgt", "joint-wogt"):
+        if condition.name not in ("paper", "ours", "joint-wgt", "joint-wogt"):
             raise SettingError(f"there is no calibration '{condition.name}'; give it by {condition.name}=FILES")
         return open_photometry(self._estimated(recording, condition.name))
 
     def _estimated(self, recording: Recording, name: str) -> Path:
         """Return the folder of an estimate, made unless it is there; both joint variants are made at once."""
-        joint = name != "ours"
+        joint = name not in _FROM_EXPOSURES
         depends_on = {"recording": identity(recording), "online": joint and self.online, "made_with": made_with()}
         place = self.folder / f"{recording.path.name or 'recording'}-{key_of(depends_on)[:16]}" / name
         if place.is_dir():
             return place
-        estimates = self._joint(recording) if joint else self._ours(recording)
+        estimates = self._joint(recording) if joint else self._from_exposures(recording, name)
         if name not in estimates:
             raise FormatError(f"{recording.path}: has no {PCALIB}, which holds the one known point of the response")
         for variant, estimate in estimates.items():
@@ -80,9 +83,9 @@ class Calibrations:
                 raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None
         return place
 
-    def _ours(self, recording: Recording) -> dict[str, Estimate]:
-        found = self._found(recording, OwnMethod(variant="ours"))
-        if found["ours"].response is None:
+    def _from_exposures(self, recording: Recording, name: str) -> dict[str, Estimate]:
+        found = self._found(recording, OwnMethod(_FROM_EXPOSURES[name], variant=name))
+        if found[name].response is None:
             raise NotObservableError(f"{recording.path}: its exposures do not show the response")
         return found
 

@@ -51,12 +51,13 @@ class Condition:
 
 STANDARD: tuple[Condition, ...] = (
     Condition("truth", "Full truth"),
-    Condition("ours", "Ours (I)"),
+    Condition("paper", "The paper's (I)"),
+    Condition("ours", "Ours"),
     Condition("joint-wgt", "Joint, one true point (II)"),
     Condition("joint-wogt", "Joint, no truth (II modified)"),
     Condition("none", "None (III)", 2),
 )
-"""The columns of the paper's table, and its modified experiment II."""
+"""The columns of the paper's table with its modified experiment II, and that of the method here."""
 
 AFFINE = Condition("affine", "None, affine transfer free", 1)
 """Not in the paper: what DSO is meant to be run with where there is no calibration."""

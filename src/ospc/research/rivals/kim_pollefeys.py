@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import cv2
 import numpy as np
@@ -27,13 +26,10 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, failure
-from ospc.unknown_exposures.response_model import family_of_inverses
+from ospc.research.rivals.log_response import LogModel
 from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 
 _LEVELS = 256
-_COMPONENTS = 5
-"""Components of the model of ln g, as in the publication."""
-
 _SAME_RADIUS, _MOVING = 0.03, 0.1
 """Largest |r₁ − r₂| of points for the response, and smallest for the vignette."""
 
@@ -134,7 +130,8 @@ def _solve_response(
     transfers: Sequence[tuple[int, IntArray, IntArray, FloatArray]], known: tuple[int, float] | None
 ) -> tuple[Response, dict[int, float]]:
     """Solve Σ cₖ(hₖ(M₁) − hₖ(τ)) − K = −(g₀(M₁) − g₀(τ)), all in ln, with one K fixed."""
-    mean, components = _log_model()
+    model = LogModel.learned()
+    mean, components = model.mean, model.components
     changes = [float(np.average(np.log(m1 / m2), weights=w)) for _, m1, m2, w in transfers]
     numbers = [number for number, *_ in transfers]
     if known is not None and known[0] in numbers:
@@ -205,16 +202,6 @@ def _solve_vignette(pairs: Sequence[Correspondences], response: Response, ratios
         targets.append(weight * (ratio - 1))
     found = np.linalg.lstsq(np.array(rows), np.array(targets), rcond=None)[0]
     return PolynomialVignette(pairs[0].size, tuple(found.tolist()))
-
-
-@cache
-def _log_model() -> tuple[FloatArray, FloatArray]:
-    """Return mean and components of ln g at 256 grey levels, shapes (256,) and (n, 256)."""
-    curves = np.log(np.maximum(family_of_inverses(_LEVELS), 1e-4))
-    mean = curves.mean(axis=0)
-    _, singular, directions = np.linalg.svd(curves - mean, full_matrices=False)
-    scale = singular[:_COMPONENTS, None] / np.sqrt(len(curves))
-    return np.asarray(mean), np.asarray(directions[:_COMPONENTS] * scale)
 
 
 class KimPollefeys:

@@ -1,0 +1,217 @@
+"""Every system that the paper names, and a few more: what each needs, what it recovers, and how to run it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import ImageSize
+from ospc.photometry.response import Response
+from ospc.recording.frame import Frame
+from ospc.research.accuracy.chart_photographs import CHANNELS, ILLUMINANTS, read_series
+from ospc.research.accuracy.charts import FOLDER as CHARTS
+from ospc.research.accuracy.charts import ChartSource, chart_sources
+from ospc.research.accuracy.design import select
+from ospc.research.accuracy.real_video import FOLDER as VIDEO
+from ospc.research.accuracy.real_video import VideoSource
+from ospc.research.experiments.colour import ColourSource
+from ospc.research.experiments.sources import stand_ins
+from ospc.research.method import Method
+from ospc.research.own_methods import OwnMethod, PaperVariants
+from ospc.research.rivals import from_single_images as single
+from ospc.research.rivals.bergmann import Bergmann
+from ospc.research.rivals.camera_at_rest import CameraAtRest
+from ospc.research.rivals.debevec_malik import debevec_malik
+from ospc.research.rivals.engel import engel_response
+from ospc.research.rivals.grundmann_2013 import Grundmann
+from ospc.research.rivals.kim_frahm_pollefeys import KimFrahmPollefeys
+from ospc.research.rivals.kim_pollefeys import KimPollefeys
+from ospc.research.rivals.mitsunaga_nayar import mitsunaga_nayar
+from ospc.research.rivals.mo_2019 import Mo
+from ospc.research.rivals.quenzel_2018 import Quenzel
+from ospc.research.source import MeasuringTask, Methods, SimulatedSource, Source
+from ospc.settings import PaperSettings, preset
+
+_GREEN = CHANNELS.index("green")
+_EXPOSURES, _UNKNOWN, _REST = "exposures", "moving camera", "exposures, camera at rest"
+_BOTH, _ALL = "response, vignette", "response, vignette, exposures"
+
+_Make = Callable[[Response | None], Method]
+
+
+@dataclass(frozen=True)
+class System(Methods):
+    """A system, by its name.
+
+    Attributes
+    ----------
+    authors, year
+        Of its publication.
+    needs, recovers
+        In a few words.
+    method
+        Makes the method, given the true response of which it may use what it says.
+    with_point, without_point
+        Its variants with a known point of the truth and without; empty where there is none.
+    colour
+        Whether it takes frames in colour.
+    """
+
+    authors: str
+    year: int
+    needs: str
+    recovers: str
+    method: _Make = field(repr=False)
+    with_point: str = ""
+    without_point: str = ""
+    colour: bool = False
+
+    def describe(self) -> dict[str, Any]:
+        """Return the name; all settings are in the source of this package."""
+        return {"system": self.name}
+
+    def make(self, source: Source) -> dict[str, Method]:
+        """Return a new method for a recording."""
+        return {self.without_point or self.name: self.method(source.truth().response)}
+
+    def __str__(self) -> str:
+        """Return name, authors and year."""
+        return f"{self.name}: {self.authors} {self.year}"
+
+
+def _variants(name: str) -> tuple[str, str]:
+    return f"{name}-with", f"{name}-without"
+
+
+def _paper(_truth: Response | None) -> Method:
+    settings = preset("paper")
+    assert isinstance(settings, PaperSettings)
+    return PaperVariants({"paper": settings})
+
+
+SYSTEMS = (
+    System("ours", "this project", 2026, _EXPOSURES, _BOTH, lambda _: OwnMethod(variant="ours"), "", "ours"),
+    System("paper", "Haidar, Khalil, Asmar", 2024, _EXPOSURES, _BOTH, _paper, "", "paper"),
+    System(
+        "debevec-malik", "Debevec, Malik", 1997, _REST, "response",
+        lambda _: CameraAtRest("debevec-malik", debevec_malik), "", "debevec-malik",
+    ),
+    System(
+        "mitsunaga-nayar", "Mitsunaga, Nayar", 1999, _REST, "response",
+        lambda _: CameraAtRest("mitsunaga-nayar", lambda series: mitsunaga_nayar(series).response),
+        "", "mitsunaga-nayar",
+    ),
+    System(
+        "engel", "Engel, Usenko, Cremers", 2016, _REST, "response",
+        lambda _: CameraAtRest("engel", engel_response), "", "engel",
+    ),
+    System(
+        "lin-2004", "Lin, Gu, Yamazaki, Shum", 2004, "one colour image", "response",
+        lambda _: single.lin_2004(), "", "lin-2004-without", colour=True,
+    ),
+    System(
+        "lin-zhang-2005", "Lin, Zhang", 2005, "one grey image", "response",
+        lambda _: single.lin_zhang_2005(), "", "lin-zhang-2005-without",
+    ),
+    System(
+        "kim-frahm-pollefeys", "Kim, Frahm, Pollefeys", 2007, _UNKNOWN, "response, exposures",
+        KimFrahmPollefeys, *_variants("kim-frahm-pollefeys"),
+    ),
+    System(
+        "kim-pollefeys", "Kim, Pollefeys", 2008, "aligned images", _ALL,
+        lambda _: KimPollefeys(), "kim-pollefeys-known", "kim-pollefeys-assumed",
+    ),
+    System(
+        "zheng-2008", "Zheng, Lin, Kambhamettu, Yu, Kang", 2008, "one image, its response", "vignette",
+        single.zheng_2008, *_variants("zheng-2008"),
+    ),
+    System(
+        "zheng-segments", "Zheng, Lin, Kambhamettu, Yu, Kang", 2009, "one image, its response", "vignette",
+        single.zheng_segments, *_variants("zheng-segments"),
+    ),
+    System(
+        "grundmann", "Grundmann, McClanahan, Kang, Essa", 2013, _UNKNOWN, "responses, exposures",
+        Grundmann, *_variants("grundmann"),
+    ),
+    System(
+        "bergmann", "Bergmann, Wang, Cremers", 2018, _UNKNOWN, _ALL,
+        lambda truth: Bergmann(truth, online=True), "joint-online-wgt", "joint-online-wogt",
+    ),
+    System(
+        "quenzel", "Quenzel, Horn, Houben, Behnke", 2018, _UNKNOWN, _ALL, Quenzel, *_variants("quenzel"),
+    ),
+    System(
+        "mo", "Mo, Shi, Yeung, Matsushita", 2019, "images of one scene, in colour", "response",
+        Mo, *_variants("mo"), colour=True,
+    ),
+    System(
+        "fallback", "this project, --fallback single-image", 2026, "one image", _BOTH,
+        lambda _: single.fallback(), "", "fallback-without", colour=True,
+    ),
+)  # fmt: skip
+"""All systems, in the order of their years, after ours and the paper's."""
+
+
+def chosen_systems(patterns: Sequence[str]) -> list[System]:
+    """Return the systems whose names match one of the patterns; all if there is none.
+
+    Raises
+    ------
+    SettingError
+        If a pattern matches none.
+    """
+    names = {system.name for pattern in patterns for system in select(SYSTEMS, pattern, "system")}
+    return [system for system in SYSTEMS if not patterns or system.name in names]
+
+
+@dataclass(frozen=True)
+class ChartInColour(ChartSource):
+    """The photographs of a chart in colour; the truth is that of the green channel."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return a hash of the photographs."""
+        return super().describe() | {"kind": "chart in colour"}
+
+    def frames(self) -> Iterator[Frame]:
+        """Give the JPEGs under the first illuminant."""
+        jpeg = read_series(self.folder, ILLUMINANTS[0]).jpeg
+        for grey, image in zip(super().frames(), jpeg, strict=True):
+            yield replace(grey, load=partial(np.asarray, image), colour=True)
+
+
+def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:
+    """Return simulated recordings, and of a folder of real data the video and the green channels of the charts."""
+    found: list[Source] = [*stand_ins(count, frames, size, data)]
+    if data is not None and (data / VIDEO).is_dir():
+        found.append(VideoSource(VIDEO, data / VIDEO))
+    if data is not None and (data / CHARTS).is_dir():
+        found += [source for source in chart_sources(data / CHARTS) if source.channel == _GREEN]
+    return found
+
+
+def in_colour(source: Source) -> Source:
+    """Return the same recording with frames in colour, where it has colours."""
+    if isinstance(source, SimulatedSource):
+        return ColourSource(source.name, source.settings, group=source.group)
+    if isinstance(source, ChartSource):
+        return ChartInColour(source.name, source.folder, source.channel, group=source.group, factors=source.factors)
+    return source
+
+
+def system_tasks(systems: Sequence[System], sources: Sequence[Source]) -> list[MeasuringTask]:
+    """Return one task for every system on every recording, all systems on the first recording first."""
+    return [
+        MeasuringTask(in_colour(source) if system.colour else source, system)
+        for source in sources
+        for system in systems
+    ]
+
+
+def by_variant(systems: Sequence[System]) -> Mapping[str, System]:
+    """Return the system of every variant's name."""
+    return {name: system for system in systems for name in (system.with_point, system.without_point) if name}

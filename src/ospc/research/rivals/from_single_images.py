@@ -1,0 +1,99 @@
+"""Systems for single images, as studies run them: on a few frames of a recording, spread over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from ospc.arrays import Image
+from ospc.photometry.response import Response
+from ospc.recording.frame import Frame
+from ospc.research.method import Estimate, Outcome, failure
+from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
+from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
+from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
+from ospc.unknown_exposures.single_image.lin_zhang_2005 import edge_histogram_response
+from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
+from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette, segment_vignette
+
+_IMAGES, _APART = 4, 40
+"""Frames that are used, and frames from one to the next: nearer ones show the same."""
+
+_BRIGHTEST = 250
+"""Grey level from which a pixel may be clipped."""
+
+
+class FromSingleImages:
+    """Keeps a few frames, and estimates at the end; variants by name, each a function of the 8-bit images."""
+
+    def __init__(self, variants: dict[str, Callable[[Sequence[Image]], Estimate]]) -> None:
+        self._variants = variants
+        self._images: list[Image] = []
+        self._count = 0
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        if self._count % _APART == 0 and len(self._images) < _IMAGES:
+            self._images.append(frame.image if frame.image.ndim == 3 else frame.image_8_bit)
+        self._count += 1
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the outcomes."""
+        outcomes: dict[str, Outcome] = {}
+        for name, estimate in self._variants.items():
+            try:
+                outcomes[name] = estimate(self._images)
+            except Exception as error:  # of one variant, not of the others
+                outcomes[name] = failure(error)
+        return outcomes
+
+
+def lin_2004() -> FromSingleImages:
+    """Return the response of edge colours."""
+    return FromSingleImages(
+        {"lin-2004-without": lambda images: Estimate(edge_colour_response(EdgePatches.of(images)))}
+    )
+
+
+def lin_zhang_2005() -> FromSingleImages:
+    """Return the response of edge histograms."""
+    return FromSingleImages(
+        {"lin-zhang-2005-without": lambda images: Estimate(edge_histogram_response(EdgePatches.of(images)))}
+    )
+
+
+def zheng_2008(truth: Response | None) -> FromSingleImages:
+    """Return the vignette of radial gradients, with the true response and with the usual one."""
+
+    def vignette(response: Response, images: Sequence[Image]) -> Estimate:
+        masks = [image < _BRIGHTEST for image in images]
+        return Estimate(vignette=radial_gradient_vignette([response.inverse(i / 255) for i in images], masks))
+
+    return FromSingleImages(_by_response("zheng-2008", truth, vignette))
+
+
+def zheng_segments(truth: Response | None) -> FromSingleImages:
+    """Return the vignette of segments of the first image, with the true response and with the usual one."""
+    return FromSingleImages(
+        _by_response(
+            "zheng-segments",
+            truth,
+            lambda response, images: Estimate(vignette=segment_vignette(response.inverse(images[0] / 255))),
+        )
+    )
+
+
+def _by_response(
+    name: str, truth: Response | None, vignette: Callable[[Response, Sequence[Image]], Estimate]
+) -> dict[str, Callable[[Sequence[Image]], Estimate]]:
+    responses = {"without": response_prior().response(np.zeros(COMPONENTS), "usual")}
+    if truth is not None:
+        responses = {"with": truth} | responses
+    return {f"{name}-{key}": partial(vignette, response) for key, response in responses.items()}
+
+
+def fallback() -> FromSingleImages:
+    """Return what ``ospc calibrate --fallback single-image`` gives."""
+    return FromSingleImages({"fallback-without": lambda images: Estimate.of(calibrate_single_images(images))})

@@ -1,0 +1,263 @@
+"""Kim, Frahm and Pollefeys, "Joint feature tracking and radiometric calibration from auto-exposure video", 2007.
+
+Lucas–Kanade tracking of ln irradiance. For every pixel x in the window of a feature, with g = g₀ + Σ cₖhₖ, the
+empirical model of ln g, and one exposure difference K for both images I and J,
+
+    g(J(x + d)) − g(I(x)) − K = 0
+
+Linearised, the unknowns are the displacement d of each feature, c and K. The normal equations are sparse: 2×2 blocks
+of displacements, which the Schur complement eliminates, leave a small system for c and K. Displacements are found
+from coarse to fine. The response is one for all pairs: their reduced systems, K eliminated in the same way, add up.
+
+Response and exposures are known up to an exponent; the publication fixes it by the true g at one grey level. Without,
+g keeps the value of g₀ there. There is no vignette. The journal version is of 2010. Not verified: the publications'
+window and number of features.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ospc.arrays import Float32Array, FloatArray, Image
+from ospc.errors import NotObservableError
+from ospc.photometry.response import Response
+from ospc.recording.frame import Frame
+from ospc.research.method import Estimate, Outcome
+from ospc.research.rivals.log_response import LogModel
+from ospc.unknown_exposures.tracking import sampled
+
+_SIDE, _PYRAMID, _STEPS = 9, 4, 6
+"""Side of a window in pixels, levels of the pyramid, and most steps on each."""
+
+_FEATURES, _QUALITY, _SPACING_PX = 200, 0.01, 10
+"""Features of a pair, least strength of a corner over that of the strongest, and least distance of corners."""
+
+_DARKEST, _BRIGHTEST = 5.0, 250.0
+"""Grey levels outside of which pixels are not used."""
+
+_SETTLED_PX = 0.02
+_OUTLIER = 0.1
+"""Root mean square residual of ln g above which a feature was not tracked."""
+
+_FEWEST = 15
+"""Features of a pair."""
+
+_EVERY, _TURNS = 10, 4
+"""Pairs after which c is estimated again while frames come in, and turns over all pairs kept at the end."""
+
+_LEAST_CHANGE = 0.05
+"""Smallest |K| of pairs that the response is estimated from: with less, only the noise of grey levels shows."""
+
+_MOST_PAIRS = 60
+"""Pairs whose pixels are kept for the last turns."""
+
+
+@dataclass(frozen=True)
+class TrackedPair:
+    """Grey levels, in [0, 255], of tracked windows in both images, and gradients of the second one.
+
+    Attributes
+    ----------
+    first, second
+        Shape (features, pixels).
+    gradient
+        Of the second image along x and y, shape (features, pixels, 2).
+    displacement
+        Shape (features, 2).
+    log_ratio
+        K.
+    """
+
+    first: FloatArray
+    second: FloatArray
+    gradient: FloatArray
+    displacement: FloatArray
+    log_ratio: float
+
+
+def track(image0: Image, image1: Image, points: FloatArray, curve: FloatArray) -> TrackedPair | None:
+    """Track features between two images whose brightness differs, with ln g at 256 grey levels; None if too few are.
+
+    K is shared by all features, as in the publication; c is held while a pair is tracked.
+    """
+    pyramid = [(image0.astype(np.float32), image1.astype(np.float32))]
+    for _ in range(_PYRAMID - 1):
+        pyramid.append((cv2.pyrDown(pyramid[-1][0]), cv2.pyrDown(pyramid[-1][1])))
+    displacement = np.zeros_like(points)
+    ratio = float(
+        np.median(np.interp(image1, np.arange(256), curve)) - np.median(np.interp(image0, np.arange(256), curve))
+    )
+    for level in reversed(range(_PYRAMID)):
+        first, second = pyramid[level]
+        scaled = (points + 0.5) / 2**level - 0.5
+        displacement *= 1.0 if level == _PYRAMID - 1 else 2.0
+        for _ in range(_STEPS):
+            pair = _windows(first, second, scaled, displacement, ratio)
+            step, ratio = _solve_displacements(pair, curve)
+            displacement = displacement + step
+            if np.median(np.abs(step)) < _SETTLED_PX:
+                break
+    pair = _windows(*pyramid[0], points, displacement, ratio)
+    residual = _residual(pair, curve)
+    weight = _exposed(pair)
+    error = np.sqrt((weight * residual**2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1))
+    inside = np.all(
+        (points + displacement > _SIDE) & (points + displacement < np.array(image0.shape[::-1]) - _SIDE), axis=1
+    )
+    good = (error < _OUTLIER) & inside & (weight.mean(axis=1) > 0.5)
+    if np.count_nonzero(good) < _FEWEST:
+        return None
+    return TrackedPair(pair.first[good], pair.second[good], pair.gradient[good], displacement[good], ratio)
+
+
+def _windows(
+    first: Float32Array, second: Float32Array, points: FloatArray, displacement: FloatArray, ratio: float
+) -> TrackedPair:
+    offsets = np.stack(np.meshgrid(*[np.arange(_SIDE) - _SIDE // 2] * 2), axis=-1).reshape(-1, 2)
+    here = (points[:, None] + offsets).reshape(-1, 2)
+    there = ((points + displacement)[:, None] + offsets).reshape(-1, 2)
+    shape = (len(points), len(offsets))
+    across, down = np.array([0.5, 0]), np.array([0, 0.5])
+    gradient = np.stack(
+        [sampled(second, there + axis) - sampled(second, there - axis) for axis in (across, down)], axis=-1
+    )
+    grey0, grey1 = sampled(first, here).reshape(shape), sampled(second, there).reshape(shape)
+    return TrackedPair(grey0, grey1, gradient.reshape(*shape, 2), displacement, ratio)
+
+
+def _exposed(pair: TrackedPair) -> FloatArray:
+    return np.asarray(
+        (np.minimum(pair.first, pair.second) > _DARKEST) & (np.maximum(pair.first, pair.second) < _BRIGHTEST),
+        dtype=float,
+    )
+
+
+def _residual(pair: TrackedPair, curve: FloatArray) -> FloatArray:
+    greys = np.arange(256)
+    return np.asarray(np.interp(pair.second, greys, curve) - np.interp(pair.first, greys, curve) - pair.log_ratio)
+
+
+def _slopes(pair: TrackedPair, curve: FloatArray) -> FloatArray:
+    """Return the derivatives of g(J(x + d)) by d, shape (features, pixels, 2)."""
+    return np.asarray(np.interp(pair.second, np.arange(256), np.gradient(curve))[..., None] * pair.gradient)
+
+
+def _solve_displacements(pair: TrackedPair, curve: FloatArray) -> tuple[FloatArray, float]:
+    """Return the step of every displacement, and K, with c held."""
+    weight, slope = _exposed(pair), _slopes(pair, curve)
+    residual = _residual(pair, curve)
+    eliminated = _Eliminated.of(weight, slope)
+    ones = np.ones((*residual.shape, 1))
+    matrix, vector = eliminated.reduced(ones, residual)
+    change = float(vector[0] / max(matrix[0, 0], 1e-12))
+    step = eliminated.displacements(residual - change)
+    # A step beyond the window is out of the linear range.
+    return np.clip(-step, -_SIDE / 2, _SIDE / 2), pair.log_ratio + change
+
+
+@dataclass(frozen=True)
+class _Eliminated:
+    """Displacements eliminated from the normal equations by their 2×2 blocks."""
+
+    weight: FloatArray
+    slope: FloatArray
+    inverse: FloatArray
+
+    @classmethod
+    def of(cls, weight: FloatArray, slope: FloatArray) -> _Eliminated:
+        blocks = np.einsum("fp,fpi,fpj->fij", weight, slope, slope)
+        ridge = 1e-6 + 1e-4 * np.trace(blocks, axis1=1, axis2=2)
+        return cls(weight, slope, np.linalg.inv(blocks + ridge[:, None, None] * np.eye(2)))
+
+    def displacements(self, target: FloatArray) -> FloatArray:
+        """Return d that explains a target (features, pixels) best."""
+        moment = np.einsum("fp,fpi,fp->fi", self.weight, self.slope, target)
+        return np.asarray(np.einsum("fij,fj->fi", self.inverse, moment))
+
+    def reduced(self, columns: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return matrix and vector of the Schur complement for columns (features, pixels, unknowns)."""
+        mixed = np.einsum("fp,fpi,fpk->fik", self.weight, self.slope, columns)
+        moment = np.einsum("fp,fpi,fp->fi", self.weight, self.slope, target)
+        matrix = np.einsum("fp,fpk,fpl->kl", self.weight, columns, columns)
+        matrix -= np.einsum("fik,fij,fjl->kl", mixed, self.inverse, mixed)
+        vector = np.einsum("fp,fpk,fp->k", self.weight, columns, target)
+        vector -= np.einsum("fik,fij,fj->k", mixed, self.inverse, moment)
+        return matrix, vector
+
+
+def reduced_system(pair: TrackedPair, model: LogModel, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return A and b of A c = b for a pair, all displacements and K eliminated; g₀ is the right-hand side."""
+    greys = np.arange(256)
+    columns = np.stack(
+        [np.interp(pair.second, greys, h) - np.interp(pair.first, greys, h) for h in model.components]
+        + [-np.ones_like(pair.first)],
+        axis=-1,
+    )
+    target = np.interp(pair.first, greys, model.mean) - np.interp(pair.second, greys, model.mean)
+    weight = _exposed(pair) * model.weight(pair.first, pair.second)
+    eliminated = _Eliminated.of(weight, _slopes(pair, model.curve(coefficients)))
+    matrix, vector = eliminated.reduced(columns, target)
+    last = max(matrix[-1, -1], 1e-12)
+    inner = matrix[:-1, :-1] - np.outer(matrix[:-1, -1], matrix[-1, :-1]) / last
+    return inner, vector[:-1] - matrix[:-1, -1] * vector[-1] / last
+
+
+class KimFrahmPollefeys:
+    """The method, with one point of the true response and without.
+
+    Parameters
+    ----------
+    truth
+        The true response, of which one point is used; None for the variant without only.
+    """
+
+    def __init__(self, truth: Response | None) -> None:
+        self._truth, self._model = truth, LogModel.learned()
+        self._coefficients = np.zeros(len(self._model.components))
+        self._previous: Image | None = None
+        self._pairs: list[TrackedPair] = []
+        self._tracked = 0
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        image = frame.image_8_bit
+        previous, self._previous = self._previous, image
+        if previous is None:
+            return
+        corners = cv2.goodFeaturesToTrack(previous, _FEATURES, _QUALITY, _SPACING_PX)
+        if corners is None:
+            return
+        points = corners.reshape(-1, 2).astype(np.float64)
+        points = points[np.all((points > _SIDE) & (points < np.array(previous.shape[::-1]) - _SIDE), axis=1)]
+        pair = track(previous, image, points, self._model.curve(self._coefficients)) if len(points) else None
+        if pair is None or abs(pair.log_ratio) < _LEAST_CHANGE:
+            return
+        # Pairs whose brightness changes most show most of the response.
+        self._pairs = sorted([*self._pairs, pair], key=lambda one: -abs(one.log_ratio))[:_MOST_PAIRS]
+        self._tracked += 1
+        if self._tracked % _EVERY == 0:
+            self._coefficients = self._solved(None)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the variants that are possible."""
+        variants = {"without": None} if self._truth is None else {"with": self._truth, "without": None}
+        return {
+            f"kim-frahm-pollefeys-{name}": Estimate(self._model.response(self._solved(truth), "kim-frahm-pollefeys"))
+            for name, truth in variants.items()
+        }
+
+    def _solved(self, truth: Response | None) -> FloatArray:
+        """Return c from all pairs kept."""
+        if not self._pairs:
+            raise NotObservableError(
+                "the exposure of successive frames hardly changes, or too few features could be tracked across it"
+            )
+        coefficients = self._coefficients
+        for _ in range(_TURNS):
+            systems = [reduced_system(pair, self._model, coefficients) for pair in self._pairs]
+            matrix, vector = (np.sum(parts, axis=0) for parts in zip(*systems, strict=True))
+            coefficients = self._model.solved(matrix, vector, truth)
+        return coefficients

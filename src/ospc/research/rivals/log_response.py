@@ -1,0 +1,91 @@
+"""ln g = g₀ + Σ cₖhₖ, the empirical model of response in logarithms, and the one point that fixes its exponent.
+
+Shared by Kim, Frahm and Pollefeys 2007, Kim and Pollefeys 2008 and Grundmann et al. 2013. They use the model of
+Grossberg and Nayar, whose tables are not distributed here; this one is learned from analytic families of curves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from ospc.arrays import FloatArray
+from ospc.photometry.response import Response
+from ospc.unknown_exposures.response_model import family_of_inverses
+
+_LEVELS = 256
+_COMPONENTS = 5
+"""Components, as in the publications."""
+
+_DARKEST = 1e-4
+"""Irradiance below which ln g is not followed."""
+
+ANCHOR = 128
+"""Grey level at which one point of the response fixes the exponent."""
+
+_RIDGE = 1e-4
+"""Pull of the coefficients to zero, over the mean diagonal of the system: it determines what no pair shows."""
+
+
+@dataclass(frozen=True)
+class LogModel:
+    """The model at 256 grey levels.
+
+    Attributes
+    ----------
+    mean, components
+        g₀ and hₖ, shapes (256,) and (5, 256); coefficients of usual curves have a variance of 1.
+    """
+
+    mean: FloatArray
+    components: FloatArray
+
+    @classmethod
+    def learned(cls) -> LogModel:
+        """Return the model that is learned from analytic families of curves, with ln g(1) = 0."""
+        return _learned()
+
+    def curve(self, coefficients: FloatArray) -> FloatArray:
+        """Return ln g at 256 grey levels."""
+        return np.asarray(self.mean + coefficients @ self.components)
+
+    def response(self, coefficients: FloatArray, name: str) -> Response:
+        """Return the response with these coefficients, raised where it would fall."""
+        rising = np.asarray(isotonic_regression(np.exp(self.curve(coefficients))).x) + 1e-9 * np.arange(_LEVELS)
+        rising[0] = 0.0
+        return Response.from_values(rising, model={"name": name, "coefficients": coefficients.tolist()})
+
+    def weight(self, grey0: FloatArray, grey1: FloatArray) -> FloatArray:
+        """Return the weight of ln g(M₁) − ln g(M₀) where both have the same noise in grey levels, of 255.
+
+        Unweighted, the darkest levels, where ln g is steep and its noise large, flatten the whole curve.
+        """
+        slope = np.abs(np.gradient(self.mean))
+        variance = sum(np.interp(grey, np.arange(_LEVELS), slope) ** 2 for grey in (grey0, grey1))
+        return np.asarray(float(slope.min()) ** 2 / variance)
+
+    def solved(self, matrix: FloatArray, vector: FloatArray, truth: Response | None) -> FloatArray:
+        """Return the c of A c = b with a known ln g at one grey level, for one curve or several in a row.
+
+        Without a truth, it is that of g₀.
+        """
+        size = len(vector)
+        curves = size // len(self.components)
+        wanted = 0.0 if truth is None else float(np.log(truth.inverse(ANCHOR / 255)) - self.mean[ANCHOR])
+        known = np.kron(np.eye(curves), self.components[:, ANCHOR])
+        ridge = _RIDGE * float(np.trace(matrix)) / size * np.eye(size)
+        bordered = np.block([[matrix + ridge, known.T], [known, np.zeros((curves, curves))]])
+        found = np.linalg.lstsq(bordered, np.append(vector, np.full(curves, wanted)), rcond=None)[0]
+        return np.asarray(found[:size], dtype=np.float64)
+
+
+@cache
+def _learned() -> LogModel:
+    curves = np.log(np.maximum(family_of_inverses(_LEVELS), _DARKEST))
+    mean = curves.mean(axis=0)
+    _, singular, directions = np.linalg.svd(curves - mean, full_matrices=False)
+    scale = singular[:_COMPONENTS, None] / np.sqrt(len(curves))
+    return LogModel(np.asarray(mean), np.asarray(directions[:_COMPONENTS] * scale))

@@ -1,0 +1,226 @@
+"""Quenzel, Horn, Houben and Behnke, "Keyframe-based photometric online calibration and color correction", 2018.
+
+From key frames of a moving camera, response, vignette and exposures at once, with few parameters: an even polynomial
+of degree six with thin plate splines in the image plane, and a gamma curve with thin plate splines in grey levels.
+
+    V(x) = 1 + v₁R² + v₂R⁴ + v₃R⁶ + Σ wⱼ φ(|x − xⱼ|),    φ(r) = r² ln r
+    g(M) = M^γ + Σ uⱼ φ₁(|M − Mⱼ|),                       φ₁(r) = r³, the thin plate spline of one dimension
+    0 = ln g(Mᵢₚ) − ln V(xᵢₚ) − ln eᵢ − ln Lₚ             for key frames i and scene points p, robustly
+
+The splines of g vanish at M = 0, ½ and 1, so that γ alone fixes the exponent: by one point of the true response, or
+by that of a usual camera. Not verified: the publication's number and places of splines, and its residual; it is
+taken in logarithms here. Its poses from visual odometry only serve to find points again; feature tracks do it here.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from itertools import product
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
+from ospc.errors import NotObservableError
+from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import RasterVignette
+from ospc.recording.frame import Frame, size_of
+from ospc.research.method import Estimate, Outcome
+from ospc.unknown_exposures.tracking import GainRobustTracker, sampled
+
+KEY_FRAMES_APART, MOST_KEY_FRAMES = 10, 24
+"""Frames from one key frame to the next, and key frames that an estimate uses, the latest."""
+
+_PLATES = np.array(list(product((-0.66, 0.0, 0.66), (-0.5, 0.0, 0.5))))
+"""Centres of the splines of V, in half diagonals."""
+
+_KNOTS = np.array([0.1, 0.25, 0.4, 0.6, 0.75, 0.9])
+"""Grey levels of the splines of g."""
+
+_USUAL_GAMMA = 2.2
+"""γ without a known point: that of a usual camera."""
+
+_BENDING = 1.5
+"""Weight that pulls splines to zero, over one observation: the smooth models explain what they can."""
+
+_ROBUST = 0.05
+"""Residual of ln g beyond which it counts less."""
+
+_DARKEST, _BRIGHTEST = 0.03, 0.97
+_LEAST = 1e-4
+"""Grey levels outside of which points are not used, and least value of g and V."""
+
+_FEWEST = 300
+
+
+@dataclass(frozen=True)
+class KeyFramePoints:
+    """Grey levels of scene points in key frames.
+
+    Attributes
+    ----------
+    size
+        Width and height of the frames.
+    point, frame
+        Numbers of scene point and key frame of each observation, shape (n,).
+    grey
+        In [0, 1], shape (n,).
+    position
+        Relative to the image centre, in half diagonals, shape (n, 2).
+    """
+
+    size: ImageSize
+    point: IntArray
+    frame: IntArray
+    grey: FloatArray
+    position: FloatArray
+
+
+@dataclass(frozen=True)
+class SplineEstimate:
+    """Response, vignette, and exposures of the key frames up to a factor."""
+
+    response: Response
+    vignette: RasterVignette
+    exposures: FloatArray
+
+
+def estimate_splines(
+    points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bending: float = _BENDING
+) -> SplineEstimate:
+    """Return the estimate for a γ, which fixes the exponent, and a weight of bending.
+
+    Raises
+    ------
+    NotObservableError
+        If too few points are seen in several key frames.
+    """
+    used = (points.grey > _DARKEST) & (points.grey < _BRIGHTEST)
+    used &= np.bincount(points.point[used], minlength=points.point.max(initial=0) + 1)[points.point] > 1
+    if np.count_nonzero(used) < _FEWEST:
+        raise NotObservableError("too few points are seen in several key frames")
+    _, point = np.unique(points.point[used], return_inverse=True)
+    _, frame = np.unique(points.frame[used], return_inverse=True)
+    grey_basis, grey = _grey_splines(points.grey[used]), points.grey[used] ** gamma
+    plane_basis = _plane_splines(points.position[used])
+    # The noise of ln g is largest where g is steep, M^γ at small M; unweighted, it flattens the curve.
+    weight = points.grey[used]
+    totals, frames = np.bincount(point, weights=weight**2), int(frame.max()) + 1
+    knots, terms = grey_basis.shape[1], plane_basis.shape[1]
+
+    def residuals(unknown: FloatArray) -> FloatArray:
+        curve = np.log(np.maximum(grey + grey_basis @ unknown[:knots], _LEAST))
+        shade = np.log(np.maximum(1 + plane_basis @ unknown[knots : knots + terms], _LEAST))
+        rest = curve - shade - np.append(0.0, unknown[knots + terms :])[frame]
+        # ln L is the mean over the observations of a point.
+        return np.asarray(weight * (rest - (np.bincount(point, weights=weight**2 * rest) / totals)[point]))
+
+    bent = np.concatenate([_splines_of(knots, terms), np.zeros(frames - 1, dtype=bool)])
+
+    def with_bending(unknown: FloatArray) -> FloatArray:
+        return np.append(residuals(unknown), bending * unknown[bent])
+
+    start = np.zeros(knots + terms + frames - 1)
+    found = least_squares(with_bending, start, loss="soft_l1", f_scale=_ROBUST, method="trf", x_scale="jac").x
+    return SplineEstimate(
+        _response(gamma, found[:knots]),
+        _vignette(points.size, found[knots : knots + terms]),
+        np.exp(np.append(0.0, found[knots + terms :])),
+    )
+
+
+def _splines_of(knots: int, terms: int) -> BoolArray:
+    """Return which unknowns are weights of splines; the others are the coefficients of the even polynomial."""
+    return np.concatenate([np.ones(knots, dtype=bool), np.arange(terms) >= 3])
+
+
+def _grey_splines(grey: FloatArray) -> FloatArray:
+    """Return the splines of g, each less the parabola through its values at 0, ½ and 1, shape (n, knots)."""
+    at = np.abs(grey[:, None] - _KNOTS) ** 3
+    ends = [np.abs(m - _KNOTS) ** 3 for m in (0.0, 0.5, 1.0)]
+    x = grey[:, None]
+    parabola = ends[0] * 2 * (x - 0.5) * (x - 1) - ends[1] * 4 * x * (x - 1) + ends[2] * 2 * x * (x - 0.5)
+    return np.asarray(at - parabola)
+
+
+def _plane_splines(position: FloatArray) -> FloatArray:
+    """Return R², R⁴, R⁶ and the splines of V, each 0 at the centre, shape (n, 3 + plates)."""
+
+    def plates(places: FloatArray) -> FloatArray:
+        squared = np.maximum(np.sum((places[:, None] - _PLATES) ** 2, axis=-1), 1e-12)
+        return np.asarray(squared * np.log(squared) / 2)
+
+    squared = np.sum(position**2, axis=-1, keepdims=True)
+    return np.hstack([squared ** np.array([1, 2, 3]), plates(position) - plates(np.zeros((1, 2)))])
+
+
+def _response(gamma: float, weights: FloatArray) -> Response:
+    levels = np.linspace(0, 1, 256)
+    curve = levels**gamma + _grey_splines(levels) @ weights
+    rising = np.maximum.accumulate(np.maximum(curve, 0)) + 1e-6 * np.arange(256)
+    return Response.from_values(rising, model={"name": "quenzel", "gamma": gamma})
+
+
+def _vignette(size: ImageSize, weights: FloatArray) -> RasterVignette:
+    position = normalised(pixel_grid(size), size).reshape(-1, 2)
+    image = 1 + _plane_splines(position) @ weights
+    return RasterVignette(np.maximum(image, _LEAST).reshape(size[1], size[0]).astype(np.float32), {"name": "quenzel"})
+
+
+class KeyFrameTracker:
+    """Tracks features, and keeps their places and grey levels in key frames."""
+
+    def __init__(self) -> None:
+        self._tracker = GainRobustTracker()
+        self._count = 0
+        self._size: ImageSize = (0, 0)
+        self._key_frames: deque[tuple[int, IntArray, FloatArray, FloatArray]] = deque(maxlen=MOST_KEY_FRAMES)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._tracker.push(frame)
+        self._size = size_of(frame.image)
+        if self._count % KEY_FRAMES_APART == 0:
+            smooth = cv2.GaussianBlur(frame.image_8_bit, (0, 0), 1.0).astype(np.float32)
+            tracks, places = self._tracker.current
+            self._key_frames.append((frame.index, tracks, sampled(smooth, places) / 255, places))
+        self._count += 1
+
+    def key_frame_points(self) -> tuple[KeyFramePoints, list[int]]:
+        """Return what the latest key frames show, and the indices of these frames."""
+        indices = [index for index, *_ in self._key_frames]
+        frame = np.repeat(np.arange(len(indices)), [len(track) for _, track, *_ in self._key_frames])
+        tracks, greys, places = (
+            np.concatenate([key[part] for key in self._key_frames]) if indices else np.empty(0, int)
+            for part in (1, 2, 3)
+        )
+        position = normalised(places.reshape(-1, 2).astype(np.float64), self._size if indices else (2, 2))
+        return KeyFramePoints(self._size, tracks.astype(np.int64), frame, greys.astype(np.float64), position), indices
+
+
+class Quenzel:
+    """The method, with one point of the true response and without."""
+
+    def __init__(self, truth: Response | None) -> None:
+        self._truth = truth
+        self._tracker = KeyFrameTracker()
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._tracker.push(frame)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the variants that are possible."""
+        points, indices = self._tracker.key_frame_points()
+        gammas = {"without": _USUAL_GAMMA}
+        if self._truth is not None:
+            gammas = {"with": float(np.log(self._truth.inverse(0.5)) / np.log(0.5))} | gammas
+        outcomes: dict[str, Outcome] = {}
+        for name, gamma in gammas.items():
+            found = estimate_splines(points, gamma)
+            exposures = dict(zip(indices, found.exposures.tolist(), strict=False))
+            outcomes[f"quenzel-{name}"] = Estimate(found.response, found.vignette, exposures=exposures)
+        return outcomes

@@ -1,0 +1,1 @@
+"""Response and vignette from single images, whose exposures say nothing."""

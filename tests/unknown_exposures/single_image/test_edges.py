@@ -1,0 +1,64 @@
+"""Responses from edges against synthetic input made by the methods' own models."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ospc.errors import NotObservableError
+from ospc.evaluation.metrics import response_rmse
+from ospc.photometry.response import Response
+from ospc.simulation.responses import srgb
+from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
+from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_distance, edge_colour_response
+from ospc.unknown_exposures.single_image.lin_zhang_2005 import edge_histogram_response, histogram_unevenness
+from ospc.unknown_exposures.single_image.response_prior import LEVELS, response_prior
+from polygon_pictures import picture
+
+WINDOWS, PIXELS = 30, 40
+
+
+def patches(response: Response, channels: int) -> EdgePatches:
+    """Return windows whose edge pixels see their regions on evenly spread parts of their area."""
+    random = np.random.default_rng(1)
+    first, second = np.exp(random.uniform(np.log(0.01), 0, (2, WINDOWS, channels)))
+    share = np.tile((np.arange(PIXELS) + 0.5) / PIXELS, WINDOWS)[:, None]
+    window = np.repeat(np.arange(WINDOWS), PIXELS)
+    edge = share * first[window] + (1 - share) * second[window]
+    return EdgePatches(255 * response(first), 255 * response(second), 255 * response(edge), window)
+
+
+PRIOR = response_prior()
+RESPONSES = [PRIOR.response(mean, "of the model") for mean in PRIOR.means[1:3]]
+
+
+@pytest.mark.parametrize("response", RESPONSES)
+def test_edge_colours_by_their_own_model_give_the_response(response):
+    own = patches(response, 3)
+    assert edge_colour_distance(own, response.inverse_table) < 1e-3
+    assert response_rmse(edge_colour_response(own, prior_weight=1e-6), response) < 0.002
+
+
+@pytest.mark.parametrize("response", RESPONSES)
+def test_edge_histograms_by_their_own_model_give_the_response(response):
+    own = patches(response, 1)
+    assert histogram_unevenness(own, response.inverse_table) < 1e-3
+    assert response_rmse(edge_histogram_response(own, prior_weight=1e-6), response) < 0.02
+
+
+def test_edges_are_found_in_a_photograph_and_give_its_response():
+    found = EdgePatches.of([picture(srgb())])
+    assert len(found.first) > 20
+    assert response_rmse(edge_colour_response(found), srgb()) < 0.03
+
+
+def test_the_prior_prefers_usual_curves():
+    assert PRIOR.curve(np.zeros(5)).shape == (LEVELS,)
+    assert PRIOR.cost(PRIOR.means[2]) < PRIOR.cost(np.full(5, 6.0))
+
+
+def test_what_has_no_edges_or_colours_is_refused():
+    with pytest.raises(NotObservableError, match="edges"):
+        EdgePatches.of([np.full((60, 80), 100, np.uint8)])
+    with pytest.raises(NotObservableError, match="grey"):
+        edge_colour_response(patches(srgb(), 1))

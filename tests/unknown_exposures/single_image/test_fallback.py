@@ -1,0 +1,67 @@
+"""The fallback for single images, as a function and as a command."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from command_line import ospc
+from ospc.errors import FrameError, RecordingError
+from ospc.evaluation.metrics import coverage
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.vignette import PolynomialVignette
+from ospc.simulation.responses import filmic, logarithmic, srgb
+from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
+from polygon_pictures import picture
+
+VIGNETTE = PolynomialVignette((320, 240), (-0.3, -0.05, 0.0))
+
+
+@pytest.fixture(scope="module")
+def photographs():
+    return {r.model["name"]: (r, picture(r, vignette=VIGNETTE)) for r in (srgb(), filmic(), logarithmic())}
+
+
+def test_bands_cover_the_truth(photographs):
+    shares = []
+    for response, image in photographs.values():
+        found = calibrate_single_images([image])
+        estimate = found.response
+        shares.append(coverage(estimate.inverse_table, estimate.inverse_sigma, estimate.matched(response))[1])
+        radii = np.linspace(0, 1, 51)
+        error = np.abs(found.vignette.profile(radii) - VIGNETTE.profile(radii))
+        assert np.all(error[5:] < 2 * found.vignette_sigma[5:])
+    assert np.mean(shares) > 0.9
+
+
+def test_nothing_is_called_identifiable_and_grey_images_get_the_usual_response(photographs):
+    _, image = photographs["srgb"]
+    found = calibrate_single_images([np.ascontiguousarray(image[..., 1])])
+    assert found.verdicts["response"].state == found.verdicts["vignette"].state == "marginal"
+    assert found.verdicts["exposures"].state == "not identifiable"
+    assert not found.complete
+    assert "for want of edges" in found.rests_on
+    assert np.all(found.response.log_sigma > 0.05)
+    with pytest.raises(FrameError, match="one size"):
+        calibrate_single_images([image, image[:100]])
+
+
+def test_the_command_answers_only_where_it_is_asked_and_says_what_it_rests_on(photographs, tmp_path):
+    photo, out = tmp_path / "photo.png", tmp_path / "out"
+    cv2.imwrite(str(photo), photographs["srgb"][1])
+    refused = ospc("calibrate", photo, "-o", out)
+    assert isinstance(refused.exception, RecordingError)
+    assert "--fallback single-image" in str(refused.exception)
+    result = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", "--json")
+    assert result.exit_code == 3, result.output
+    said = json.loads(result.stdout)["rests_on"]
+    assert "edges" in said
+    assert said in (out / "EXPOSURES_UNKNOWN.txt").read_text()
+    assert said.encode("latin-1", "ignore") in (out / "vignette.png").read_bytes()
+    assert Calibration.load(out).rests_on == said
+    assert "Guessed from one image" in (out / "report.html").read_text()
+    wrong = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", "--unknown-exposures")
+    assert wrong.exit_code == 2

@@ -1,0 +1,49 @@
+"""Vignettes of single images against synthetic input made by the methods' own models."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from ospc.errors import NotObservableError
+from ospc.evaluation.metrics import vignette_rmse
+from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.photometry.vignette import PolynomialVignette
+from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette, segment_vignette
+
+SIZE = (400, 300)
+OFFSET = normalised(pixel_grid(SIZE), SIZE)
+RADIUS = np.linalg.norm(OFFSET, axis=-1)
+
+
+@pytest.mark.parametrize("coefficients", [(-0.35, 0.05, -0.15), (-0.12, 0.0, -0.03), (0.0, 0.0, 0.0)])
+def test_the_vignette_remains_where_radiance_does_not_change_along_the_radius(coefficients):
+    vignette = PolynomialVignette(SIZE, coefficients)
+    scene = 0.4 + 0.2 * np.sin(3 * np.arctan2(OFFSET[..., 1], OFFSET[..., 0]))
+    found = radial_gradient_vignette([scene * vignette.image()])
+    assert vignette_rmse(found, vignette) < 0.01
+
+
+def test_symmetric_gradients_do_not_matter():
+    vignette = PolynomialVignette(SIZE, (-0.35, 0.05, -0.15))
+    # Where the scene rises along the radius on one side, it falls on the other.
+    scene = np.exp(0.2 * np.sin(20 * OFFSET[..., 0]))
+    assert vignette_rmse(radial_gradient_vignette([scene * vignette.image()]), vignette) < 0.08
+
+
+def test_segments_of_one_radiance_give_the_vignette_of_their_model():
+    squared = RADIUS**2
+    light = np.kron(np.random.default_rng(0).uniform(0.2, 0.9, (3, 4)), np.ones((100, 100)))
+    found = segment_vignette(light * (1 - 0.1 * RADIUS) / (1 + 0.3 * squared) ** 2)
+    truth = (1 - 0.1 * np.linspace(0, 1, 20)) / (1 + 0.3 * np.linspace(0, 1, 20) ** 2) ** 2
+    np.testing.assert_allclose(found.profile(np.linspace(0, 1, 20)), truth, atol=0.02)
+
+
+def test_images_that_show_nothing_are_refused():
+    dark = np.zeros((SIZE[1], SIZE[0]))
+    with pytest.raises(NotObservableError, match="radii"):
+        radial_gradient_vignette([dark], [dark > 0])
+    noise = np.random.default_rng(0).uniform(0.1, 0.9, (75, 100))
+    with pytest.raises(NotObservableError, match="segments"):
+        segment_vignette(cv2.resize(noise, SIZE, interpolation=cv2.INTER_NEAREST))
