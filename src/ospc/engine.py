@@ -151,7 +151,7 @@ class Engine:
         evidence, method = self._started(frame)
         change = None
         if self._sampler.processes_next:
-            prepared = self._preprocess(frame)
+            prepared = self._preprocess(frame, self._pixels.grey_range)
             counting = self._second.submit(self._pixels.observe, frame, prepared.thumbnail)
             comparing = self._second.submit(evidence.observe, prepared.thumbnail)
             try:
@@ -184,7 +184,8 @@ class Engine:
             why = f": {self._reasons[-1]}" if self._reasons else ""
             raise OspcError(f"no frame could be used{why}")
         found = self.exposure_findings()
-        known = self._method.calibration(self._exposures.with_lag(found.corrected_frames))
+        exposures = self._exposures.with_lag(found.corrected_frames)
+        known = self._method.calibration(exposures, self._pixels.grey_range)
         return self._judged(known, found)
 
     @_one_thread_at_a_time
@@ -210,7 +211,8 @@ class Engine:
         """Return the evidence on response and vignette; None where there is none that could be merged."""
         if self._method is None:
             return None
-        return self._method.inputs(self._exposures.with_lag(self.exposure_findings().corrected_frames))
+        exposures = self._exposures.with_lag(self.exposure_findings().corrected_frames)
+        return self._method.inputs(exposures, self._pixels.grey_range)
 
     @property
     def status(self) -> Status:
@@ -344,7 +346,8 @@ class Engine:
             If its image cannot be read any more, or has another size.
         """
         if self._method is not None and self._evidence is not None:
-            prepared = self._preprocess(replace(frame, load=partial(_of_size, frame, self._size)))
+            shown = replace(frame, load=partial(_of_size, frame, self._size))
+            prepared = self._preprocess(shown, self._pixels.grey_range)
             self._method.recall(prepared)
             self._evidence.recall(prepared.thumbnail)
 
@@ -357,7 +360,8 @@ class Engine:
         later_evidence, later_method = evidence.split(change.frame), method.split(change.frame)
         written = self._exposures.written[: change.frame]
         found = assess_exposures(evidence, written, self._correct_lag, since=self._first_of_epoch)
-        known = method.calibration(self._exposures.until(change.frame).with_lag(found.corrected_frames))
+        exposures = self._exposures.until(change.frame).with_lag(found.corrected_frames)
+        known = method.calibration(exposures, self._pixels.grey_range)
         self._epochs.append(Epoch(self._first_of_epoch, change.frame - 1, self._judged(known, found), change))
         self._evidence, self._method, self._findings = later_evidence, later_method, None
         self._next_assessment, self._lag_is_known = FIRST_ASSESSMENT, False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import SettingError
+from ospc.photometry.grey_range import GreyRange
 
 _REACH_QUANTILE = 0.9
 """Quantile of the points' radial displacement that stands for all of them: a tenth move further."""
@@ -19,6 +20,10 @@ _REACH_QUANTILE = 0.9
 MOMENTS = 3
 """Powers of the grey level whose means are kept: a cubic follows the inverse of any usual response to a few per cent,
 and veiling glare is a few per cent of the mean irradiance."""
+
+_CLEAR_OF_ENDS = 1 / 255
+"""Distance up to which a grey level counts as clipped at a black or white that is not the end of the scale: one grey
+value of 8 bits."""
 
 _WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
 """Further dimensions of the fields that have some."""
@@ -242,6 +247,33 @@ class ExposedObservations(Observations):
     """
 
     log_exposure: FloatArray
+
+    def stretched(self, grey_range: GreyRange) -> ExposedObservations:
+        """Return the points between black and white, with black at grey level 0 and white at 1."""
+        if grey_range.is_full:
+            return self
+        low = grey_range.black + _CLEAR_OF_ENDS * (grey_range.black > 0)
+        high = grey_range.white - _CLEAR_OF_ENDS * (grey_range.white < 1)
+        inside = (self.grey >= low) & (self.grey <= high)
+        kept = self.of_points(np.logical_and.reduceat(inside, self.starts))
+        powers = _powers_of_stretched(grey_range)
+        known = kept.frame_moments.any(axis=1, keepdims=True).astype(np.float64)
+        return replace(
+            kept,
+            grey=grey_range.level(kept.grey),
+            gradient=kept.gradient / grey_range.span,
+            frame_moments=np.hstack([known, kept.frame_moments]) @ powers[:, 1:],
+            surround_moments=kept.surround_moments @ powers,
+        )
+
+
+def _powers_of_stretched(grey_range: GreyRange) -> FloatArray:
+    """Return what turns the moments of grey levels, from the zeroth on, into those of stretched ones, (4, 4)."""
+    powers = np.zeros((1 + MOMENTS, 1 + MOMENTS))
+    stretch = np.polynomial.Polynomial([-grey_range.black / grey_range.span, 1 / grey_range.span])
+    for power in range(1 + MOMENTS):
+        powers[: power + 1, power] = (stretch**power).coef
+    return powers
 
 
 AnyObservations = TypeVar("AnyObservations", bound=Observations)

@@ -56,7 +56,7 @@ class Method:
     def compare(self, brightness, exposures):
         return None
 
-    def inputs(self, exposures):
+    def inputs(self, exposures, grey_range):
         return None
 
     def state(self):

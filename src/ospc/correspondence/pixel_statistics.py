@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
 from ospc.recording.frame import Frame
 
 MOST_FRAMES = 1024
@@ -53,6 +54,9 @@ _PILE_SHARE = 0.005
 
 _PILE_MARGIN = 0.02
 """Distance of that value from the end of the scale, as a share of it: nearer, it is ordinary clipping."""
+
+_HIGHEST_BLACK, _LOWEST_WHITE = 0.2, 0.5
+"""Limits of black and white: what piles up between them is an even object, not an end."""
 
 _COMB_GAPS = 0.05
 """Share of missing grey values between the extremes from which they are reported: a few rare ones miss by chance."""
@@ -161,6 +165,24 @@ class PixelStatistics:
             self._grey_share, self._radius_share = self._grey_share[::2], self._radius_share[::2]
             self._log_exposure = self._log_exposure[::2]
 
+    @property
+    def grey_range(self) -> GreyRange:
+        """Where black and white are: at the extreme grey values, if many pixels share them, or else at the ends.
+
+        Where values pile up at one end of the limited range of video and stay within it, both ends are taken.
+        """
+        if self._histogram is None:
+            return FULL_RANGE
+        share = self._histogram / self._histogram.sum()
+        low, high = (int(end) for end in np.flatnonzero(share)[[0, -1]])
+        black, white = (end / (len(share) - 1) for end in (low, high))
+        black_piles = _PILE_MARGIN < black < _HIGHEST_BLACK and share[low] > _PILE_SHARE
+        white_piles = _LOWEST_WHITE < white < 1 - _PILE_MARGIN and share[high] > _PILE_SHARE
+        inside = black >= VIDEO_RANGE.black and white <= VIDEO_RANGE.white
+        if inside and ((black_piles and black == VIDEO_RANGE.black) or (white_piles and white == VIDEO_RANGE.white)):
+            return VIDEO_RANGE
+        return GreyRange(black if black_piles else 0.0, white if white_piles else 1.0)
+
     def report(self) -> PixelReport | None:
         """Return what was gathered; None if no frame was."""
         if self._histogram is None or self._brightest is None:
@@ -169,8 +191,8 @@ class PixelStatistics:
         share = counts / counts.sum()
         level = np.arange(len(counts)) * (white + 1) // len(counts)
         margin = white // 255
-        found = np.flatnonzero(counts)
-        low, high = int(found[0]), int(found[-1])
+        low, high = (int(end) for end in np.flatnonzero(counts)[[0, -1]])
+        grey_range = self.grey_range
         gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > _MIN_COMB_RANGE else 0.0
         lit, surround = _lit_places(self._brightest)
         return PixelReport(
@@ -184,8 +206,8 @@ class PixelStatistics:
             white,
             (self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
             gaps if gaps >= _COMB_GAPS else 0.0,
-            bool(level[low] > _PILE_MARGIN * white and share[low] > _PILE_SHARE),
-            bool(level[high] < (1 - _PILE_MARGIN) * white and share[high] > _PILE_SHARE),
+            grey_range.black > 0,
+            grey_range.white < 1,
             lit,
             surround,
         )

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail, thumbnail_of
 from ospc.observations import MOMENTS
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
 
 _SHARES = np.linspace(0.05, 0.95, 19)
@@ -125,8 +126,8 @@ class Preprocessor:
     clip_margin_px: int = 3
     max_clipped_share: float = 0.25
 
-    def __call__(self, frame: Frame) -> PreprocessedFrame:
-        """Prepare a frame.
+    def __call__(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> PreprocessedFrame:
+        """Prepare a frame, given where black and white are as far as is known.
 
         Raises
         ------
@@ -151,7 +152,7 @@ class Preprocessor:
             reduction,
             np.asarray(grey, dtype=np.float32),
             np.asarray(gradient, dtype=np.float32),
-            self._clipped_nearby(image, white, reduction) | self._masked_nearby(frame.mask, reduction),
+            self._clipped_nearby(image, white, reduction, grey_range) | self._masked_nearby(frame.mask, reduction),
             self._small(reduced, white),
             thumbnail_of(frame.index, reduced, white, frame.mask, (width, height)),
             4 * np.pi * self.smoothing_px**2 * reduction**2,
@@ -182,10 +183,11 @@ class Preprocessor:
     def _further_reduction(self, longest: int) -> int:
         return int(2 ** max(0, int(np.ceil(np.log2(longest / self.registration_side)))))
 
-    def _clipped_nearby(self, image: Image, white: int, reduction: int) -> BoolArray:
+    def _clipped_nearby(self, image: Image, white: int, reduction: int, grey_range: GreyRange) -> BoolArray:
         # Near the ends noise alone clips single pixels, whose effect on the mean is corrected later. A larger share
         # of clipped pixels has other causes, such as a lamp.
-        exposed = cv2.inRange(image, white // 255 + 1, white - white // 255 - 1)
+        low, high = (round(level * white) for level in (grey_range.black, grey_range.white))
+        exposed = cv2.inRange(image, low + white // 255 + 1, high - white // 255 - 1)
         height, width = (side // reduction for side in image.shape)
         cut = exposed[: height * reduction, : width * reduction]
         side = 2 * self.clip_margin_px + 1

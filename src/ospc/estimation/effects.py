@@ -254,7 +254,7 @@ class Effects:
         # The response g̃ that holds the light, and that without, g, are g ∝ g̃ + c. Light of light gives the divisor.
         held = glare * (self.typical.frame_moments @ cubic) + scatter * (around @ cubic) + dark * self.typical.dark
         constant = held / (1 - glare - scatter * share)
-        at_knots = np.interp(basis.knots, basis.grid, irradiance)
+        at_knots = np.maximum(np.interp(basis.knots, basis.grid, irradiance), np.finfo(np.float64).tiny)
         changed = parameters.copy()
         changed[:n] = np.maximum(parameters[:n] * at_knots / (at_knots + constant), MIN_GAMMA)
         if "dark current" in values:

@@ -14,6 +14,7 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.effect_estimate import EffectEstimate
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE
@@ -121,7 +122,12 @@ class Fit:
         index = self.response_basis.index_of(observations.grey)
         return self.effects.seen(observations, self.response_basis, self.response_parameters, index)
 
-    def response(self, max_grey: int = 255, support: tuple[float, float] = (0.0, 1.0)) -> Response:
+    def response(
+        self,
+        max_grey: int = 255,
+        support: tuple[float, float] = (0.0, 1.0),
+        grey_range: GreyRange = FULL_RANGE,
+    ) -> Response:
         """Return the response with its standard deviation.
 
         Parameters
@@ -130,13 +136,17 @@ class Fit:
             Largest grey value of the camera; the response has one level for each grey value up to 12 bits.
         support
             Lowest and highest grey level that was measured, such as :func:`measured_greys`.
+        grey_range
+            Where black and white are: the grey levels of the observations were stretched to them.
         """
         levels = min(max_grey + 1, _MAX_LEVELS)
-        grey = np.linspace(0, 1, levels)
+        grey = grey_range.level(np.linspace(0, 1, levels))
         log_g = np.interp(grey, self.response_basis.grid, self.response_basis.log_of(self.response_parameters))
         table = np.exp(log_g)
-        table = np.maximum(np.where(grey > 0, table, 0.0), np.arange(levels) * _SMALLEST_STEP)
-        reference = sum(support) / 2
+        # Below black and above white, too, a response has to increase.
+        table = np.where(grey > 0, table, 0.0) + np.arange(levels) * _SMALLEST_STEP * (not grey_range.is_full)
+        table = np.maximum(table, np.arange(levels) * _SMALLEST_STEP)
+        reference = float(grey_range.level(sum(support) / 2))
         return Response.from_values(
             table,
             log_sigma=self.log_response_sigma(grey, reference),
@@ -149,7 +159,8 @@ class Fit:
                 "coefficients": self.response_parameters.tolist(),
                 "prior_walk": self.hyperparameters.walk,
                 "prior_drift": self.hyperparameters.drift,
-            },
+            }
+            | ({} if grey_range.is_full else {"grey_range": [grey_range.black, grey_range.white]}),
         )
 
     def vignette(self, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:

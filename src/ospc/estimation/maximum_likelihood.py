@@ -253,7 +253,7 @@ class MaximumLikelihoodEstimator:
             misfit = target - rows @ parameters
             shape = (len(scores), len(rows))
             scores += csr_matrix((misfit, (block[part][member], np.arange(len(rows)))), shape=shape) @ weighted
-        return NormalEquations(matrix, vector, square, scores.T @ scores, len(scores))
+        return NormalEquations(matrix, vector, square, scores.T @ scores, blocks=len(scores))
 
     def _disagreement(
         self,

@@ -26,22 +26,22 @@ class NormalEquations:
         bᵀWb.
     scatter
         Sum over the blocks of groups of the outer product of their scores, shape (p, p).
-    blocks
-        Number of these blocks.
     information_scale
         Factor that turns :attr:`matrix` into information. It is below one because errors within a group have common
         causes and because robust weights discard information.
     sandwich_factor
         Mean derivative of the influence function over the mean weight (Huber 1981, asymptotic variance).
+    blocks
+        Number of the blocks.
     """
 
     matrix: FloatArray
     vector: FloatArray
     square: float
     scatter: FloatArray
-    blocks: int = 1
     information_scale: float = 1.0
     sandwich_factor: float = 1.0
+    blocks: int = 1
 
     def centred(self, about: FloatArray) -> NormalEquations:
         """Return the equations with the scatter about the mean score instead of zero.
@@ -66,7 +66,7 @@ class NormalEquations:
             Indices of the parameters, shape (q,).
         """
         block = np.ix_(chosen, chosen)
-        return NormalEquations(self.matrix[block], self.vector[chosen], self.square, self.scatter[block], self.blocks)
+        return replace(self, matrix=self.matrix[block], vector=self.vector[chosen], scatter=self.scatter[block])
 
     def without_last(self, count: int, precision: FloatArray) -> NormalEquations:
         """Return scaled equations with the last parameters integrated out.

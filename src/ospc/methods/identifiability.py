@@ -12,9 +12,6 @@ _SURE, _VAGUE = 0.03, 0.2
 """Standard deviations of ln g(0.75)/g(0.25), or of ln V at the corner, up to which a curve is identifiable and beyond
 which it is not. Errors of 3 % disappear in direct odometry; those of a fifth are as large as what is corrected."""
 
-_SYSTEMATIC = 0.002
-"""Error of ln V common to all pairs, for a radial reach of one half diagonal; it adds up in steps of the reach."""
-
 _EXPLAINED, _CONTRADICTED = 0.15, 0.5
 """Shares of a typical change of exposure that may be missing in the images: beyond the first the exposures are
 doubted, beyond the second the response rests on nothing. Noise alone leaves less than a tenth."""
@@ -123,8 +120,7 @@ def vignette_verdict(
         )
     if fit is None:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
-    # A small error common to all samples adds up on the way from the centre to the corner, in steps of the reach.
-    sigma = float(np.hypot(fit.log_vignette_sigma(np.array([usable_radius]))[0], _SYSTEMATIC / reach))
+    sigma = float(fit.log_vignette_sigma(np.array([usable_radius]))[0])
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
     figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
     return _graded(sigma, figure, _MOVE_RADIALLY)

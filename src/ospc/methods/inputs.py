@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from ospc.arrays import ImageSize
 from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
 
 
@@ -21,7 +22,8 @@ class FitInputs:
     noise
         Noise of single pixels.
     observations
-        All observations with their exposures; None if there are none.
+        All observations with their exposures, their grey levels stretched where black and white are not the ends of
+        the scale; None if there are none.
     fit
         Fit to the observations; None where they do not allow one.
     exposure_range_ms
@@ -32,6 +34,8 @@ class FitInputs:
         Pairs of frames registered.
     usable_radius
         Radius in half diagonals that the usable part of the image reaches: less than 1 in a fisheye's image.
+    grey_range
+        Where black and white are.
     """
 
     size: ImageSize
@@ -43,3 +47,4 @@ class FitInputs:
     standing_still: bool
     pairs: int
     usable_radius: float = 1.0
+    grey_range: GreyRange = FULL_RANGE

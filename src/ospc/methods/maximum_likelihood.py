@@ -29,7 +29,7 @@ from ospc.methods.preview import Preview, preview_of
 from ospc.methods.summary import summarise
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.noise import NoiseModel
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings import DefaultSettings
 
@@ -103,7 +103,7 @@ class MaximumLikelihoodMethod:
         self._response_sigma: float | None = None
         self._pairs = 0
         self._recalled: KeyframeSelectorState | None = None
-        self._inputs: tuple[tuple[int, int, int], FitInputs] | None = None
+        self._inputs: tuple[tuple[int, int, int, GreyRange], FitInputs] | None = None
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Take the next processed frame, and return the change of the camera that it proves, if any."""
@@ -183,19 +183,19 @@ class MaximumLikelihoodMethod:
             usable_radius=self._circle.usable_radius(),
         )
 
-    def inputs(self, exposures: ExposureTable) -> FitInputs:
+    def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs:
         """Return all that was observed, with the exposures as they are known now, and the fit to it.
 
         Asked for again with the same exposures, it is not computed again.
         """
-        key = (self._pairs, len(exposures), exposures.lag_frames)
+        key = (self._pairs, len(exposures), exposures.lag_frames, grey_range)
         if self._inputs is None or self._inputs[0] != key:
-            self._inputs = (key, self._new_inputs(exposures))
+            self._inputs = (key, self._new_inputs(exposures, grey_range))
         return self._inputs[1]
 
-    def _new_inputs(self, exposures: ExposureTable) -> FitInputs:
+    def _new_inputs(self, exposures: ExposureTable, grey_range: GreyRange) -> FitInputs:
         observations = self._observations()
-        exposed = None if observations is None else observations.with_exposures(exposures)
+        exposed = None if observations is None else observations.with_exposures(exposures).stretched(grey_range)
         if exposed is not None and not len(exposed):
             exposed = None
         return FitInputs(
@@ -203,16 +203,17 @@ class MaximumLikelihoodMethod:
             max_grey=self._max_grey,
             noise=self._noise.model(),
             observations=exposed,
-            fit=None if exposed is None else self._fitted(exposed, exposures),
+            fit=None if exposed is None else self._fitted(exposed, exposures, grey_range),
             exposure_range_ms=exposures.range_ms(),
             standing_still=self._standing_still,
             pairs=self._pairs,
             usable_radius=self._circle.usable_radius(),
+            grey_range=grey_range,
         )
 
-    def calibration(self, exposures: ExposureTable) -> Calibration:
+    def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
         """Return the calibration that everything observed amounts to."""
-        return summarise(self.inputs(exposures), self._settings)
+        return summarise(self.inputs(exposures, grey_range), self._settings)
 
     def state(self) -> MaximumLikelihoodState:
         """Return all that was learned; to be taken before the next frame is pushed."""
@@ -323,18 +324,16 @@ class MaximumLikelihoodMethod:
             return observations
         return observations.of_points(np.logical_and.reduceat(seen, observations.starts))
 
-    def _fitted(self, observations: ExposedObservations, exposures: ExposureTable) -> Fit | None:
+    def _fitted(
+        self, observations: ExposedObservations, exposures: ExposureTable, grey_range: GreyRange
+    ) -> Fit | None:
         settings = self._settings
         low, high = exposures.range_ms()
         if len(observations.starts) < settings.min_points or np.log(high / low) < settings.min_log_exposure_change:
             return None
         basis = self._series_basis if self._series_stands_in else self._basis
-        return fit_with_chosen_effects(
-            observations, basis, self._widest_vignette(), self._pixel_noise(), settings.rounds
-        )
-
-    def _pixel_noise(self) -> NoiseModel | None:
-        return None if self._series_stands_in else self._noise.model()
+        noise = None if self._series_stands_in else grey_range.stretched_noise(self._noise.model())
+        return fit_with_chosen_effects(observations, basis, self._widest_vignette(), noise, settings.rounds)
 
     def _widest_vignette(self) -> VignetteBasis:
         if self._standing_still:

@@ -14,6 +14,7 @@ from ospc.methods.change_detection import Change
 from ospc.methods.inputs import FitInputs
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
 
 MIN_SIDE_PX = 32
@@ -82,8 +83,8 @@ class Method(Protocol):
         """How far it has come."""
         ...
 
-    def calibration(self, exposures: ExposureTable) -> Calibration:
-        """Return what is known now; pushing may go on afterwards."""
+    def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
+        """Return what is known now, given where black and white are; pushing may go on afterwards."""
         ...
 
     def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
@@ -99,7 +100,7 @@ class Method(Protocol):
         """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""
         return self
 
-    def inputs(self, exposures: ExposureTable) -> FitInputs | None:
+    def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs | None:
         """Return the evidence that calibrations of several recordings can be merged by; None where it has none."""
         return None
 

@@ -27,6 +27,7 @@ from ospc.methods.method import Method, Progress, check_size
 from ospc.observations import ExposureLookup
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios, Verdict
 from ospc.photometry.geometry import normalised
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
@@ -500,7 +501,7 @@ class PaperMethod(Method):
             None if vignette is None else float(vignette[-1]),
         )
 
-    def calibration(self, exposures: ExposureLookup) -> Calibration:
+    def calibration(self, exposures: ExposureLookup, grey_range: GreyRange = FULL_RANGE) -> Calibration:
         """Return the averages of the accepted estimates; an open window counts only where no full one did."""
         # Closing windows on a copy leaves this object as it was: asking changes nothing.
         closed = copy.copy(self)

@@ -22,7 +22,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     ratios = ExposureRatios.none() if fit is None or observations is None else exposure_ratios(fit, observations)
     reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
     points = 0 if observations is None else len(observations.starts)
-    support = (0.0, 1.0) if observations is None else measured_greys(observations)
+    low, high = inputs.grey_range.grey((0.0, 1.0) if observations is None else measured_greys(observations)).tolist()
     verdicts = {
         "response": response_verdict(settings, fit, inputs.exposure_range_ms, points, ratios),
         "vignette": vignette_verdict(settings, fit, reach, inputs.standing_still, inputs.usable_radius),
@@ -33,7 +33,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     coverage = None if observations is None else coverage_of(observations, fit, inputs.size)
     return Calibration(
         size=inputs.size,
-        response=None if fit is None or not response_known else fit.response(inputs.max_grey, support),
+        response=fit.response(inputs.max_grey, (low, high), inputs.grey_range) if fit and response_known else None,
         vignette=fit.vignette(inputs.size, inputs.usable_radius) if fit is not None and vignette_known else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if fit is not None and vignette_known else None,
@@ -48,7 +48,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             *(() if coverage is None else coverage.gaps(inputs.max_grey)),
         ),
         effects=() if fit is None else fit.effect_estimates,
-        notes=() if fit is None else notes_of(fit),
+        notes=() if fit is None else (*filter(None, [inputs.grey_range.note]), *notes_of(fit)),
         warnings=tuple(what for what, _ in contradictions),
         coverage=coverage,
     )

@@ -121,6 +121,7 @@ def _check_alike(one: Summary, other: Summary) -> None:
     for what, first, second in (
         ("pixels", f"{one.size[0]}×{one.size[1]}", f"{other.size[0]}×{other.size[1]}"),
         ("for white", str(one.max_grey), str(other.max_grey)),
+        ("as the range of grey values", str(one.grey_range), str(other.grey_range)),
     ):
         if first != second:
             raise SettingError(

@@ -67,7 +67,7 @@ def merge(pool: Pool) -> Merged:
     names = sorted(s.name for s in pool.summaries)
     calibration = Calibration(
         size=pool.size,
-        response=fit.response(pool.max_grey, support) if response else None,
+        response=fit.response(pool.max_grey, support, used[0].grey_range) if response else None,
         vignette=fit.vignette(pool.size) if vignette else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if vignette else None,

@@ -12,6 +12,7 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.vignette import LogVignette
 from ospc.pooling.agreement import Difference, agreement, difference_of
@@ -228,7 +229,13 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         support=(0.0, 1.0) if calibration.response is None else calibration.response.support,
         unexplained=0.0,
         noise=calibration.noise or _USUAL_NOISE,
+        grey_range=_grey_range(calibration),
     )
+
+
+def _grey_range(calibration: Calibration) -> GreyRange:
+    model = calibration.response.model if calibration.response is not None else {}
+    return GreyRange(*(float(level) for level in model.get("grey_range", (0.0, 1.0))))
 
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray]:

@@ -26,6 +26,7 @@ from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration_content import LARGEST_GREY
 from ospc.photometry.geometry import image_size
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
 
 RESPONSE = ResponseBasis(32)
@@ -84,6 +85,8 @@ class Summary:
         Share of a typical change of exposure that does not show in the images.
     noise
         Noise of a grey value.
+    grey_range
+        Where black and white are: the response's parameters belong to grey levels between them.
     """
 
     key: str
@@ -103,6 +106,7 @@ class Summary:
     support: tuple[float, float]
     unexplained: float
     noise: NoiseModel
+    grey_range: GreyRange = FULL_RANGE
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not belong to the common models."""
@@ -131,6 +135,7 @@ class Summary:
             and 0 < shortest_ms <= longest_ms <= _LONGEST_MS
             and 0 <= self.reach <= _FARTHEST
             and 0 <= low <= high <= 1
+            and 0 <= self.grey_range.black < self.grey_range.white <= 1
             and abs(self.unexplained) <= _LARGEST
             and all(0 <= variance <= 1 for variance in noise)
             and len(noise) <= LARGEST_GREY
@@ -173,7 +178,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
     if fit is None or observations is None:
         return None
     matrix, vector, estimate = _information(inputs, fit, observations)
-    support = np.quantile(observations.grey, SUPPORT_QUANTILES)
+    support = inputs.grey_range.grey(np.quantile(observations.grey, SUPPORT_QUANTILES))
     return Summary(
         key=_key(first_frames, source),
         name=str(source.get("name", "live")),
@@ -190,6 +195,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         reach=0.0 if inputs.standing_still else observations.radial_reach,
         standing_still=inputs.standing_still,
         support=(float(support[0]), float(support[1])),
+        grey_range=inputs.grey_range,
         unexplained=unexplained_share(exposure_ratios(fit, observations)),
         noise=inputs.noise,
     )
@@ -215,7 +221,7 @@ def _information(
     inputs: FitInputs, fit: Fit, observations: ExposedObservations
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return A, b and the estimate in the common parameters."""
-    noise = None if observations.pixels_averaged.max() <= 1 else inputs.noise
+    noise = None if observations.pixels_averaged.max() <= 1 else inputs.grey_range.stretched_noise(inputs.noise)
     estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise, effects=fit.effects)
     estimate = np.concatenate([_response_in_common(fit), _vignette_in_common(fit)])
     equations = estimator.information(observations, fit, np.concatenate([estimate, fit.effect_parameters]))

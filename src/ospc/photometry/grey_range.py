@@ -1,0 +1,67 @@
+"""The grey values between black and white, where they are not the whole scale: video of limited range, for one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import FloatArray
+from ospc.photometry.noise import NoiseModel
+
+_NOISE_LEVELS = 256
+"""Grey levels at which noise is tabulated when it is stretched: those of 8 bits."""
+
+
+@dataclass(frozen=True)
+class GreyRange:
+    """Where black and white are.
+
+    Attributes
+    ----------
+    black, white
+        Grey levels in [0, 1] at which values pile up; 0 and 1 where they are the ends of the scale.
+    """
+
+    black: float = 0.0
+    white: float = 1.0
+
+    @property
+    def is_full(self) -> bool:
+        """Whether black and white are the ends of the scale."""
+        return self == GreyRange()
+
+    @property
+    def note(self) -> str:
+        """What was found, in a sentence; empty where the range is full."""
+        ends = (("black", self.black, 0.0), ("white", self.white, 1.0))
+        found = [f"{round(255 * level)} of 255 for {name}" for name, level, usual in ends if level != usual]
+        return f"grey values pile up: {' and '.join(found)} is assumed" if found else ""
+
+    def stretched_noise(self, noise: NoiseModel) -> NoiseModel:
+        """Return the noise of stretched grey levels."""
+        if self.is_full:
+            return noise
+        variance = noise.variance(self.grey(np.linspace(0, 1, _NOISE_LEVELS))) / self.span**2
+        return replace(noise, table=tuple(variance.tolist()))
+
+    def level(self, grey: npt.ArrayLike) -> FloatArray:
+        """Return grey levels, stretched, and clipped to [0, 1]."""
+        return np.clip((np.asarray(grey, dtype=np.float64) - self.black) / self.span, 0.0, 1.0)
+
+    def grey(self, level: npt.ArrayLike) -> FloatArray:
+        """Return the grey levels that were stretched to levels."""
+        return np.asarray(self.black + self.span * np.asarray(level, dtype=np.float64))
+
+    @property
+    def span(self) -> float:
+        """White minus black."""
+        return self.white - self.black
+
+
+FULL_RANGE = GreyRange()
+"""Black and white at the ends of the scale."""
+
+VIDEO_RANGE = GreyRange(16 / 255, 235 / 255)
+"""Limited range of video (ITU-R BT.601)."""
