@@ -19,6 +19,7 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
+    MIN_GROUPS,
     PREFERRED_SHARE,
     SIGNIFICANT_SIGMAS,
     SIGNIFICANT_SIGMAS_IN_ALL,
@@ -37,7 +38,7 @@ def fit_with_chosen_effects(
 
     One effect after the other is tried, the clearest first, and kept if it is significant by the scatter of the
     observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. What
-    the effects that are left out may amount to is added to the covariance.
+    the effects that are left out may amount to is added to the covariance. A camera at rest shows none.
 
     Parameters
     ----------
@@ -45,8 +46,10 @@ def fit_with_chosen_effects(
         As for :func:`~ospc.estimation.vignette_choice.fit_with_chosen_vignette`.
     """
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
-    fit, possible = plain, tuple(EFFECTS)
-    plain_trials = trials = tried(observations, fit, noise, possible)
+    if not len(widest):
+        return plain  # of a camera at rest, time, exposure and place of the few frames go together
+    fit, possible = plain, tuple(EFFECTS) if plain.groups >= MIN_GROUPS else ()
+    plain_trials = trials = tried(observations, fit, noise, tuple(EFFECTS))
     while name := _suspected(trials, possible):
         possible = tuple(other for other in possible if other != name)
         effects = fit.effects.and_(name)

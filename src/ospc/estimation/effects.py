@@ -28,6 +28,8 @@ from ospc.settings.estimation import (
     MAX_ADDED_SHARE,
     MIN_EXPOSURE_FACTOR,
     MIN_GAMMA,
+    MOST_ADDED_LIGHT,
+    MOST_OFFSET,
     OFFSET,
     PIXEL_NOISE_STRIDE,
     RESPONSE_DRIFT,
@@ -110,10 +112,12 @@ class Effect:
 
 
 EFFECTS = {
-    "veiling glare": Effect("light", lambda seen: seen.frame_light, *GLARE, least=0.0),
-    "light scattered nearby": Effect("light", lambda seen: seen.light_nearby, *SCATTER, least=0.0),
-    "dark current": Effect("light", lambda seen: seen.dark, *DARK_CURRENT, least=0.0),
-    "exposure offset": Effect("exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET),
+    "veiling glare": Effect("light", lambda seen: seen.frame_light, *GLARE, 0.0, MOST_ADDED_LIGHT),
+    "light scattered nearby": Effect("light", lambda seen: seen.light_nearby, *SCATTER, 0.0, MOST_ADDED_LIGHT),
+    "dark current": Effect("light", lambda seen: seen.dark, *DARK_CURRENT, 0.0, MOST_ADDED_LIGHT),
+    "exposure offset": Effect(
+        "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, -MOST_OFFSET, MOST_OFFSET
+    ),
     "local tone mapping": Effect("log", lambda seen: seen.log_surround_gain, *LOCAL_TONE, most=0.0),
     "curved exposures": Effect("log", lambda seen: np.log(seen.exposure) ** 2, *CURVATURE),
     "drifting response": Effect("log", lambda seen: seen.time * seen.log_grey_gain, *RESPONSE_DRIFT),

@@ -274,7 +274,15 @@ SUSPECTED_SIGMAS = 1.5
 """Standard deviations from which on an effect is fitted with everything else. One step towards it tells little: the
 effect itself adds to the scatter by which it is judged."""
 
-SIGNIFICANT_SIGMAS = 4.0
+MIN_GROUPS = 100
+"""Fewest pairs of frames from which an effect counts: the scatter between fewer is itself uncertain. In halves of a
+real video of 60 frames effects of eight standard deviations came up that the whole does not have."""
+
+MOST_ADDED_LIGHT, MOST_OFFSET = 0.1, 0.3
+"""Largest additional light and offset of the exposures that lenses, sensors and shutters have: more has another
+cause."""
+
+SIGNIFICANT_SIGMAS = 5.0
 """Standard deviations, by chance and by what clean recordings imitate, from which on the fitted effect counts."""
 
 SIGNIFICANT_SIGMAS_IN_ALL = 3.0
