@@ -13,6 +13,7 @@ from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.unevenness import uneven_vignette
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.observations import ExposedObservations
@@ -61,7 +62,8 @@ def fit_with_chosen_effects(
             return _with_estimates(plain, plain_trials, _estimates(wider)[-1:])
         fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, effects)
         trials = tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
-    return _with_estimates(fit, trials, _estimates(fit))
+    uneven = uneven_vignette(fit, observations) if fit.groups >= MIN_GROUPS else ()
+    return _with_estimates(fit, trials, (*_estimates(fit), *uneven))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
+from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE
@@ -117,6 +118,18 @@ class Fit:
             return found
         seen, values = self._seen(observations), self.effect_parameters
         return np.asarray(found - self.effects.log_gain(values, seen) + self.effects.log_added(values, seen))
+
+    def residuals(self, observations: ExposedObservations) -> FloatArray:
+        """Return by how much each observation differs from the mean of its point in ln L, shape (n,).
+
+        It is NaN where the grey level is clipped, or no other of the point is exposed.
+        """
+        log_radiance = self.log_radiance(observations)
+        exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
+        count = np.add.reduceat(exposed.astype(np.float64), observations.starts)
+        total = np.add.reduceat(np.where(exposed, log_radiance, 0.0), observations.starts)
+        mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
+        return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 
     def _seen(self, observations: ExposedObservations) -> Seen:
         index = self.response_basis.index_of(observations.grey)

@@ -9,7 +9,6 @@ from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import QUANTILES, Coverage
 from ospc.photometry.geometry import half_diagonal
-from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 
 _GREYS, _RADII, _MOST_EXPOSURES = 32, 20, 16
 """Classes of grey level, of radius, and at most of ln exposure, in the tables: some pixels of a chart each."""
@@ -46,7 +45,7 @@ def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageS
     )
     if fit is None:
         return Coverage(*counted)
-    residual = _residuals(observations, fit)
+    residual = fit.residuals(observations)
     rows = max(1, round(_COLUMNS * size[1] / size[0]))
     by_place = _quantiles(residual, _place(observations, size, rows), rows * _COLUMNS)
     return Coverage(
@@ -67,16 +66,6 @@ def _exposure_edges(log_exposure: FloatArray) -> FloatArray:
 
 def _counts(first: IntArray, second: IntArray, shape: tuple[int, int]) -> IntArray:
     return np.bincount(first * shape[1] + second, minlength=shape[0] * shape[1]).reshape(shape)
-
-
-def _residuals(observations: ExposedObservations, fit: Fit) -> FloatArray:
-    """Return the residual of each observation; NaN where it is clipped, or alone."""
-    log_radiance = fit.log_radiance(observations)
-    exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
-    count = np.add.reduceat(exposed.astype(np.float64), observations.starts)
-    total = np.add.reduceat(np.where(exposed, log_radiance, 0.0), observations.starts)
-    mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
-    return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 
 
 def _place(observations: ExposedObservations, size: ImageSize, rows: int) -> IntArray:

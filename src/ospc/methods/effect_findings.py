@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.estimation.fit import Fit
+from ospc.estimation.unevenness import UNEVEN
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.verdict import Verdict
 
@@ -25,6 +26,10 @@ _CONTRADICTIONS = {
         "the black level changes in the course of the recording",
         "let the camera warm up, and switch off automatic contrast",
     ),
+    UNEVEN: (
+        "a part of the image is darker or brighter than a smooth vignette would have it, in ln V",
+        "clean lens and sensor, and switch off shading correction",
+    ),
     "drifting vignette": (
         "the vignette changes in the course of the recording",
         "fix zoom, focus and aperture, and switch off shading correction",
@@ -44,7 +49,7 @@ def contradictions_of(fit: Fit) -> tuple[tuple[str, str], ...]:
     found = [estimate for estimate in fit.effect_estimates if estimate.contradicts]
     found.sort(key=lambda estimate: -abs(estimate.value) / estimate.sigma)
     return tuple(
-        (f"{_CONTRADICTIONS[one.name][0]} ({one.value:.2g} ± {one.sigma:.1g})", _CONTRADICTIONS[one.name][1])
+        (f"{_CONTRADICTIONS[one.name][0]}: {one.value:.2g} ± {one.sigma:.1g}", _CONTRADICTIONS[one.name][1])
         for one in found
     )
 
