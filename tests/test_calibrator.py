@@ -44,7 +44,7 @@ class Noting:
     def progress(self):
         return Progress(pairs=len(self.frames))
 
-    def calibration(self, exposures):
+    def calibration(self, exposures, grey_range):
         return Calibration(self.size, max_grey=self.max_grey, counts={"pairs": len(self.frames)})
 
 

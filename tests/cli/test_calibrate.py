@@ -66,7 +66,7 @@ class Method:
     def progress(self):
         return Progress(3, 100, 0.1, 0.2)
 
-    def calibration(self, exposures):
+    def calibration(self, exposures, grey_range):
         happening = type(self).at_the_end
         if isinstance(happening, BaseException):
             raise happening
