@@ -162,11 +162,14 @@ def test_what_cannot_be_told_widens_the_bands() -> None:
 
 @settings(max_examples=30)
 @given(
-    values=st.lists(st.floats(-0.05, 0.05), min_size=len(EFFECTS), max_size=len(EFFECTS)),
+    values=st.lists(st.floats(-0.01, 0.01), min_size=len(EFFECTS), max_size=len(EFFECTS)),
     seed=st.integers(0, 99),
 )
 def test_the_jacobian_is_the_derivative(values: list[float], seed: int) -> None:
-    observations = Disturbed().pairs(seed).where(slice(0, 40))
+    everything = Disturbed().pairs(seed)
+    # In darker places additional light may be limited, where the derivative is not that of the formula.
+    bright = everything.of_points(np.minimum.reduceat(everything.grey, everything.starts) > 0.3)
+    observations = bright.where(slice(0, 40))
     basis = ResponseBasis(32)
     effects = Effects.none_of(observations).and_(*EFFECTS)
     seen = effects.seen(observations, basis, typical_gamma(basis.knots), basis.index_of(observations.grey))
