@@ -116,7 +116,7 @@ MUTATIONS = (
     Mutation(
         "vignette-sign",
         "VignetteBasis.log_value",
-        replaced("return np.asarray(", "return -np.asarray("),
+        replaced("return self._model(", "return -self._model("),
         "predicts brighter corners where the fit says darker ones",
     ),
     Mutation(
