@@ -173,15 +173,29 @@ class PixelStatistics:
         """
         if self._histogram is None:
             return FULL_RANGE
-        share = self._histogram / self._histogram.sum()
-        low, high = (int(end) for end in np.flatnonzero(share)[[0, -1]])
-        black, white = (end / (len(share) - 1) for end in (low, high))
-        black_piles = _PILE_MARGIN < black < _HIGHEST_BLACK and share[low] > _PILE_SHARE
-        white_piles = _LOWEST_WHITE < white < 1 - _PILE_MARGIN and share[high] > _PILE_SHARE
+        last = len(self._histogram) - 1
+        black, white = (end / last for end in np.flatnonzero(self._histogram)[[0, -1]].tolist())
+        black_piles, white_piles = self._piles
         inside = black >= VIDEO_RANGE.black and white <= VIDEO_RANGE.white
         if inside and ((black_piles and black == VIDEO_RANGE.black) or (white_piles and white == VIDEO_RANGE.white)):
             return VIDEO_RANGE
-        return GreyRange(black if black_piles else 0.0, white if white_piles else 1.0)
+        return GreyRange(
+            black if black_piles and black < _HIGHEST_BLACK else 0.0,
+            white if white_piles and white > _LOWEST_WHITE else 1.0,
+        )
+
+    @property
+    def _piles(self) -> tuple[bool, bool]:
+        """Whether many pixels share the lowest and the highest grey value though it is not the end of the scale."""
+        if self._histogram is None:
+            return False, False
+        counts, last = self._histogram, len(self._histogram) - 1
+        low, high = np.flatnonzero(counts)[[0, -1]].tolist()
+        enough = _PILE_SHARE * counts.sum()
+        return (
+            bool(low > _PILE_MARGIN * last and counts[low] > enough),
+            bool(high < (1 - _PILE_MARGIN) * last and counts[high] > enough),
+        )
 
     def report(self) -> PixelReport | None:
         """Return what was gathered; None if no frame was."""
@@ -192,7 +206,6 @@ class PixelStatistics:
         level = np.arange(len(counts)) * (white + 1) // len(counts)
         margin = white // 255
         low, high = (int(end) for end in np.flatnonzero(counts)[[0, -1]])
-        grey_range = self.grey_range
         gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > _MIN_COMB_RANGE else 0.0
         lit, surround = _lit_places(self._brightest)
         return PixelReport(
@@ -206,8 +219,7 @@ class PixelStatistics:
             white,
             (self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
             gaps if gaps >= _COMB_GAPS else 0.0,
-            grey_range.black > 0,
-            grey_range.white < 1,
+            *self._piles,
             lit,
             surround,
         )

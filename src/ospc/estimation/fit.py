@@ -89,15 +89,16 @@ class Fit:
     @property
     def vignette_parameters(self) -> FloatArray:
         """Parameters of the vignette basis, shape (len(vignette_basis),)."""
-        return self.parameters[self._vignette]
+        return self.parameters[self.vignette_part]
 
     @property
     def effect_parameters(self) -> FloatArray:
         """Parameters of the effects, shape (len(effects),)."""
-        return self.parameters[self._vignette.stop :]
+        return self.parameters[self.vignette_part.stop :]
 
     @property
-    def _vignette(self) -> slice:
+    def vignette_part(self) -> slice:
+        """Where the parameters of the vignette are among all."""
         n = len(self.response_basis)
         return slice(n, n + len(self.vignette_basis))
 
@@ -157,8 +158,8 @@ class Fit:
         log_g = np.interp(grey, self.response_basis.grid, self.response_basis.log_of(self.response_parameters))
         table = np.exp(log_g)
         # Below black and above white, too, a response has to increase.
-        table = np.where(grey > 0, table, 0.0) + np.arange(levels) * _SMALLEST_STEP * (not grey_range.is_full)
-        table = np.maximum(table, np.arange(levels) * _SMALLEST_STEP)
+        table, least = np.where(grey > 0, table, 0.0), np.arange(levels) * _SMALLEST_STEP
+        table = np.maximum(table, least) if grey_range.is_full else table + least
         reference = float(grey_range.level(sum(support) / 2))
         return Response.from_values(
             table,
@@ -208,7 +209,7 @@ class Fit:
         return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.chance)))
 
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
-        part = self._vignette
+        part = self.vignette_part
         rows = self.vignette_basis.jacobian(self.vignette_parameters, _along_diagonals(radius))
         variance = np.einsum("ij,jk,ik->i", rows, covariance[part, part], rows)
         return np.asarray(variance.reshape(len(_DIAGONALS), -1).mean(axis=0))

@@ -67,7 +67,7 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
 
 def supported(fit: Fit, last: int) -> bool:
     """Return whether the last ``last`` parameters of the vignette meet the criterion of Schwarz (1978)."""
-    end = len(fit.response_basis) + len(fit.vignette_basis)
+    end = fit.vignette_part.stop
     part = slice(end - last, end)
     value = fit.parameters[part]
     covariance = fit.chance[part, part] + ASYMMETRY_SIGMA**2 * np.eye(last)

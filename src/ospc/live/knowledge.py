@@ -9,7 +9,6 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.estimation.prior import Prior
 from ospc.methods.preview import Preview
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
@@ -149,8 +148,8 @@ def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[flo
 def _covariance(fit: Fit, some: ExposedObservations, step: int) -> tuple[FloatArray, float]:
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis)
     equations = estimator.information(some, fit, fit.parameters)
-    prior = Prior(fit.response_basis.knots, fit.response_parameters, fit.vignette_basis.prior_sigma)
-    information = step * equations.information_scale * equations.matrix + prior.precision(fit.hyperparameters)
+    prior = estimator.prior(fit.parameters).precision(fit.hyperparameters)
+    information = step * equations.information_scale * equations.matrix + prior
     return np.asarray(np.linalg.inv(information), dtype=np.float64), equations.information_scale
 
 

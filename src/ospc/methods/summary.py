@@ -92,6 +92,6 @@ def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[st
         names = [f"gamma({knot:.4f})" for knot in fit.response_basis.knots]
         found["response"] = {"parameters": names, "matrix": fit.covariance[:n, :n].tolist()}
     if vignette:
-        part = slice(n, n + len(fit.vignette_basis))
+        part = fit.vignette_part
         found["vignette"] = {"parameters": fit.vignette_basis.names, "matrix": fit.covariance[part, part].tolist()}
     return found
