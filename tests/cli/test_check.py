@@ -45,7 +45,7 @@ def test_json_is_one_object_and_the_picture_beside_it(late: Path, tmp_path: Path
 
 
 def test_text_has_every_verdict_and_what_to_do(late: Path) -> None:
-    result = check(late, "--frames", 50)
+    result = check(late, "--frames", FRAMES)
     assert result.exit_code == 0
     words = " ".join(result.stdout.split())
     for part in (

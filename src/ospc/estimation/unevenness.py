@@ -11,9 +11,8 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.settings.estimation import (
     GROUPS_PER_BLOCK,
-    UNEVEN_CELLS,
     UNEVEN_FEWEST,
-    UNEVEN_RMS_SIGMAS,
+    UNEVEN_GRIDS,
     UNEVEN_SIGMAS,
     UNEVEN_SYSTEMATIC,
     WEIGHT_CUT_SIGMAS,
@@ -42,23 +41,26 @@ def uneven_vignette(fit: Fit, observations: ExposedObservations) -> tuple[Effect
         return ()
     limit = WEIGHT_CUT_SIGMAS * robust_scale(residual[known])
     residual = np.clip(residual, -limit, limit)
-    cell = _cell(observations)
-    parts = range(UNEVEN_CELLS[0] * UNEVEN_CELLS[1])
-    found = [_mean(residual, observations, known & (cell == part)) for part in parts]
-    mean, sigma = np.array([one for one in found if one is not None]).reshape(-1, 2).T
-    sigmas = np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)
-    if not len(sigmas) or np.sqrt(np.mean(sigmas**2)) < UNEVEN_RMS_SIGMAS or sigmas.max() < UNEVEN_SIGMAS:
+    found = [part for across, down in UNEVEN_GRIDS for part in _parts(residual, observations, known, across, down)]
+    if not found:
         return ()
+    mean, sigma = np.array(found).T
+    sigmas = np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)
     worst = int(np.argmax(sigmas))
+    if sigmas[worst] < UNEVEN_SIGMAS:
+        return ()
     return (EffectEstimate(UNEVEN, 2 * float(mean[worst]), 2 * float(sigma[worst]), contradicts=True),)
 
 
-def _cell(observations: ExposedObservations) -> FloatArray:
-    """Return the number of the part of the image that each observation is in, shape (n,)."""
-    across, down = UNEVEN_CELLS
+def _parts(
+    residual: FloatArray, observations: ExposedObservations, known: BoolArray, across: int, down: int
+) -> list[tuple[float, float]]:
+    """Return the mean residual in each part of the image that has enough of them, with its standard deviation."""
     extent = np.abs(observations.position).max(axis=0)
     place = np.clip((observations.position / extent + 1) / 2 * (across, down), 0, np.array([across, down]) - 1)
-    return np.asarray(place.astype(np.int64) @ [1, across])
+    part = place.astype(np.int64) @ [1, across]
+    found = (_mean(residual, observations, known & (part == number)) for number in range(across * down))
+    return [one for one in found if one is not None]
 
 
 def _mean(residual: FloatArray, observations: ExposedObservations, inside: BoolArray) -> tuple[float, float] | None:
