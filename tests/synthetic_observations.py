@@ -71,6 +71,7 @@ class Camera:
         return ExposedObservations(
             grey=np.clip(noisy, 0, 1)[exposed].ravel(),
             log_exposure=log_exposure[exposed].ravel(),
+            log_exposure_rate=np.zeros(2 * exposed.sum()),
             position=place[exposed].reshape(-1, 2),
             gradient=gradient[exposed].ravel(),
             pixels_averaged=np.full(2 * exposed.sum(), 28.0),

@@ -228,8 +228,11 @@ class Observations:
     def with_exposures(self, exposures: ExposureLookup) -> ExposedObservations:
         """Return the observations with the exposure of their frames; points with an unknown exposure are left out."""
         log_exposure = exposures.log_exposure_of(self.frame)
+        before, after = (exposures.log_exposure_of(self.frame + step) for step in (-1, 1))
         own = {f.name: getattr(self, f.name) for f in fields(Observations)}
-        found = ExposedObservations(**own, log_exposure=log_exposure)
+        found = ExposedObservations(
+            **own, log_exposure=log_exposure, log_exposure_rate=np.nan_to_num((after - before) / 2)
+        )
         known = np.isfinite(log_exposure)
         if known.all():
             return found
@@ -244,9 +247,13 @@ class ExposedObservations(Observations):
     ----------
     log_exposure
         ln of the frame's exposure in milliseconds, shape (n,).
+    log_exposure_rate
+        By how much it rises per frame, from the frame before to the one after; 0 where one of these is unknown,
+        shape (n,). Exposures that are late by a part of a frame are noticed by it.
     """
 
     log_exposure: FloatArray
+    log_exposure_rate: FloatArray
 
     def stretched(self, grey_range: GreyRange) -> ExposedObservations:
         """Return the points between black and white, with black at grey level 0 and white at 1."""

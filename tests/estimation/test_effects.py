@@ -33,6 +33,7 @@ class Disturbed:
     scatter: float = 0.0
     dark: float = 0.0
     offset: float = 0.0
+    late: float = 0.0
     power_of_logarithm: float = 0.0
     tone: float = 0.0
     gamma_drift: float = 0.0
@@ -47,7 +48,8 @@ class Disturbed:
         group = np.repeat(np.arange(FRAMES), POINTS)
         time = (2 * group / (FRAMES - 1) - 1)[:, None]
         true_ms = TYPICAL_MS * np.exp(random.uniform(-1, 1, (FRAMES, 2)))[group]
-        stated_ms = true_ms - self.offset * TYPICAL_MS
+        rate = random.normal(0, 0.1, (FRAMES, 2))[group]
+        stated_ms = true_ms * np.exp(-self.late * rate) - self.offset * TYPICAL_MS
         stretched = np.log(stated_ms / TYPICAL_MS)
         stated_ms = TYPICAL_MS * np.exp(stretched - self.power_of_logarithm * stretched**2)
         radiance = np.exp(random.normal(-1.5, 0.9, n))[:, None] / TYPICAL_MS
@@ -80,6 +82,7 @@ class Disturbed:
             point=np.repeat(np.arange(exposed.sum()), 2),
             group=both(group[:, None]),
             log_exposure=both(np.log(stated_ms)),
+            log_exposure_rate=both(rate),
         )
 
     def fit(self, seed: int = 0) -> Fit:
@@ -116,6 +119,7 @@ def test_a_camera_without_effects_has_none(seed: int) -> None:
         (Disturbed(dark=0.02), "dark current", 0.02),
         (Disturbed(offset=0.05), "exposure offset", 0.05),
         (Disturbed(offset=-0.05), "exposure offset", -0.05),
+        (Disturbed(late=0.4), "late exposures", 0.4),
     ],
 )
 def test_an_effect_of_a_camera_is_measured_and_corrected(camera: Disturbed, name: str, value: float) -> None:

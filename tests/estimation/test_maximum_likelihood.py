@@ -94,6 +94,7 @@ def test_points_seen_many_times_are_used_as_a_whole():
     made = ExposedObservations(
         grey=np.clip(grey + random.normal(0, 0.003, grey.shape), 0, 1).ravel(),
         log_exposure=np.tile(log_exposure, n),
+        log_exposure_rate=np.zeros(4 * n),
         position=place.reshape(-1, 2),
         gradient=np.zeros(4 * n),
         pixels_averaged=np.ones(4 * n),
@@ -288,6 +289,7 @@ def nasty_observations(draw):
     return ExposedObservations(
         grey=grey,
         log_exposure=exposures.astype(float),
+        log_exposure_rate=np.zeros(len(exposures)),
         position=random.uniform(-0.7, 0.7, (n, 2)) * draw(st.sampled_from([0.0, 1e-6, 1.0])),
         gradient=random.choice(draw(st.lists(st.floats(0, 0.1), min_size=1, max_size=3)), n).astype(float),
         pixels_averaged=np.ones(n),

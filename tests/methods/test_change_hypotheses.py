@@ -80,6 +80,7 @@ class Film:
             observations = ExposedObservations(
                 grey=grey[seen].ravel(),
                 log_exposure=np.tile(np.log(10) + stated[[frame, later]], count),
+                log_exposure_rate=np.zeros(2 * count),
                 position=places[seen].reshape(-1, 2),
                 gradient=np.zeros(2 * count),
                 pixels_averaged=np.full(2 * count, 28.0),

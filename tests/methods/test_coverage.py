@@ -22,6 +22,7 @@ def observations(points: int = 4000, seed: int = 0) -> ExposedObservations:
     return ExposedObservations(
         grey=random.random(n),
         log_exposure=np.log(np.tile([2.0, 8.0], points)),
+        log_exposure_rate=np.zeros(2 * points),
         position=random.uniform(-0.55, 0.55, (n, 2)),
         gradient=np.zeros(n),
         pixels_averaged=np.ones(n),

@@ -24,11 +24,13 @@ from ospc.settings.estimation import (
     DARKEST_GREY,
     DARKEST_IRRADIANCE,
     GLARE,
+    LATENESS,
     LOCAL_TONE,
     MAX_ADDED_SHARE,
     MIN_EXPOSURE_FACTOR,
     MIN_GAMMA,
     MOST_ADDED_LIGHT,
+    MOST_LATE_FRAMES,
     MOST_OFFSET,
     OFFSET,
     PIXEL_NOISE_STRIDE,
@@ -66,6 +68,8 @@ class Seen:
         From -1 for the first to 1 for the last group, shape (n,).
     squared_radius
         R², in half diagonals, shape (n,).
+    log_exposure_rate
+        As of observations, shape (n,).
     """
 
     exposure: FloatArray
@@ -78,6 +82,7 @@ class Seen:
     log_surround_gain: FloatArray
     time: FloatArray
     squared_radius: FloatArray
+    log_exposure_rate: FloatArray
 
 
 @dataclass(frozen=True)
@@ -118,6 +123,9 @@ EFFECTS = {
     "exposure offset": Effect(
         "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, -MOST_OFFSET, MOST_OFFSET
     ),
+    "late exposures": Effect(
+        "log", lambda seen: seen.log_exposure_rate, *LATENESS, -MOST_LATE_FRAMES, MOST_LATE_FRAMES
+    ),
     "local tone mapping": Effect("log", lambda seen: seen.log_surround_gain, *LOCAL_TONE, most=0.0),
     "curved exposures": Effect("log", lambda seen: np.log(seen.exposure) ** 2, *CURVATURE),
     "drifting response": Effect("log", lambda seen: seen.time * seen.log_grey_gain, *RESPONSE_DRIFT),
@@ -126,7 +134,7 @@ EFFECTS = {
 }
 """All effects by their names."""
 
-CORRECTED = ("veiling glare", "light scattered nearby", "dark current", "exposure offset")
+CORRECTED = ("veiling glare", "light scattered nearby", "dark current", "exposure offset", "late exposures")
 """Effects that real cameras have. Those that the observations show are taken out of the result."""
 
 CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
@@ -232,6 +240,7 @@ class Effects:
             gamma * np.log(np.maximum(mean_around, DARKEST_GREY)),
             2 * (observations.group - first) / max(last - first, 1) - 1,
             np.sum(observations.position**2, axis=1),
+            observations.log_exposure_rate,
         )
 
     def without_typical_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:

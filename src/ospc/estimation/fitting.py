@@ -92,7 +92,8 @@ class _Exposures:
         return cls(np.log(values))
 
     def log_exposure_of(self, frames: IntArray) -> FloatArray:
-        return np.asarray(self.log_exposure[frames])
+        beside = np.pad(self.log_exposure, 1, constant_values=np.nan)
+        return np.asarray(beside[frames + 1])
 
 
 def _check_observable(observations: ExposedObservations, settings: DefaultSettings, vignette: bool) -> None:

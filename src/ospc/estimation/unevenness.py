@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtri, stdtr
 
-from ospc.arrays import BoolArray, FloatArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.fit import Fit
 from ospc.estimation.robust import robust_scale
 from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.settings.estimation import (
-    GROUPS_PER_BLOCK,
+    UNEVEN_CELLS,
     UNEVEN_FEWEST,
-    UNEVEN_GRIDS,
+    UNEVEN_FEWEST_BLOCKS,
+    UNEVEN_GROUPS_PER_BLOCK,
     UNEVEN_SIGMAS,
     UNEVEN_SYSTEMATIC,
     WEIGHT_CUT_SIGMAS,
@@ -41,34 +43,36 @@ def uneven_vignette(fit: Fit, observations: ExposedObservations) -> tuple[Effect
         return ()
     limit = WEIGHT_CUT_SIGMAS * robust_scale(residual[known])
     residual = np.clip(residual, -limit, limit)
-    found = [part for across, down in UNEVEN_GRIDS for part in _parts(residual, observations, known, across, down)]
+    part = _part(observations)
+    means = (_mean(residual, observations, known & (part == number)) for number in range(np.prod(UNEVEN_CELLS)))
+    found = [one for one in means if one is not None]
     if not found:
         return ()
-    mean, sigma = np.array(found).T
-    sigmas = np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)
+    mean, sigma, freedom = np.array(found).T
+    # The scatter between few blocks is itself uncertain: the normal deviate that is as improbable is smaller.
+    sigmas = -ndtri(stdtr(freedom, -np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)))
     worst = int(np.argmax(sigmas))
     if sigmas[worst] < UNEVEN_SIGMAS:
         return ()
     return (EffectEstimate(UNEVEN, 2 * float(mean[worst]), 2 * float(sigma[worst]), contradicts=True),)
 
 
-def _parts(
-    residual: FloatArray, observations: ExposedObservations, known: BoolArray, across: int, down: int
-) -> list[tuple[float, float]]:
-    """Return the mean residual in each part of the image that has enough of them, with its standard deviation."""
+def _part(observations: ExposedObservations) -> IntArray:
+    """Return the number of the part of the image that each observation is in, shape (n,)."""
     extent = np.abs(observations.position).max(axis=0)
-    place = np.clip((observations.position / extent + 1) / 2 * (across, down), 0, np.array([across, down]) - 1)
-    part = place.astype(np.int64) @ [1, across]
-    found = (_mean(residual, observations, known & (part == number)) for number in range(across * down))
-    return [one for one in found if one is not None]
+    place = np.clip((observations.position / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
+    return np.asarray(place.astype(np.int64) @ [1, UNEVEN_CELLS[0]])
 
 
-def _mean(residual: FloatArray, observations: ExposedObservations, inside: BoolArray) -> tuple[float, float] | None:
-    """Return the mean residual and its standard deviation by the scatter between blocks of groups, or nothing."""
-    _, block = np.unique(observations.group[inside] // GROUPS_PER_BLOCK, return_inverse=True)
-    count = np.bincount(block)
-    if count.sum() < UNEVEN_FEWEST or len(count) < 2:
+def _mean(
+    residual: FloatArray, observations: ExposedObservations, inside: BoolArray
+) -> tuple[float, float, float] | None:
+    """Return the mean residual, its standard deviation by the scatter between blocks, and the degrees of freedom."""
+    _, block = np.unique(observations.group[inside] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
+    count = np.bincount(block).astype(np.float64)
+    if count.sum() < UNEVEN_FEWEST or len(count) < UNEVEN_FEWEST_BLOCKS:
         return None
     mean = residual[inside].mean()
     deviation = np.bincount(block, residual[inside] - mean)
-    return float(mean), float(np.sqrt(np.sum(deviation**2) * len(count) / (len(count) - 1)) / count.sum())
+    sigma = np.sqrt(np.sum(deviation**2) * len(count) / (len(count) - 1)) / count.sum()
+    return float(mean), float(sigma), float(count.sum() ** 2 / np.sum(count**2) - 1)

@@ -70,6 +70,9 @@ def _corrected(found: EffectEstimate, typical_ms: float) -> str:
         return f"{share} of the light is scattered around its place; that is taken into account"
     if found.name == "dark current":
         return f"a dark signal of {share} of white at {typical_ms:.3g} ms was found and is taken into account"
+    if found.name == "late exposures":
+        when, lag = ("late" if found.value > 0 else "early"), f"{abs(found.value):.2f} ± {found.sigma:.1g}"
+        return f"exposures are {when} by {lag} of a frame; that is taken into account"
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
     too = "short" if found.value > 0 else "long"
     return f"all exposures are too {too} by {offset}; that is taken into account"

@@ -8,7 +8,7 @@ from ospc.estimation.fit import Fit
 from ospc.photometry.calibration import ExposureRatios, Verdict
 from ospc.settings import DefaultSettings
 
-_SURE_RESPONSE, _SURE_VIGNETTE = 0.015, 0.02
+_SURE_RESPONSE, _SURE_VIGNETTE = 0.015, 0.025
 """Standard deviations of ln g(0.75)/g(0.25), and of ln V at the corner, up to which a curve is identifiable: typical
 errors are then below half a per cent, of κ and of V over the image. With 0.03 for both, every second fault of images
 that makes registration worse left a response that was called identifiable and was wrong by more."""
@@ -85,9 +85,7 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
     sigma = fit.log_response_step_sigma(0.25, 0.75)
     low, high = exposure_range_ms
     figure = f"ln g(0.75)/g(0.25) is known to ±{sigma:.2g} from exposures of {low:.4g} to {high:.4g} ms, "
-    figure += (
-        "taken as proportional to the light"  # a power of all of them would be one of g and V
-    )
+    figure += "taken as proportional to the light"  # a power of all of them would be one of g and V
     contradiction = f"{unexplained:.0%} of a typical change of exposure does not show in the images"
     check_exposures = "check that each exposure belongs to its frame, and switch off gain control and tone mapping"
     if unexplained > _CONTRADICTED:

@@ -243,6 +243,13 @@ DARK_CURRENT = (0.03, 0.001)
 OFFSET = (0.1, 0.001)
 """Constant error of all exposures, as a share of a typical one."""
 
+LATENESS = (0.3, 0.01)
+"""Frames by which all exposures are late, after those of a whole number have been moved: stamped, interpolated or
+averaged exposures are."""
+
+MOST_LATE_FRAMES = 1.0
+"""Largest of these: more is moved by whole frames."""
+
 LOCAL_TONE = (0.1, 0.001)
 """Exponent by which bright surroundings darken a place. Tone mapping that people notice has -0.1 or more."""
 
@@ -285,7 +292,7 @@ cause."""
 SIGNIFICANT_SIGMAS = 5.0
 """Standard deviations, by chance and by what clean recordings imitate, from which on the fitted effect counts."""
 
-SIGNIFICANT_SIGMAS_IN_ALL = 2.5
+SIGNIFICANT_SIGMAS_IN_ALL = 3.0
 """The same with what halves of the observations disagree on."""
 
 PREFERRED_SHARE = 0.9
@@ -294,15 +301,23 @@ offset of the exposures is also a curvature of their logarithm."""
 
 # Whether the vignette is smooth (ospc.estimation.unevenness)
 
-UNEVEN_GRIDS = ((8, 6), (16, 12))
-"""Parts of the image, across and down, that are compared: about square, as large as a smudge and as dirt."""
+UNEVEN_CELLS = (16, 12)
+"""Parts of the image, across and down, that are compared: about square, and as large as dirt."""
 
 UNEVEN_FEWEST = 60
 """Fewest observations in a part that is judged."""
 
+UNEVEN_FEWEST_BLOCKS = 3
+"""Fewest blocks of pairs that have some: of two, the scatter is hardly known."""
+
 UNEVEN_SYSTEMATIC = 3e-4
 """Standard deviation of ln L that errors common to all pairs add to the mean of a part."""
 
-UNEVEN_SIGMAS = 5.5
-"""Mean of a part, in standard deviations, from which on the vignette is uneven. In 47 clean simulated recordings 4.7
-was the largest of all parts; in five with smudges of some per cent, 7.2 or more."""
+UNEVEN_GROUPS_PER_BLOCK = 3
+"""Most consecutive pairs whose residuals in a part are added before their scatter is measured: a part is seen for a
+moment only, and more would leave too few blocks."""
+
+UNEVEN_SIGMAS = 4.5
+"""Normal deviate of the mean of a part from which on the vignette is uneven. In 45 clean simulated recordings, each
+whole and cut to three and six tenths, 4.0 was the largest of all parts; in five with smudges of some per cent, 5.0 or
+more."""
