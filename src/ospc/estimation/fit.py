@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.estimation.effects import Effects, Seen
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.prior import PriorHyperparameters
@@ -111,6 +111,24 @@ class Fit:
         if not len(self.effects):
             return without_vignette
         return without_vignette - self.effects.log_added(self.effect_parameters, self._seen(observations))
+
+    def log_irradiance_rows(self, observations: ExposedObservations, chosen: IntArray) -> FloatArray:
+        """Return the derivative of :meth:`log_irradiance` of some observations by the parameters of both curves.
+
+        Parameters
+        ----------
+        observations
+            n observations.
+        chosen
+            Indices of some of them, shape (m,).
+
+        Returns
+        -------
+        FloatArray
+            Shape (m, len(response_basis) + len(vignette_basis)).
+        """
+        by_vignette = self.vignette_basis.jacobian(self.vignette_parameters, observations.position[chosen])
+        return np.hstack([self.response_basis.log_rows(observations.grey[chosen]), -by_vignette])
 
     def log_radiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln L of observations, by their exposures, shape (n,)."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit, measured_greys
+from ospc.estimation.robust import robust_scale
 from ospc.methods.coverage import coverage_of
 from ospc.methods.effect_findings import contradictions_of, judged, notes_of
 from ospc.methods.identifiability import response_verdict, vignette_verdict
@@ -14,6 +15,7 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.settings import DefaultSettings
+from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 
 
 def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
@@ -62,7 +64,7 @@ def vignette_sigma(fit: Fit) -> FloatArray:
 
 
 def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:
-    """Return the exposure ratio of every pair of frames: the median over its scene points."""
+    """Return the exposure ratio of every pair of frames: the median over its scene points, and how sure it is."""
     log_irradiance = fit.log_irradiance(observations)
     exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
     # Each observation against the one before of the same point: a pair, or neighbours in a static series.
@@ -76,12 +78,31 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     member = member.reshape(-1)
     order = np.argsort(member, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(member))[:-1])
+    estimated = np.array([np.median(observed[g]) for g in groups])
+    spread = np.array([robust_scale(observed[g] - middle) for g, middle in zip(groups, estimated, strict=True)])
     return ExposureRatios(
         pairs,
         np.exp([metadata[g[0]] for g in groups]),
-        np.exp([np.median(observed[g]) for g in groups]),
+        np.exp(estimated),
         np.array([len(g) for g in groups], dtype=np.int64),
+        np.hypot(_sigma_of_medians(spread, groups), [_sigma_by_curves(fit, observations, later[g]) for g in groups]),
     )
+
+
+def _sigma_of_medians(spread: FloatArray, groups: list[IntArray]) -> FloatArray:
+    """Return the standard deviation of the median of each group of points by their scatter, shape (groups,)."""
+    count = np.array([len(g) for g in groups])
+    typical = float(np.median(np.repeat(spread, count)))
+    wrong = spread > MISREGISTERED_SPREAD * typical
+    return np.where(wrong, MISREGISTERED_SIGMAS * spread, np.sqrt(np.pi / 2 / count) * spread)
+
+
+def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray) -> float:
+    """Return what the uncertainty of the curves makes of ln k of one pair of frames."""
+    rows = fit.log_irradiance_rows(observations, later - 1) - fit.log_irradiance_rows(observations, later)
+    mean = rows.mean(axis=0)
+    n = len(mean)
+    return float(np.sqrt(mean @ fit.covariance[:n, :n] @ mean))
 
 
 def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[str, object]]:

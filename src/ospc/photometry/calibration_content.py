@@ -64,6 +64,7 @@ def to_dict(calibration: Calibration) -> dict[str, Any]:
             "metadata": ratios.metadata.tolist(),
             "estimated": ratios.estimated.tolist(),
             "samples": ratios.samples.tolist(),
+            "log_sigma": None if ratios.log_sigma is None else ratios.log_sigma.tolist(),
             "bias": None if not ratios.metadata.size else ratios.bias,
         },
         "covariance": calibration.covariance,
@@ -226,7 +227,8 @@ def _ratios(content: dict[str, Any]) -> ExposureRatios:
         _array(content[name], name, (pairs,), low=_SMALLEST_RATIO) for name in ("metadata", "estimated")
     )
     samples = _array(content["samples"], "samples", (pairs,))
-    return ExposureRatios(frames.astype(np.int64), metadata, estimated, samples.astype(np.int64))
+    log_sigma = None if content["log_sigma"] is None else _array(content["log_sigma"], "log_sigma", (pairs,))
+    return ExposureRatios(frames.astype(np.int64), metadata, estimated, samples.astype(np.int64), log_sigma)
 
 
 def _covariance(content: dict[str, Any]) -> dict[str, Any]:

@@ -24,12 +24,15 @@ class ExposureRatios:
         k from grey values, response and vignette, shape (pairs,).
     samples
         Number of correspondences behind each estimate, shape (pairs,).
+    log_sigma
+        Standard deviation of ln of each estimate, shape (pairs,); None where the method does not tell.
     """
 
     frames: npt.NDArray[np.int64]
     metadata: FloatArray
     estimated: FloatArray
     samples: npt.NDArray[np.int64]
+    log_sigma: FloatArray | None = None
 
     @classmethod
     def none(cls) -> ExposureRatios:

@@ -321,3 +321,12 @@ UNEVEN_SIGMAS = 4.5
 """Normal deviate of the mean of a part from which on the vignette is uneven. In 45 clean simulated recordings, each
 whole and cut to three and six tenths, 4.0 was the largest of all parts; in five with smudges of some per cent, 5.0 or
 more."""
+
+# How sure exposure ratios are (ospc.methods.summary)
+
+MISREGISTERED_SPREAD = 3.0
+"""Scatter of a pair's points, over that of typical ones, from which on the frames were not registered: of such pairs
+two thirds are wrong by more than a tenth. No effect from 2 to 6."""
+
+MISREGISTERED_SIGMAS = 2.0
+"""Their standard deviation over that scatter: the points are wrong alike, so that their number does not help."""

@@ -1,0 +1,39 @@
+"""Exposure ratios of pairs of frames, and how sure they are."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.methods.summary import exposure_ratios
+from ospc.photometry.response import Response
+from synthetic_observations import Camera
+
+CAMERA = Camera(Response.gamma(2.2, 256), outliers=0.01)
+
+
+def ratios_of_other_pairs(seed: int):
+    """Fit one set of pairs, and return the exposure ratios of another that the same camera saw."""
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(3), None)
+    fit = estimator.fit(CAMERA.pairs(2 * seed))
+    return fit, exposure_ratios(fit, CAMERA.pairs(2 * seed + 1))
+
+
+def test_stated_deviations_hold_for_pairs_that_were_not_used():
+    found = [ratios_of_other_pairs(seed)[1] for seed in range(8)]
+    sigmas = np.abs(np.concatenate([one.log_residual / one.log_sigma for one in found]))
+    assert 0.6 < np.mean(sigmas < 1) < 0.85
+    assert np.mean(sigmas < 2) > 0.92
+
+
+def test_a_pair_whose_points_disagree_is_not_known_the_better_for_being_many():
+    fit, right = ratios_of_other_pairs(0)
+    seen = CAMERA.pairs(1)
+    chosen = np.flatnonzero(seen.group == 20)
+    grey = seen.grey.copy()
+    grey[chosen[1::2]] = np.random.default_rng(0).permutation(grey[chosen[1::2]])
+    wrong = exposure_ratios(fit, replace(seen, grey=grey))
+    assert wrong.log_sigma[20] > 20 * right.log_sigma[20]
+    np.testing.assert_allclose(np.delete(wrong.log_sigma, 20), np.delete(right.log_sigma, 20))
