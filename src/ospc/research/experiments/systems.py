@@ -16,7 +16,9 @@ from ospc.recording.frame import Frame
 from ospc.research.accuracy.chart_photographs import CHANNELS, ILLUMINANTS, read_series
 from ospc.research.accuracy.charts import FOLDER as CHARTS
 from ospc.research.accuracy.charts import ChartSource, chart_sources
-from ospc.research.accuracy.design import select
+from ospc.research.accuracy.design import VIGNETTES, select
+from ospc.research.accuracy.measured_responses import FILE as DATABASE
+from ospc.research.accuracy.measured_responses import read_database
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
 from ospc.research.experiments.colour import ColourSource
@@ -36,10 +38,14 @@ from ospc.research.rivals.mo_2019 import Mo
 from ospc.research.rivals.quenzel_2018 import Quenzel
 from ospc.research.source import MeasuringTask, Methods, SimulatedSource, Source
 from ospc.settings import PaperSettings, preset
+from ospc.simulation.responses import RESPONSES, make_response
 
 _GREEN = CHANNELS.index("green")
 _EXPOSURES, _UNKNOWN, _REST = "exposures", "moving camera", "exposures, camera at rest"
 _BOTH, _ALL = "response, vignette", "response, vignette, exposures"
+
+_SEED = 5000
+"""Seed of the recordings; no weight of a rival was chosen on these."""
 
 _Make = Callable[[Response | None], Method]
 
@@ -186,7 +192,7 @@ class ChartInColour(ChartSource):
 
 def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:
     """Return simulated recordings, and of a folder of real data the video and the green channels of the charts."""
-    found: list[Source] = [*stand_ins(count, frames, size, data)]
+    found: list[Source] = [*_own_cameras(count, frames, size, data)] if count else []
     if data is not None and (data / VIDEO).is_dir():
         found.append(VideoSource(VIDEO, data / VIDEO))
     if data is not None and (data / CHARTS).is_dir():
@@ -194,10 +200,29 @@ def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) 
     return found
 
 
+def _own_cameras(count: int, frames: int, size: ImageSize, data: Path | None) -> list[SimulatedSource]:
+    """Return stand-ins, each with a response and a vignette of its own: a prior may suit one camera by chance."""
+    random = np.random.default_rng(_SEED)
+    if data is not None and (data / DATABASE).is_file():
+        curves = {f"measured{number}": curve for number, curve in enumerate(read_database(data / DATABASE))}
+    else:
+        curves = {name: make_response(name) for name in RESPONSES}
+    names = random.choice(list(curves), count, replace=len(curves) < count).tolist()
+    recordings = stand_ins(count, frames, size, data, seed=_SEED)
+    found = []
+    for number, (source, name) in enumerate(zip(recordings, names, strict=True)):
+        vignette, (model, coefficients) = list(VIGNETTES.items())[number % len(VIGNETTES)]
+        settings = replace(source.settings, response=curves[name], vignette=model)
+        if coefficients:
+            settings = replace(settings, vignette_coefficients=coefficients)
+        found.append(replace(source, settings=settings, factors={"response": name, "vignette": vignette}))
+    return found
+
+
 def in_colour(source: Source) -> Source:
     """Return the same recording with frames in colour, where it has colours."""
     if isinstance(source, SimulatedSource):
-        return ColourSource(source.name, source.settings, group=source.group)
+        return ColourSource(source.name, source.settings, group=source.group, factors=source.factors)
     if isinstance(source, ChartSource):
         return ChartInColour(source.name, source.folder, source.channel, group=source.group, factors=source.factors)
     return source
