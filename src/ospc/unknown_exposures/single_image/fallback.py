@@ -23,8 +23,10 @@ from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel
 from ospc.recording.decoding import decode_stored
+from ospc.recording.frame import size_of
 from ospc.recording.image_source import MAX_FILE_BYTES, is_image_name
 from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.pixel_layout import detect_bit_depth
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
 from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
@@ -48,8 +50,11 @@ _USUAL_VIGNETTE, _OWN_SHARE = (-0.2, -0.1, -0.05), 0.2
 """v₁, v₂, v₃ of a usual vignette, and share of the estimate against it: errors are smallest so on simulated
 photographs."""
 
-_BRIGHTEST = 250
-"""Grey level from which a pixel may be clipped."""
+_DARKEST, _BRIGHTEST = 2, 250
+"""Grey levels outside of which a pixel may be clipped."""
+
+_SMALLEST_PX = 32
+"""Width and height that an image needs: with less, neither edges nor rings show."""
 
 _REMEDY = "record a video whose exposure changes and is known: 'ospc check' says what it takes"
 
@@ -70,7 +75,7 @@ def single_images(path: str | Path, kind: str | None = None, options: ReadingOpt
         return [decode_stored(data, str(place), Channel.ALL).pixels]
     recording = open_recording(place, kind, replace(options, unknown_exposures=True, channel=Channel.ALL))
     wanted = set(np.linspace(0, len(recording) - 1, MOST_IMAGES).astype(int).tolist())
-    return [frame.image for number, frame in enumerate(recording) if number in wanted]
+    return [frame.image_8_bit for number, frame in enumerate(recording) if number in wanted]
 
 
 def calibrate_single_images(images: Sequence[Image]) -> Calibration:
@@ -84,12 +89,17 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
     Raises
     ------
     FrameError
-        If there is no image, or they differ in size.
+        If there is no image, or they differ in size, or are tiny.
     """
     if len({image.shape for image in images}) != 1:
         raise FrameError("single images must be at least one, and of one size")
-    eight = [image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8) for image in images]
-    size = (eight[0].shape[1], eight[0].shape[0])
+    size = size_of(images[0])
+    if min(size) < _SMALLEST_PX:
+        raise FrameError(
+            f"an image of {size[0]}x{size[1]} pixels shows too little; give one of {_SMALLEST_PX}x"
+            f"{_SMALLEST_PX} or more"
+        )
+    eight = _in_8_bits(images)
     response, basis = _response(eight)
     vignette, shading = _vignette(size, eight, response)
     count = "one image" if len(eight) == 1 else f"{len(eight)} images"
@@ -109,6 +119,14 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
         advice=(_REMEDY,),
         rests_on=f"Guessed from {count} without exposures: g from {basis}, V from {shading}",
     )
+
+
+def _in_8_bits(images: Sequence[Image]) -> list[Image]:
+    if images[0].dtype == np.uint8:
+        return list(images)
+    depth = detect_bit_depth(images)
+    whole = depth.max_grey << depth.shift
+    return [np.rint(np.minimum(image, whole) * (255 / whole)).astype(np.uint8) for image in images]
 
 
 def _response(images: Sequence[Image]) -> tuple[Response, str]:
@@ -132,7 +150,7 @@ def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> t
     light: list[FloatArray] = [response.inverse(grey / 255) for grey in greys]
     usual = PolynomialVignette(size, _USUAL_VIGNETTE)
     try:
-        own = radial_gradient_vignette(light, [grey < _BRIGHTEST for grey in greys])
+        own = radial_gradient_vignette(light, [(grey > _DARKEST) & (grey < _BRIGHTEST) for grey in greys])
     except NotObservableError:
         return usual, "usual curves, for want of exposed pixels"
     both = zip(own.coefficients, _USUAL_VIGNETTE, strict=True)
