@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import ImageSize
+from ospc.errors import SettingError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
 from ospc.research.accuracy.chart_photographs import CHANNELS, ILLUMINANTS, read_series
@@ -88,6 +89,14 @@ class System(Methods):
     def __str__(self) -> str:
         """Return name, authors and year."""
         return f"{self.name}: {self.authors} {self.year}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Be pickled by name, for other processes: functions without a name cannot be."""
+        return _named, (self.name,)
+
+
+def _named(name: str) -> System:
+    return next(system for system in SYSTEMS if system.name == name)
 
 
 def _variants(name: str) -> tuple[str, str]:
@@ -191,12 +200,20 @@ class ChartInColour(ChartSource):
 
 
 def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:
-    """Return simulated recordings, and of a folder of real data the video and the green channels of the charts."""
+    """Return simulated recordings, and of a folder of real data the video and the green channels of the charts.
+
+    Raises
+    ------
+    SettingError
+        If there are none.
+    """
     found: list[Source] = [*_own_cameras(count, frames, size, data)] if count else []
     if data is not None and (data / VIDEO).is_dir():
         found.append(VideoSource(VIDEO, data / VIDEO))
     if data is not None and (data / CHARTS).is_dir():
         found += [source for source in chart_sources(data / CHARTS) if source.channel == _GREEN]
+    if not found:
+        raise SettingError("there is no recording to measure; give --count, or --data with real ones")
     return found
 
 
@@ -235,8 +252,3 @@ def system_tasks(systems: Sequence[System], sources: Sequence[Source]) -> list[M
         for source in sources
         for system in systems
     ]
-
-
-def by_variant(systems: Sequence[System]) -> Mapping[str, System]:
-    """Return the system of every variant's name."""
-    return {name: system for system in systems for name in (system.with_point, system.without_point) if name}
