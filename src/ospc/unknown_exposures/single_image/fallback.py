@@ -1,9 +1,9 @@
 """Response and vignette where nothing is known: from one photograph or a few, with bands as wide as their errors.
 
-The response is that of edge colours (Lin et al. 2004) where there are enough even regions in colour, and else the
-usual one. The vignette is that of radial gradients (Zheng et al. 2008), drawn towards a usual one, because the
-shading of a scene looks like a vignette. Edge histograms and segments, which these methods compete with, were farther
-off on simulated photographs. The bands are the errors found there.
+The response is that of edge colours (Lin et al. 2004) where there are enough even regions in colour, drawn towards
+the usual one, which is all there is otherwise. The vignette is that of radial gradients (Zheng et al. 2008), drawn
+towards a usual one, because the shading of a scene looks like a vignette. Edge histograms and segments, which these
+methods compete with, were farther off on simulated photographs. The bands are the errors found there.
 """
 
 from __future__ import annotations
@@ -47,9 +47,11 @@ CORNER_SIGMA = 0.2
 """Standard deviation of V in the corners; it grows as the radius. 0.11 on simulated photographs by usual lenses, but
 wide ones lose more."""
 
-_USUAL_VIGNETTE, _OWN_SHARE = (-0.2, -0.1, -0.05), 0.2
-"""v₁, v₂, v₃ of a usual vignette, and share of the estimate against it: errors are smallest so on simulated
-photographs."""
+_OWN_RESPONSE, _OWN_VIGNETTE = 0.5, 0.2
+"""Shares of the estimates against usual curves: errors are smallest so on simulated photographs."""
+
+_USUAL_VIGNETTE = (-0.2, -0.1, -0.05)
+"""v₁, v₂, v₃ of a usual vignette."""
 
 _DARKEST, _BRIGHTEST = 2, 250
 """Grey levels outside of which a pixel may be clipped."""
@@ -134,7 +136,8 @@ def _response(images: Sequence[Image]) -> tuple[Response, str]:
     """Return the response with its band, and what it rests on."""
     try:
         patches = EdgePatches.of(images)
-        found = edge_colour_response(patches)
+        own = np.array(edge_colour_response(patches).model["coefficients"])
+        found = response_prior().response(_OWN_RESPONSE * own, "edge-colours")
         basis = f"{len(patches.first)} edges in colour and usual curves"
     except NotObservableError:
         found = response_prior().response(np.zeros(COMPONENTS), "usual")
@@ -155,5 +158,5 @@ def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> t
     except NotObservableError:
         return usual, "usual curves, for want of exposed pixels"
     both = zip(own.coefficients, _USUAL_VIGNETTE, strict=True)
-    blended = tuple(_OWN_SHARE * a + (1 - _OWN_SHARE) * b for a, b in both)
+    blended = tuple(_OWN_VIGNETTE * a + (1 - _OWN_VIGNETTE) * b for a, b in both)
     return PolynomialVignette(size, blended), "radial gradients and usual curves"
