@@ -40,6 +40,8 @@ from ospc.research.rivals.quenzel_2018 import Quenzel
 from ospc.research.source import MeasuringTask, Methods, SimulatedSource, Source
 from ospc.settings import PaperSettings, preset
 from ospc.simulation.responses import RESPONSES, make_response
+from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
+from ospc.unknown_exposures.single_image.lin_zhang_2005 import edge_histogram_response
 
 _GREEN = CHANNELS.index("green")
 _EXPOSURES, _UNKNOWN, _REST = "exposures", "moving camera", "exposures, camera at rest"
@@ -127,11 +129,11 @@ SYSTEMS = (
     ),
     System(
         "lin-2004", "Lin, Gu, Yamazaki, Shum", 2004, "one colour image", "response",
-        lambda _: single.lin_2004(), "", "lin-2004-without", colour=True,
+        lambda _: single.from_edges("lin-2004-without", edge_colour_response), "", "lin-2004-without", colour=True,
     ),
     System(
         "lin-zhang-2005", "Lin, Zhang", 2005, "one grey image", "response",
-        lambda _: single.lin_zhang_2005(), "", "lin-zhang-2005-without",
+        lambda _: single.from_edges("lin-zhang-2005-without", edge_histogram_response), "", "lin-zhang-2005-without",
     ),
     System(
         "kim-frahm-pollefeys", "Kim, Frahm, Pollefeys", 2007, _UNKNOWN, "response, exposures",
