@@ -9,7 +9,7 @@ from command_line import ospc
 from ospc.cli.experiments import command
 from ospc.errors import SettingError
 from ospc.research.experiments.design import EXPERIMENTS
-from ospc.research.experiments.systems import SYSTEMS, in_colour
+from ospc.research.experiments.systems import SYSTEMS, in_colour, system_sources
 from ospc.research.source import MeasuringTask, SimulatedSource
 from ospc.simulation import SimulationSettings
 
@@ -68,7 +68,7 @@ def test_systems_are_listed_measured_side_by_side_and_resumed(tmp_path, monkeypa
     assert "lin-2004: Lin, Gu, Yamazaki, Shum 2004" in listed.output
     assert listed.output.count("\n") == len(SYSTEMS)
     only = ["--only", "lin-zhang*,zheng-2008,fallback", "--count", 1, "--frames", 3, "--size", "96x72"]
-    first = run("systems", "-o", tmp_path, *only)
+    first = run("systems", "-o", tmp_path, *only, "--jobs", 2)
     assert first.exit_code == 0, first.output
     assert (tmp_path / "systems.png").is_file()
     table = (tmp_path / "table.md").read_text()
@@ -79,6 +79,14 @@ def test_systems_are_listed_measured_side_by_side_and_resumed(tmp_path, monkeypa
     assert run("systems", "-o", tmp_path, *only).exit_code == 0
     with pytest.raises(SettingError, match="no system"):
         raise run("systems", "-o", tmp_path, "--only", "nobody").exception
+
+
+def test_every_simulated_recording_has_a_camera_of_its_own():
+    first, second = system_sources(2, 3, (96, 72), None)
+    assert first.factors != second.factors
+    assert not np.array_equal(first.truth().vignette.image(), second.truth().vignette.image())
+    with pytest.raises(SettingError, match="recording"):
+        system_sources(0, 3, (96, 72), None)
 
 
 def test_the_green_channel_of_a_recording_in_colour_is_the_recording():

@@ -12,6 +12,8 @@ from ospc.atomic import write_atomically
 from ospc.errors import SettingError, escaped
 from ospc.formats.files import csv_text
 from ospc.research.measurement import METRICS, Measurement
+from ospc.research.store import source_hash
+from ospc.versions import versions
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,14 @@ class Table:
 def _as_cell(text: str) -> str:
     """Return a text on one line without what Markdown would take for the end of a cell or for HTML."""
     return escaped(text).replace("|", "\\|").replace("<", "&lt;")
+
+
+def document(title: str, note: str, notes: Sequence[str], command: str, tables: Sequence[Table]) -> str:
+    """Return Markdown of tables below notes, the last of which says what they were made with."""
+    made = ", ".join(f"{name} {version}" for name, version in versions().items())
+    lines = (*notes, f"Made with {made}; source {source_hash()[:12]}; {command}.")
+    parts = [f"# {title}\n", f"{note}\n", *(f"- {line}\n" for line in lines)]
+    return "\n".join([*parts, *(table.as_markdown() for table in tables)])
 
 
 def as_json(content: Any) -> str:

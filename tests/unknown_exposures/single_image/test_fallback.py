@@ -65,3 +65,31 @@ def test_the_command_answers_only_where_it_is_asked_and_says_what_it_rests_on(ph
     assert "Guessed from one image" in (out / "report.html").read_text()
     wrong = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", "--unknown-exposures")
     assert wrong.exit_code == 2
+
+
+@pytest.mark.parametrize("factor", [257, 16])
+def test_words_of_16_and_of_12_bits_are_8_bits_scaled(photographs, factor):
+    _, image = photographs["srgb"]
+    found, words = (calibrate_single_images([one]) for one in (image, image.astype(np.uint16) * factor))
+    np.testing.assert_allclose(words.response.inverse_table, found.response.inverse_table, atol=0.02)
+
+
+def test_black_images_give_usual_curves_and_tiny_ones_none():
+    assert "for want of exposed pixels" in calibrate_single_images([np.zeros((200, 300, 3), np.uint8)]).rests_on
+    with pytest.raises(FrameError, match="7x5"):
+        calibrate_single_images([np.full((5, 7), 90, np.uint8)])
+
+
+def test_a_folder_and_a_video_give_several_images(photographs, tmp_path):
+    image = photographs["srgb"][1]
+    (tmp_path / "folder").mkdir()
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / "folder" / f"{number}.png"), image)
+    video = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 20, image.shape[1::-1])
+    for _ in range(20):
+        video.write(image)
+    video.release()
+    for name, count in (("folder", "3 images"), ("film.avi", "8 images")):
+        result = ospc("calibrate", tmp_path / name, "-o", tmp_path / "out", "--fallback", "single-image", "--json")
+        assert result.exit_code == 3, result.output
+        assert f"Guessed from {count}" in json.loads(result.stdout)["rests_on"]

@@ -21,15 +21,21 @@ RADIUS = np.linalg.norm(OFFSET, axis=-1)
 def test_the_vignette_remains_where_radiance_does_not_change_along_the_radius(coefficients):
     vignette = PolynomialVignette(SIZE, coefficients)
     scene = 0.4 + 0.2 * np.sin(3 * np.arctan2(OFFSET[..., 1], OFFSET[..., 0]))
-    found = radial_gradient_vignette([scene * vignette.image()])
-    assert vignette_rmse(found, vignette) < 0.01
+    # The published smoothness flattens ln V where it bends.
+    assert vignette_rmse(radial_gradient_vignette([scene * vignette.image()]), vignette) < 0.025
+
+
+@pytest.mark.parametrize("coefficients", [(-0.35, 0.05, -0.15), (-0.12, 0.0, -0.03)])
+def test_the_vignette_of_an_even_scene_is_found_without_smoothing(coefficients):
+    vignette = PolynomialVignette(SIZE, coefficients)
+    assert vignette_rmse(radial_gradient_vignette([vignette.image()], smoothness=0.001), vignette) < 0.002
 
 
 def test_symmetric_gradients_do_not_matter():
     vignette = PolynomialVignette(SIZE, (-0.35, 0.05, -0.15))
     # Where the scene rises along the radius on one side, it falls on the other.
     scene = np.exp(0.2 * np.sin(20 * OFFSET[..., 0]))
-    assert vignette_rmse(radial_gradient_vignette([scene * vignette.image()]), vignette) < 0.08
+    assert vignette_rmse(radial_gradient_vignette([scene * vignette.image()]), vignette) < 0.025
 
 
 def test_segments_of_one_radiance_give_the_vignette_of_their_model():

@@ -36,12 +36,14 @@ FRAMES, STATIC_FRAMES = 500, 150
 
 _SEED = 2024
 _NAMED = ("linear", "srgb", "log", "filmic", "tum_narrow")
-_VIGNETTES: dict[str, tuple[str, tuple[float, ...]]] = {
+VIGNETTES: dict[str, tuple[str, tuple[float, ...]]] = {
     "strong": ("polynomial", (-0.45, 0.05, -0.15)),
     "weak": ("polynomial", (-0.12, 0.0, -0.03)),
     "cos4": ("cos4", ()),
     "decentred": ("decentred", (-0.35, 0.05, -0.15)),
 }
+"""Model and coefficients of the vignettes by name; none where the model has none."""
+
 _NOISE: tuple[NoisePreset, NoisePreset] = ("low", "high")
 _MOVING_OBJECTS = 6
 _MEASURED = 8
@@ -147,29 +149,29 @@ def select(items: Sequence[_Item], pattern: str | None, what: str = "recording")
 
 def moving_sources(measured: list[tuple[str, Response]], frames: int) -> list[SimulatedSource]:
     """Return the simulated recordings with the camera in motion; eight measured responses take the places of two."""
-    families: list[list[_Named]] = [[(name, name, name)] * len(_VIGNETTES) for name in _NAMED]
+    families: list[list[_Named]] = [[(name, name, name)] * len(VIGNETTES) for name in _NAMED]
     kind = measured[0][0].rstrip("0123456789.")
     families += [
-        [(name, kind, response) for name, response in measured[first : first + len(_VIGNETTES)]]
-        for first in range(0, len(measured), len(_VIGNETTES))
+        [(name, kind, response) for name, response in measured[first : first + len(VIGNETTES)]]
+        for first in range(0, len(measured), len(VIGNETTES))
     ]
     return [
         _moving_source(place, column, frames, family[column])
         for place, family in enumerate(families)
-        for column in range(len(_VIGNETTES))
+        for column in range(len(VIGNETTES))
     ]
 
 
 def _moving_source(place: int, column: int, frames: int, named: _Named) -> SimulatedSource:
     """Return the recording of the response number ``place`` with the vignette number ``column``."""
     name, family, response = named
-    vignette, (model, coefficients) = list(_VIGNETTES.items())[column]
+    vignette, (model, coefficients) = list(VIGNETTES.items())[column]
     noise = _NOISE[(column % 2) ^ _NOISE_SWAPPED[place]]
     moving = bool((column // 2) ^ _SCENES_SWAPPED[place])
     scene = "moving" if moving else "still"
     settings = SimulationSettings(
         frames=frames,
-        seed=_SEED + len(_VIGNETTES) * place + column,
+        seed=_SEED + len(VIGNETTES) * place + column,
         response=response,
         vignette=model,
         noise=noise,

@@ -19,7 +19,7 @@ from ospc.research.measurement import (
 )
 from ospc.research.pictures import Comparison, draw_errors
 from ospc.research.store import source_hash
-from ospc.research.tables import Table, as_json, measurements_csv, write
+from ospc.research.tables import Table, as_json, document, measurements_csv, write
 from ospc.settings import as_dict, preset
 from ospc.versions import versions
 
@@ -48,13 +48,10 @@ def write_accuracy(
 
     Errors are those of :func:`~ospc.research.tables.write`.
     """
-    made = ", ".join(f"{name} {version}" for name, version in versions().items())
-    heading = ["# Accuracy\n", _NOTE + "\n", *(f"- {note}\n" for note in notes)]
-    heading.append(f"- Made with {made}; source {source_hash()[:12]}; ospc bench accuracy.\n")
     texts = {
         "results.json": as_json(content_of(rows, presets, notes)),
         "results.csv": measurements_csv(rows),
-        "table.md": "\n".join([*heading, *(table.as_markdown() for table in accuracy_tables(rows))]),
+        "table.md": document("Accuracy", _NOTE, notes, "ospc bench accuracy", accuracy_tables(rows)),
     }
     comparison = Comparison("Errors of all recordings", _MAIN)
     return write(folder, texts, {"errors.png": partial(draw_errors, comparison, rows)})

@@ -35,11 +35,12 @@ _MOST_BYTES = 64_000_000
 
 
 def stand_ins(
-    count: int, frames: int, size: ImageSize, data: Path | None = None, *, speed: float = 1.0
+    count: int, frames: int, size: ImageSize, data: Path | None = None, *, speed: float = 1.0, seed: int = _SEED
 ) -> list[SimulatedSource]:
     """Return simulated recordings, each with its own scene, motion and course of exposures.
 
-    ``data`` is the folder of reference data, and ``speed`` a factor of the speed of the camera's motion.
+    ``data`` is the folder of reference data, ``speed`` a factor of the speed of the camera's motion, and ``seed``
+    that of the first recording.
 
     Raises
     ------
@@ -55,7 +56,7 @@ def stand_ins(
     common = SimulationSettings(size=size, frames=frames, speed=speed, response=response, vignette=vignette)
     found = []
     for number in range(count):
-        settings = replace(common, seed=_SEED + number)
+        settings = replace(common, seed=seed + number)
         if courses is not None:
             middle = float(np.exp(np.mean(np.log(courses[number]))))
             exposures = tuple(courses[number].tolist())

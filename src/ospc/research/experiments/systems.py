@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -11,12 +11,15 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import ImageSize
+from ospc.errors import SettingError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
 from ospc.research.accuracy.chart_photographs import CHANNELS, ILLUMINANTS, read_series
 from ospc.research.accuracy.charts import FOLDER as CHARTS
 from ospc.research.accuracy.charts import ChartSource, chart_sources
-from ospc.research.accuracy.design import select
+from ospc.research.accuracy.design import VIGNETTES, select
+from ospc.research.accuracy.measured_responses import FILE as DATABASE
+from ospc.research.accuracy.measured_responses import read_database
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
 from ospc.research.experiments.colour import ColourSource
@@ -36,10 +39,16 @@ from ospc.research.rivals.mo_2019 import Mo
 from ospc.research.rivals.quenzel_2018 import Quenzel
 from ospc.research.source import MeasuringTask, Methods, SimulatedSource, Source
 from ospc.settings import PaperSettings, preset
+from ospc.simulation.responses import RESPONSES, make_response
+from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
+from ospc.unknown_exposures.single_image.lin_zhang_2005 import edge_histogram_response
 
 _GREEN = CHANNELS.index("green")
 _EXPOSURES, _UNKNOWN, _REST = "exposures", "moving camera", "exposures, camera at rest"
 _BOTH, _ALL = "response, vignette", "response, vignette, exposures"
+
+_SEED = 5000
+"""Seed of the recordings; no weight of a rival was chosen on these."""
 
 _Make = Callable[[Response | None], Method]
 
@@ -83,6 +92,14 @@ class System(Methods):
         """Return name, authors and year."""
         return f"{self.name}: {self.authors} {self.year}"
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Be pickled by name, for other processes: functions without a name cannot be."""
+        return _named, (self.name,)
+
+
+def _named(name: str) -> System:
+    return next(system for system in SYSTEMS if system.name == name)
+
 
 def _variants(name: str) -> tuple[str, str]:
     return f"{name}-with", f"{name}-without"
@@ -112,11 +129,11 @@ SYSTEMS = (
     ),
     System(
         "lin-2004", "Lin, Gu, Yamazaki, Shum", 2004, "one colour image", "response",
-        lambda _: single.lin_2004(), "", "lin-2004-without", colour=True,
+        lambda _: single.from_edges("lin-2004-without", edge_colour_response), "", "lin-2004-without", colour=True,
     ),
     System(
         "lin-zhang-2005", "Lin, Zhang", 2005, "one grey image", "response",
-        lambda _: single.lin_zhang_2005(), "", "lin-zhang-2005-without",
+        lambda _: single.from_edges("lin-zhang-2005-without", edge_histogram_response), "", "lin-zhang-2005-without",
     ),
     System(
         "kim-frahm-pollefeys", "Kim, Frahm, Pollefeys", 2007, _UNKNOWN, "response, exposures",
@@ -185,19 +202,46 @@ class ChartInColour(ChartSource):
 
 
 def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:
-    """Return simulated recordings, and of a folder of real data the video and the green channels of the charts."""
-    found: list[Source] = [*stand_ins(count, frames, size, data)]
+    """Return simulated recordings, and of a folder of real data the video and the green channels of the charts.
+
+    Raises
+    ------
+    SettingError
+        If there are none.
+    """
+    found: list[Source] = [*_own_cameras(count, frames, size, data)] if count else []
     if data is not None and (data / VIDEO).is_dir():
         found.append(VideoSource(VIDEO, data / VIDEO))
     if data is not None and (data / CHARTS).is_dir():
         found += [source for source in chart_sources(data / CHARTS) if source.channel == _GREEN]
+    if not found:
+        raise SettingError("there is no recording to measure; give --count, or --data with real ones")
+    return found
+
+
+def _own_cameras(count: int, frames: int, size: ImageSize, data: Path | None) -> list[SimulatedSource]:
+    """Return stand-ins, each with a response and a vignette of its own: a prior may suit one camera by chance."""
+    random = np.random.default_rng(_SEED)
+    if data is not None and (data / DATABASE).is_file():
+        curves = {f"measured{number}": curve for number, curve in enumerate(read_database(data / DATABASE))}
+    else:
+        curves = {name: make_response(name) for name in RESPONSES}
+    names = random.choice(list(curves), count, replace=len(curves) < count).tolist()
+    recordings = stand_ins(count, frames, size, data, seed=_SEED)
+    found = []
+    for number, (source, name) in enumerate(zip(recordings, names, strict=True)):
+        vignette, (model, coefficients) = list(VIGNETTES.items())[number % len(VIGNETTES)]
+        settings = replace(source.settings, response=curves[name], vignette=model)
+        if coefficients:
+            settings = replace(settings, vignette_coefficients=coefficients)
+        found.append(replace(source, settings=settings, factors={"response": name, "vignette": vignette}))
     return found
 
 
 def in_colour(source: Source) -> Source:
     """Return the same recording with frames in colour, where it has colours."""
     if isinstance(source, SimulatedSource):
-        return ColourSource(source.name, source.settings, group=source.group)
+        return ColourSource(source.name, source.settings, group=source.group, factors=source.factors)
     if isinstance(source, ChartSource):
         return ChartInColour(source.name, source.folder, source.channel, group=source.group, factors=source.factors)
     return source
@@ -210,8 +254,3 @@ def system_tasks(systems: Sequence[System], sources: Sequence[Source]) -> list[M
         for source in sources
         for system in systems
     ]
-
-
-def by_variant(systems: Sequence[System]) -> Mapping[str, System]:
-    """Return the system of every variant's name."""
-    return {name: system for system in systems for name in (system.with_point, system.without_point) if name}

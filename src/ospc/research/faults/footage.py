@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from importlib import import_module
+from typing import Any, TypeAlias
 from zlib import crc32
 
 import numpy as np
@@ -146,9 +147,18 @@ class Fault:
         """Return a recording with the fault; the same for the same arguments."""
         return self.change(footage, strength, np.random.default_rng(crc32(self.name.encode())))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Be pickled by the table that it is in, for other processes: functions without a name cannot be."""
+        return _in_table, (self.change.__module__, self.name)
+
     def in_words(self, strength: float) -> str:
         """Return what happens at a strength."""
         return self.text.format(f"{strength:g}")
+
+
+def _in_table(module: str, name: str) -> Fault:
+    faults: tuple[Fault, ...] = import_module(module).FAULTS
+    return next(fault for fault in faults if fault.name == name)
 
 
 def some(count: int, share: float, random: np.random.Generator) -> BoolArray:

@@ -14,7 +14,7 @@ from ospc.research.faults.footage import STRENGTHS, Fault
 from ospc.research.faults.judging import CLEAN, FaultTask, Outcome, Run
 from ospc.research.faults.recordings import GoodSource
 from ospc.research.store import source_hash
-from ospc.research.tables import Table, as_json, write
+from ospc.research.tables import Table, as_json, document, write
 from ospc.versions import versions
 
 SCHEMA = "ospc-benchmark-faults/1"
@@ -99,15 +99,12 @@ def write_faults(folder: Path, runs: Sequence[Run], notes: Sequence[str]) -> lis
 
     Errors are those of :func:`~ospc.research.tables.write`.
     """
-    made = ", ".join(f"{name} {version}" for name, version in versions().items())
-    heading = ["# Faults\n", _NOTE + "\n", *(f"- {note}\n" for note in notes)]
-    heading.append(f"- Made with {made}; source {source_hash()[:12]}; ospc bench faults.\n")
     names = [field.name for field in fields(Run)]
     lines = [[_cell(value) for value in vars(run).values()] for run in runs]
     texts = {
         "results.json": as_json(content_of(runs, notes)),
         "results.csv": csv_text([names, *lines]),
-        "table.md": "\n".join([*heading, *(table.as_markdown() for table in fault_tables(runs))]),
+        "table.md": document("Faults", _NOTE, notes, "ospc bench faults", fault_tables(runs)),
     }
     return write(folder, texts)
 

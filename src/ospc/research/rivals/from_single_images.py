@@ -13,8 +13,6 @@ from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, failure
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
-from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
-from ospc.unknown_exposures.single_image.lin_zhang_2005 import edge_histogram_response
 from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
 from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette, segment_vignette
 
@@ -50,18 +48,9 @@ class FromSingleImages:
         return outcomes
 
 
-def lin_2004() -> FromSingleImages:
-    """Return the response of edge colours."""
-    return FromSingleImages(
-        {"lin-2004-without": lambda images: Estimate(edge_colour_response(EdgePatches.of(images)))}
-    )
-
-
-def lin_zhang_2005() -> FromSingleImages:
-    """Return the response of edge histograms."""
-    return FromSingleImages(
-        {"lin-zhang-2005-without": lambda images: Estimate(edge_histogram_response(EdgePatches.of(images)))}
-    )
+def from_edges(name: str, response_of: Callable[[EdgePatches], Response]) -> FromSingleImages:
+    """Return a response from windows across edges."""
+    return FromSingleImages({name: lambda images: Estimate(response_of(EdgePatches.of(images)))})
 
 
 def zheng_2008(truth: Response | None) -> FromSingleImages:

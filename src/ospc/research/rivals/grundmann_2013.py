@@ -1,43 +1,47 @@
 """Grundmann, McClanahan, Kang and Essa, "Post-processing approach for radiometric self-calibration of video", 2013.
 
 A camera that adapts its tone curve has another response in every frame: a mixture of responses at key frames, with
-weights w that change linearly in between. For a point with grey levels M and M' in successive frames t and t',
+weights w that change from one to the next. For a point with grey levels M and M' in frames t and t',
 
-    Σ wₖ(t) ln gₖ(M) − Σ wₖ(t') ln gₖ(M') = K,    ln gₖ = g₀ + Σ cₖᵢ hᵢ
+    Σ wₖ(t) ln gₖ(M) − Σ wₖ(t') ln gₖ(M') = ln e(t) − ln e(t'),    ln gₖ = g₀ + Σ cₖᵢ hᵢ
 
-is linear in all cₖ and in the exposure difference K of every two frames. It is solved by iteratively reweighted least
-squares. The publication tracks by pyramidal Lucas–Kanade, and balances tracks over the image and over grey levels; so
-do the tracks and weights here. The exponent is fixed by one point of the response; without it, by that of the mean
-curve. There is no vignette. Not verified: the publication's distance of key frames, and its weights.
+is linear in all cₖ and ln e. Each frame is compared with six earlier ones, three frames apart. Key frames, compared
+frames, and the weights of grey levels and of both pulls, of successive cₖ to each other and of all to the mean, are
+those of the first author's program (irradiance_estimation, 2010). Departures: five components instead of seven, w is
+linear, and residuals r have the weights 1/|r| of the L1 norm, which the program leaves out. The exponent is fixed by
+one point of the response; without it, by that of the mean curve. There is no vignette.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import NotObservableError
-from ospc.estimation.robust import robust_scale
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome
 from ospc.research.rivals.log_response import LogModel
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
 
-KEY_FRAMES_APART = 100
+KEY_FRAMES_APART = 15
 """Frames from one key frame to the next."""
 
-_ROUNDS, _HUBER = 10, 1.345
-"""Turns of reweighting, and Huber's constant, 95 % efficient for normal residuals."""
+_EARLIER = 1 + 3 * np.arange(6)
+"""How much earlier the frames are that a frame is compared with."""
 
-_SMOOTHNESS = 0.02
-"""Weight of the difference of successive cₖ over the mean weight of the observations of a key frame."""
+_GREY_SPREAD = 600 / 1024
+"""Weights of grey levels are those of a normal distribution about ½ with this standard deviation."""
 
-_BINS = 16
-"""Grey levels are balanced in so many bins."""
+_ADJACENT, _PRIOR = (10 * 0.01) ** 2, 10 * 0.05
+"""Weights of squared differences of successive cₖ, and of squared cₖ, in the mean weight of an observation."""
 
-_FEWEST = 200
-"""Pairs of observations."""
+_ROUNDS, _LEAST_RESIDUAL = 5, 1e-3
+"""Turns of reweighting, and residual of ln g below which weights do not grow any further."""
+
+_MOST_PAIRS, _FEWEST_PAIRS = 100_000, 200
+"""Pairs of observations that are used, spread evenly, and needed."""
 
 
 def mixture_responses(
@@ -51,52 +55,60 @@ def mixture_responses(
         If too few points are seen in successive frames.
     """
     model, greys = LogModel.learned(), np.arange(256)
-    order = np.lexsort((tracks.frame, tracks.point))
-    point, frame = tracks.point[order], tracks.frame[order]
-    grey, weight = 255 * tracks.grey[order], tracks.weight[order]
-    follows = (point[1:] == point[:-1]) & (frame[1:] == frame[:-1] + 1)
-    first, second = np.flatnonzero(follows), np.flatnonzero(follows) + 1
-    if first.size < _FEWEST:
-        raise NotObservableError("too few points are seen in successive frames")
+    grey = 255 * tracks.grey
+    first, second = _pairs(tracks)
     span = tracks.frames[-1] - tracks.frames[0]
     keys = max(2, round(span / apart) + 1)
     # Hat functions: a frame's response is interpolated between the two key frames around it.
-    place = (tracks.frames[frame] - tracks.frames[0]) / max(span, 1) * (keys - 1)
-    hats = np.maximum(0, 1 - np.abs(place[:, None] - np.arange(keys)))
+    place = (tracks.frames[tracks.frame] - tracks.frames[0]) / max(span, 1) * (keys - 1)
+    left = np.minimum(place.astype(np.int64), keys - 2)
     curves = np.stack([np.interp(grey, greys, h) for h in model.components], axis=1)
-    columns = (hats[:, :, None] * curves[:, None, :]).reshape(len(grey), -1)
+    count, frames = len(model.components), tracks.frames.size
     mean = np.interp(grey, greys, model.mean)
-    matrix, target = columns[first] - columns[second], mean[second] - mean[first]
-    pair = frame[first]
-    weights = np.minimum(weight[first], weight[second]) * model.weight(grey[first], grey[second])
-    level = np.minimum((grey[first] * _BINS / 256).astype(int), _BINS - 1)
-    weights = weights / np.maximum(np.bincount(level, minlength=_BINS), 1)[level]
-    weights = weights * first.size / weights.sum()
+
+    def terms(at: IntArray) -> csr_array:
+        """Return the derivatives of ln g(M) − ln e by all unknowns."""
+        share = (place - left)[at]
+        values = np.hstack([(1 - share)[:, None] * curves[at], share[:, None] * curves[at], -np.ones((at.size, 1))])
+        columns = np.hstack([left[at, None] * count + np.arange(2 * count), keys * count + tracks.frame[at, None]])
+        rows = np.repeat(np.arange(at.size), values.shape[1])
+        return csr_array((values.ravel(), (rows, columns.ravel())), shape=(at.size, keys * count + frames))
+
+    matrix, target = terms(first) - terms(second), mean[second] - mean[first]
+    weights = np.exp(-(((grey[second] / 255 - 0.5) / _GREY_SPREAD) ** 2))
+    pull = np.zeros((keys * count + frames,) * 2)
+    adjacent = np.kron(np.diff(np.eye(keys), axis=0), np.eye(count))
+    pull[: keys * count, : keys * count] = _ADJACENT * adjacent.T @ adjacent + _PRIOR * np.eye(keys * count)
+    # The common factor of all exposures cannot be observed.
+    pull[keys * count :, keys * count :] = 1 / frames
     robust = np.ones(first.size)
-    smooth = np.kron(np.diff(np.eye(keys), axis=0), np.eye(len(model.components)))
-    found = np.zeros(columns.shape[1])
     for _ in range(_ROUNDS):
         total = weights * robust
-        # K of every two frames is eliminated by subtracting the means of their rows.
-        inner = matrix - _means(matrix, pair, total)[pair]
-        rest = target - _means(target[:, None], pair, total)[pair, 0]
-        normal = (inner * total[:, None]).T @ inner
-        normal += _SMOOTHNESS * float(np.trace(normal)) / len(normal) * smooth.T @ smooth
-        found = model.solved(normal, inner.T @ (total * rest), truth)
-        residual = inner @ found - rest
-        robust = np.minimum(1, _HUBER * (robust_scale(residual) + 1e-9) / np.maximum(np.abs(residual), 1e-12))
-    log_ratio = _means((matrix @ found - target)[:, None], pair, weights * robust)[:, 0]
-    log_e = -np.append(0.0, np.cumsum(log_ratio))[: tracks.frames.size]
-    exposures = dict(zip(tracks.frames.tolist(), np.exp(log_e).tolist(), strict=False))
-    return found.reshape(keys, -1), exposures
+        normal = (matrix.T @ (matrix * total[:, None])).toarray() + total.mean() * pull
+        found = model.solved(normal, matrix.T @ (total * target), truth, keys)
+        robust = 1 / np.maximum(np.abs(matrix @ found - target), _LEAST_RESIDUAL)
+    exposures = dict(zip(tracks.frames.tolist(), np.exp(found[keys * count :]).tolist(), strict=True))
+    return found[: keys * count].reshape(keys, count), exposures
 
 
-def _means(values: FloatArray, group: IntArray, weight: FloatArray) -> FloatArray:
-    """Return weighted means of rows by group, shape (groups, columns)."""
-    count = int(group.max()) + 1
-    total = np.maximum(np.bincount(group, weights=weight, minlength=count), 1e-12)
-    sums = [np.bincount(group, weights=weight * column, minlength=count) / total for column in values.T]
-    return np.asarray(np.stack(sums, axis=1))
+def _pairs(tracks: TrackObservations) -> tuple[IntArray, IntArray]:
+    """Return observations of the same points in two frames, the earlier ones first."""
+    order = np.lexsort((tracks.frame, tracks.point))
+    index = tracks.frames[tracks.frame[order]]
+    far = int(tracks.frames.max(initial=0)) + int(_EARLIER.max()) + 1
+    # Ascending, as the observations are in order.
+    key = tracks.point[order] * far + index
+    first, second = [], []
+    for earlier in _EARLIER:
+        place = np.minimum(np.searchsorted(key, key - earlier), max(key.size - 1, 0))
+        there = (key[place] == key - earlier) & (index >= earlier) if key.size else np.zeros(0, dtype=bool)
+        first.append(order[place[there]])
+        second.append(order[there])
+    one, two = np.concatenate(first), np.concatenate(second)
+    if one.size < _FEWEST_PAIRS:
+        raise NotObservableError("too few points are seen in several frames")
+    kept = np.linspace(0, one.size - 1, min(one.size, _MOST_PAIRS)).astype(np.int64)
+    return one[kept], two[kept]
 
 
 class Grundmann:

@@ -67,15 +67,15 @@ class LogModel:
         variance = sum(np.interp(grey, np.arange(_LEVELS), slope) ** 2 for grey in (grey0, grey1))
         return np.asarray(float(slope.min()) ** 2 / variance)
 
-    def solved(self, matrix: FloatArray, vector: FloatArray, truth: Response | None) -> FloatArray:
-        """Return the c of A c = b with a known ln g at one grey level, for one curve or several in a row.
+    def solved(self, matrix: FloatArray, vector: FloatArray, truth: Response | None, curves: int = 1) -> FloatArray:
+        """Return the c of A c = b, with ln g known at one grey level; without a truth, it is that of g₀.
 
-        Without a truth, it is that of g₀.
+        The first unknowns are the coefficients of so many curves in a row.
         """
         size = len(vector)
-        curves = size // len(self.components)
         wanted = 0.0 if truth is None else float(np.log(truth.inverse(ANCHOR / 255)) - self.mean[ANCHOR])
-        known = np.kron(np.eye(curves), self.components[:, ANCHOR])
+        known = np.zeros((curves, size))
+        known[:, : curves * len(self.components)] = np.kron(np.eye(curves), self.components[:, ANCHOR])
         ridge = _RIDGE * float(np.trace(matrix)) / size * np.eye(size)
         bordered = np.block([[matrix + ridge, known.T], [known, np.zeros((curves, curves))]])
         found = np.linalg.lstsq(bordered, np.append(vector, np.full(curves, wanted)), rcond=None)[0]

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections import deque
 
-import cv2
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 
@@ -28,7 +27,7 @@ from ospc.research.method import Estimate, Outcome, failure
 from ospc.research.rivals.log_response import ANCHOR, LogModel
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_distance
-from ospc.unknown_exposures.tracking import GainRobustTracker, sampled
+from ospc.unknown_exposures.tracking import GainRobustTracker
 
 _IMAGES, _APART = 6, 4
 """Images of the matrix, and frames from one to the next: tracks have to last through all."""
@@ -115,9 +114,7 @@ class Mo:
         self._count += 1
 
     def _keep(self, frame: Frame) -> None:
-        smooth = cv2.GaussianBlur(frame.image_8_bit, (0, 0), 1.0).astype(np.float32)
-        tracks, places = self._tracker.current
-        self._recent.append((tracks, sampled(smooth, places) / 255))
+        self._recent.append((self._tracker.current[0], self._tracker.grey_at_current(frame)))
         if len(self._recent) < _IMAGES:
             return
         common = self._recent[0][0]

@@ -18,7 +18,6 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import product
 
-import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -29,7 +28,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording.frame import Frame, size_of
 from ospc.research.method import Estimate, Outcome
-from ospc.unknown_exposures.tracking import GainRobustTracker, sampled
+from ospc.unknown_exposures.tracking import GainRobustTracker
 
 KEY_FRAMES_APART, MOST_KEY_FRAMES = 10, 24
 """Frames from one key frame to the next, and key frames that an estimate uses, the latest."""
@@ -184,9 +183,8 @@ class KeyFrameTracker:
         self._tracker.push(frame)
         self._size = size_of(frame.image)
         if self._count % KEY_FRAMES_APART == 0:
-            smooth = cv2.GaussianBlur(frame.image_8_bit, (0, 0), 1.0).astype(np.float32)
             tracks, places = self._tracker.current
-            self._key_frames.append((frame.index, tracks, sampled(smooth, places) / 255, places))
+            self._key_frames.append((frame.index, tracks, self._tracker.grey_at_current(frame), places))
         self._count += 1
 
     def key_frame_points(self) -> tuple[KeyFramePoints, list[int]]:

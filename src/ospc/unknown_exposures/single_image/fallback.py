@@ -1,9 +1,9 @@
 """Response and vignette where nothing is known: from one photograph or a few, with bands as wide as their errors.
 
-The response is that of edge colours (Lin et al. 2004) where there are enough even regions in colour, and else the
-usual one. The vignette is that of radial gradients (Zheng et al. 2008), drawn towards a usual one, because the
-shading of a scene looks like a vignette. Edge histograms and segments, which these methods compete with, were farther
-off on simulated photographs. The bands are the errors found there.
+The response is that of edge colours (Lin et al. 2004) where there are enough even regions in colour, drawn towards
+the usual one, which is all there is otherwise. The vignette is that of radial gradients (Zheng et al. 2008), drawn
+towards a usual one, because the shading of a scene looks like a vignette. Edge histograms and segments, which these
+methods compete with, were farther off on simulated photographs. The bands are the errors found there.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel
 from ospc.recording.decoding import decode_stored
+from ospc.recording.frame import size_of
 from ospc.recording.image_source import MAX_FILE_BYTES, is_image_name
 from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.pixel_layout import detect_bit_depth
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
 from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
@@ -42,14 +44,20 @@ LEAST_LOG_SIGMA = 0.08
 """Standard deviation of ln g(M)/g(½) next to ½: curves differ there by more than an exponent."""
 
 CORNER_SIGMA = 0.2
-"""Standard deviation of V in the corners on simulated photographs; it grows as the radius."""
+"""Standard deviation of V in the corners; it grows as the radius. 0.11 on simulated photographs by usual lenses, but
+wide ones lose more."""
 
-_USUAL_VIGNETTE, _OWN_SHARE = (-0.2, -0.1, -0.05), 0.4
-"""v₁, v₂, v₃ of a usual vignette, and share of the estimate against it: errors are smallest so on simulated
-photographs."""
+_OWN_RESPONSE, _OWN_VIGNETTE = 0.5, 0.2
+"""Shares of the estimates against usual curves: errors are smallest so on simulated photographs."""
 
-_BRIGHTEST = 250
-"""Grey level from which a pixel may be clipped."""
+_USUAL_VIGNETTE = (-0.2, -0.1, -0.05)
+"""v₁, v₂, v₃ of a usual vignette."""
+
+_DARKEST, _BRIGHTEST = 2, 250
+"""Grey levels outside of which a pixel may be clipped."""
+
+_SMALLEST_PX = 32
+"""Width and height that an image needs: with less, neither edges nor rings show."""
 
 _REMEDY = "record a video whose exposure changes and is known: 'ospc check' says what it takes"
 
@@ -70,7 +78,7 @@ def single_images(path: str | Path, kind: str | None = None, options: ReadingOpt
         return [decode_stored(data, str(place), Channel.ALL).pixels]
     recording = open_recording(place, kind, replace(options, unknown_exposures=True, channel=Channel.ALL))
     wanted = set(np.linspace(0, len(recording) - 1, MOST_IMAGES).astype(int).tolist())
-    return [frame.image for number, frame in enumerate(recording) if number in wanted]
+    return [frame.image_8_bit for number, frame in enumerate(recording) if number in wanted]
 
 
 def calibrate_single_images(images: Sequence[Image]) -> Calibration:
@@ -84,12 +92,17 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
     Raises
     ------
     FrameError
-        If there is no image, or they differ in size.
+        If there is no image, or they differ in size, or are tiny.
     """
     if len({image.shape for image in images}) != 1:
         raise FrameError("single images must be at least one, and of one size")
-    eight = [image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8) for image in images]
-    size = (eight[0].shape[1], eight[0].shape[0])
+    size = size_of(images[0])
+    if min(size) < _SMALLEST_PX:
+        raise FrameError(
+            f"an image of {size[0]}x{size[1]} pixels shows too little; give one of {_SMALLEST_PX}x"
+            f"{_SMALLEST_PX} or more"
+        )
+    eight = _in_8_bits(images)
     response, basis = _response(eight)
     vignette, shading = _vignette(size, eight, response)
     count = "one image" if len(eight) == 1 else f"{len(eight)} images"
@@ -111,11 +124,20 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
     )
 
 
+def _in_8_bits(images: Sequence[Image]) -> list[Image]:
+    if images[0].dtype == np.uint8:
+        return list(images)
+    depth = detect_bit_depth(images)
+    whole = depth.max_grey << depth.shift
+    return [np.rint(np.minimum(image, whole) * (255 / whole)).astype(np.uint8) for image in images]
+
+
 def _response(images: Sequence[Image]) -> tuple[Response, str]:
     """Return the response with its band, and what it rests on."""
     try:
         patches = EdgePatches.of(images)
-        found = edge_colour_response(patches)
+        own = np.array(edge_colour_response(patches).model["coefficients"])
+        found = response_prior().response(_OWN_RESPONSE * own, "edge-colours")
         basis = f"{len(patches.first)} edges in colour and usual curves"
     except NotObservableError:
         found = response_prior().response(np.zeros(COMPONENTS), "usual")
@@ -132,9 +154,9 @@ def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> t
     light: list[FloatArray] = [response.inverse(grey / 255) for grey in greys]
     usual = PolynomialVignette(size, _USUAL_VIGNETTE)
     try:
-        own = radial_gradient_vignette(light, [grey < _BRIGHTEST for grey in greys])
+        own = radial_gradient_vignette(light, [(grey > _DARKEST) & (grey < _BRIGHTEST) for grey in greys])
     except NotObservableError:
         return usual, "usual curves, for want of exposed pixels"
     both = zip(own.coefficients, _USUAL_VIGNETTE, strict=True)
-    blended = tuple(_OWN_SHARE * a + (1 - _OWN_SHARE) * b for a, b in both)
+    blended = tuple(_OWN_VIGNETTE * a + (1 - _OWN_VIGNETTE) * b for a, b in both)
     return PolynomialVignette(size, blended), "radial gradients and usual curves"

@@ -9,8 +9,8 @@ All channels share one response. The prior p is :mod:`~ospc.unknown_exposures.si
 
 Departures: the publication does not divide by the length of the line a second time. Its distances become small for
 every g that is nearly zero up to the brightest greys, and only a prior learned from real cameras keeps it from there;
-relative to the line, d has no such escape. Its thresholds for windows, and the scale of its sum against which λ has
-its value, could not be verified; here d is the mean over all edge pixels.
+relative to the line, d has no such escape. Its thresholds for windows could not be verified. That d is the mean over
+all edge pixels, and that the prior counts once for each channel, is as in an independent implementation (Lalonde).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from ospc.photometry.response import Response
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.response_prior import response_prior
 
-_PRIOR_WEIGHT, _WINDOWS = 0.001, 50
-"""λ, and the number of windows that it is for; with fewer the prior weighs more, as against a sum over windows."""
+_PRIOR_WEIGHT = 3 * 0.001
+"""λ for each of three channels."""
 
 _LEAST_SQUARE = 1e-12
 """Square of a line's length below which it counts as a point: a guard against division by zero."""
@@ -48,5 +48,6 @@ def edge_colour_response(patches: EdgePatches, prior_weight: float = _PRIOR_WEIG
     """
     if patches.first.shape[1] != 3:
         raise NotObservableError("the colours of edges are needed, and the image is grey")
-    weight = prior_weight * _WINDOWS / len(patches.first)
-    return response_prior().most_likely(lambda curve: edge_colour_distance(patches, curve), weight, "edge-colours")
+    return response_prior().most_likely(
+        lambda curve: edge_colour_distance(patches, curve), prior_weight, "edge-colours"
+    )

@@ -1,20 +1,22 @@
 """Zheng, Lin and others on the vignette of a single image: radial gradients (2008), and segments (2006, 2009).
 
 **Radial gradients** ("Single-image vignetting correction using radial gradient symmetry", 2008). In natural images,
-the gradients of ln I along the radius are symmetric about zero; a vignette adds the same ψᵥ(r) to all at one radius:
+the gradients ψ of ln I along the radius are symmetric about zero; a vignette adds the same to all at one radius. With
+B = ln V in rings of one pixel,
 
-    ψ(r, θ) = ψᵢ(r, θ) + ψᵥ(r),    ψᵥ = argmin Σ |ψ(r, θ) − ψᵥ(r)|^α + λ Σ ψᵥ''(r)²,    ln V(r) = ∫ ψᵥ dr
+    argmin Σ w² |ψ − (B_r − B_{r−1})|² + (2λ N/R)² Σ (B_{r+1} − 2 B_r + B_{r−1})²,    N pixels, R rings
 
-with α 0.6 and λ 0.3, by iteratively reweighted least squares: w = exp(−s₁)(1 − exp(−s₂)), s₁ = |ψ − ψᵥ|,
-s₂ = α s₁^(α−1), on images of a quarter of their size. Here ψ is per half diagonal, and ψᵥ at most 0.
+by iteratively reweighted least squares, w = exp(−s₁)(1 − exp(−s₂)), s₁ = |ψ − (B_r − B_{r−1})|, s₂ = α s₁^(α−1). All
+numbers are those of the program that its first author has published (vignCorrection_nonPara, 2010): λ 0.3, α 0.6,
+four turns, images of a quarter of their size, ln(M + 1) for grey levels up to 255. One departure: V never grows
+outwards.
 
 **Segments** ("Single-image vignetting correction", 2006 and 2009). Within a segment of one radiance, ln I falls as
 ln V does. Segmentation and V are improved in turn, V by the model of Kang and Weiss without tilt,
-V = (1 − a r) / (1 + (r/f)²)².
+V = (1 − a r) / (1 + (r/f)²)². Not verified: the weights of segments. Segments are connected pixels of small gradients
+here, and count by their pixels; the publication uses mean shift, and sorts segments by their texture, too.
 
-Images are irradiances, g(M). Not verified: how the publications bin radii, and the weights of segments. Segments
-are connected pixels of small gradients here, and count by their pixels; the publication uses mean shift, and sorts
-segments by their texture, too.
+Images are irradiances, g(M); clipped pixels are left out.
 """
 
 from __future__ import annotations
@@ -30,26 +32,26 @@ from ospc.errors import NotObservableError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.vignette import PolynomialVignette
 
-_SPARSITY, _SMOOTHNESS, _ROUNDS = 0.6, 0.3, 20
+_SPARSITY, _SMOOTHNESS, _TURNS = 0.6, 0.3, 4
 """α, λ, and turns of reweighting."""
 
-_SHRINK = 4
-"""Images are used at a quarter of their size, which averages fine texture and noise."""
+_SHRINK, _SHIFT = 4, 1 / 255
+"""Images are used at a quarter of their size; added to irradiances, so that their logarithms stay finite."""
 
 _SMALLEST_SIDE = 60
 """Pixels of the shorter side below which an image is not made smaller: rings need pixels."""
 
-_RINGS, _FEWEST_IN_RING = 60, 8
-"""Rings of equal width from the centre to the corners, and pixels that one needs."""
+_RIDGE = 1e-9
+"""Pull of B to zero, which makes it unique."""
+
+_LEAST_RESIDUAL = 1e-9
+"""Added to s₁, whose power is negative."""
+
+_PLACES = np.linspace(0, 1, 61)
+"""Radii at which V is fitted by a polynomial."""
 
 _DARKEST = 1e-3
-"""Irradiance below which its logarithm is noise."""
-
-_RIDGE = 1e-9
-"""Pull of ψᵥ to zero, which makes it unique where no ring has pixels."""
-
-_LEAST_RESIDUAL = 1e-4
-"""|ψ − ψᵥ| below which weights do not grow any further."""
+"""Irradiance below which its logarithm is noise, for segments."""
 
 _SMOOTHING_PX, _EVEN = 0.7, 0.03
 """Smoothing before segmentation, and gradient of ln I per pixel up to which neighbours are one surface."""
@@ -68,7 +70,7 @@ _LEAST_V = 0.05
 
 
 def radial_gradient_vignette(
-    images: Sequence[FloatArray], masks: Sequence[BoolArray] | None = None
+    images: Sequence[FloatArray], masks: Sequence[BoolArray] | None = None, smoothness: float = _SMOOTHNESS
 ) -> PolynomialVignette:
     """Return the vignette of images of one size by the symmetry of their radial gradients.
 
@@ -78,6 +80,8 @@ def radial_gradient_vignette(
         Irradiances, shape (height, width) each.
     masks
         True where pixels are exposed; all by default.
+    smoothness
+        λ.
 
     Raises
     ------
@@ -88,15 +92,15 @@ def radial_gradient_vignette(
     rings, gradients = [], []
     for number, image in enumerate(images):
         small, exposed = _small(image, None if masks is None else masks[number])
-        radius, ring, psi = _radial_gradients(np.log(np.maximum(small, _DARKEST)))
-        kept = exposed & (small > _DARKEST) & (radius > 1 / _RINGS)
+        ring, psi = _radial_gradients(np.log(small + _SHIFT))
+        kept = exposed & (ring > 0)
         rings.append(ring[kept])
         gradients.append(psi[kept])
-    # Shading can outweigh a vignette; but no lens gets brighter outwards.
-    slope = np.minimum(_symmetric_part(np.concatenate(rings), np.concatenate(gradients)), 0)
-    edges = np.arange(_RINGS + 1) / _RINGS
-    log_v = np.append(0.0, np.cumsum(slope) / _RINGS)
-    return _polynomial(size, edges, log_v)
+    last = int(ring.max())
+    # As for one image, however many there are.
+    bending = (2 * smoothness * ring.size / (last + 1)) ** 2 * len(images)
+    log_v = _log_attenuation(np.concatenate(rings), np.concatenate(gradients), last, bending)
+    return _polynomial(size, np.interp(_PLACES, np.arange(last + 1) / last, log_v))
 
 
 def _small(image: FloatArray, mask: BoolArray | None) -> tuple[FloatArray, BoolArray]:
@@ -111,43 +115,40 @@ def _small(image: FloatArray, mask: BoolArray | None) -> tuple[FloatArray, BoolA
     return np.asarray(small, dtype=np.float64), cv2.erode(whole, np.ones((3, 3), np.uint8)) > 1 - 1e-6
 
 
-def _radial_gradients(log: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return radius, ring and radial gradient of every pixel, per half diagonal."""
-    offset = normalised(pixel_grid((log.shape[1], log.shape[0])), (log.shape[1], log.shape[0]))
+def _radial_gradients(log: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the radius of every pixel in whole pixels, and the gradient along it, per pixel."""
+    height, width = log.shape
+    offset = pixel_grid((width, height)) - (np.array([width, height]) - 1) / 2
     radius = np.linalg.norm(offset, axis=-1)
-    step = float(offset[0, 1, 0] - offset[0, 0, 0])
-    down, across = np.gradient(log, step)
+    down, across = np.gradient(log)
     psi = (offset[..., 0] * across + offset[..., 1] * down) / np.maximum(radius, 1e-9)
-    ring = np.minimum((radius * _RINGS).astype(np.int64), _RINGS - 1)
-    return radius, ring, np.asarray(psi)
+    return np.rint(radius).astype(np.int64), np.asarray(psi)
 
 
-def _symmetric_part(ring: IntArray, psi: FloatArray) -> FloatArray:
-    """Return ψᵥ in every ring by iteratively reweighted least squares."""
-    counts = np.bincount(ring, minlength=_RINGS)
-    if np.count_nonzero(counts >= _FEWEST_IN_RING) < _RINGS // 2:
+def _log_attenuation(ring: IntArray, psi: FloatArray, last: int, bending: float) -> FloatArray:
+    """Return B in rings 0 to ``last``, 0 at the centre."""
+    counts = np.bincount(ring, minlength=last + 1)
+    if np.count_nonzero(counts) < last / 2:
         raise NotObservableError("too few exposed pixels at too many radii; the vignette cannot be estimated")
-    second = np.diff(np.eye(_RINGS), 2, axis=0)
-    # Weights are means within a ring, so that λ does not depend on the size of the image.
-    share = np.minimum(1.0, counts / _FEWEST_IN_RING) / np.maximum(counts, 1)
-    slope: FloatArray = np.zeros(_RINGS)
-    for turn in range(_ROUNDS):
-        residual = np.maximum(np.abs(psi - slope[ring]), _LEAST_RESIDUAL)
+    step, second = np.diff(np.eye(last + 1), axis=0), np.diff(np.eye(last + 1), 2, axis=0)
+    smooth = bending * second.T @ second + _RIDGE * np.eye(last + 1)
+    weight = np.ones_like(psi)
+    for _ in range(_TURNS):
+        total, target = (
+            np.bincount(ring, weights=part, minlength=last + 1)[1:] for part in (weight**2, weight**2 * psi)
+        )
+        log_v = np.linalg.solve(step.T @ (total[:, None] * step) + smooth, step.T @ target)
+        residual = np.abs(psi - np.diff(log_v)[ring - 1]) + _LEAST_RESIDUAL
         weight = np.exp(-residual) * (1 - np.exp(-_SPARSITY * residual ** (_SPARSITY - 1)))
-        weight = np.ones_like(psi) if turn == 0 else weight
-        total = np.bincount(ring, weights=weight, minlength=_RINGS) * share
-        target = np.bincount(ring, weights=weight * psi, minlength=_RINGS) * share
-        matrix = np.diag(total) + _SMOOTHNESS * second.T @ second + _RIDGE * np.eye(_RINGS)
-        slope = np.asarray(np.linalg.solve(matrix, target), dtype=np.float64)
-    return slope
+    # Shading can outweigh a vignette; but no lens gets brighter outwards.
+    return np.append(0.0, np.cumsum(np.minimum(np.diff(log_v), 0)))
 
 
-def _polynomial(size: ImageSize, radius: FloatArray, log_v: FloatArray) -> PolynomialVignette:
-    """Return the 1 + v₁R² + v₂R⁴ + v₃R⁶ nearest to V at these radii; each counts by the area of its ring."""
+def _polynomial(size: ImageSize, log_v: FloatArray) -> PolynomialVignette:
+    """Return the 1 + v₁R² + v₂R⁴ + v₃R⁶ nearest to V at :data:`_PLACES`; each counts by the area of its ring."""
     v = np.exp(np.clip(log_v, np.log(_LEAST_V), -np.log(_LEAST_V)))
-    powers = radius[:, None] ** np.array([2, 4, 6])
-    root = np.sqrt(radius)[:, None]
-    found = np.linalg.lstsq(root * powers, root[:, 0] * (v - 1), rcond=None)[0]
+    powers, root = _PLACES[:, None] ** np.array([2, 4, 6]), np.sqrt(_PLACES)
+    found = np.linalg.lstsq(root[:, None] * powers, root * (v - 1), rcond=None)[0]
     return PolynomialVignette(size, tuple(found.tolist()))
 
 
@@ -161,7 +162,7 @@ def segment_vignette(image: FloatArray) -> PolynomialVignette:
     """
     size = (image.shape[1], image.shape[0])
     small, _ = _small(image, None)
-    radius, *_ = _radial_gradients(small)
+    radius = np.linalg.norm(normalised(pixel_grid(small.shape[::-1]), small.shape[::-1]), axis=-1)
     log = np.log(np.maximum(small, _DARKEST))
     found = np.array(_START)
     for _ in range(_SEGMENTATIONS):
@@ -170,8 +171,7 @@ def segment_vignette(image: FloatArray) -> PolynomialVignette:
         if not kept.any():
             raise NotObservableError("the image has no segments of even radiance; its vignette cannot be estimated")
         found = _fitted(segment[kept], radius[kept], log[kept], found)
-    places = np.linspace(0, 1, _RINGS + 1)
-    return _polynomial(size, places, _log_kang_weiss(found, places))
+    return _polynomial(size, _log_kang_weiss(found, _PLACES))
 
 
 def _log_kang_weiss(parameters: FloatArray, radius: FloatArray) -> FloatArray:
