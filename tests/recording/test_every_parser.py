@@ -12,7 +12,7 @@ import ospc
 READING = {
     *("read_bytes", "read_text", "loads", "frombuffer", "imdecode", "imread", "loadmat", "json_object", "read_xml"),
     *("ZipFile", "VideoCapture", "DictReader", "reader", "read_table", "process_file", "FileStorage", "ParserCreate"),
-    *("open", "fromfile", "genfromtxt", "loadtxt"),
+    *("open", "open_heif", "fromfile", "genfromtxt", "loadtxt"),
 }
 """Names of functions by which the content of a file is read or taken apart."""
 
@@ -43,6 +43,9 @@ PARSERS = {
     "recording/bags/rosbags_files.py": ["ROS 1 bag", "ROS 2 bag, sqlite3"],
     "recording/decoding.py": ["image file"],
     "recording/exif_photos.py": ["EXIF"],
+    "recording/heic.py": ["HEIC photograph"],
+    "recording/raw.py": ["raw photograph"],
+    "recording/shot.py": ["EXIF"],
     "recording/exposure_lists.py": ["times.txt", "exposures.csv", "image_list.txt"],
     "recording/image_source.py": ["images.zip"],
     "recording/live/opencv_capture.py": "a camera, no file",
