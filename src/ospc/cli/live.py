@@ -113,8 +113,8 @@ def command(
     known, and one instruction at a time. It can be reached from this machine only. With --no-page, the terminal shows
     the same.
 
-    The capture ends when both are known to the goal, at the button or Ctrl-C, or at the end of a recording. OUT then
-    gets what 'ospc calibrate' writes.
+    The capture ends when both are known to the goal, at the button, with Ctrl-C, SIGTERM or the terminal, or at the
+    end of a recording. OUT then gets what 'ospc calibrate' writes.
     """
     from ospc.cli.calibration_result import ResultFolder
     from ospc.live.calibrator import LiveCalibrator
@@ -200,7 +200,7 @@ def _captured(
                 return interruption.requested
 
             try:
-                capture.run(frames, stop, replayed=result.recording is not None)
+                capture.run(interruption.until_requested(frames), stop, replayed=result.recording is not None)
             except Exception as error:  # whatever it is, the frames before it are worth an estimate
                 failure = one_line(error)
         capture.stage = "estimating"
