@@ -117,6 +117,7 @@ def command(
     end of a recording. OUT then gets what 'ospc calibrate' writes.
     """
     from ospc.cli.calibration_result import ResultFolder
+    from ospc.exposures.findings import lag_choice_for
     from ospc.live.calibrator import LiveCalibrator
     from ospc.live.capture import Capture
     from ospc.output import OutputFolder
@@ -128,6 +129,8 @@ def command(
         if not (quiet or as_json):
             say_notes(opened.notes)
         aim = goal or _GOAL
+        if recording is not None:
+            correct_lag = lag_choice_for(recording.kind, correct_lag)
         with LiveCalibrator(correct_lag=correct_lag, goal=aim, source=opened.identity) as live:
             capture = Capture(live, goal=aim, ends=goal > 0, out=str(out))
             with ExitStack() as stack:

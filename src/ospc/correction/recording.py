@@ -93,7 +93,7 @@ def corrector_for(recording: Recording, photometry: Photometry, *, assume_missin
     for part, means in (("response", "linear"), ("vignette", "none")):
         if getattr(photometry, part) is None and not assume_missing:
             verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(part)
-            reason = "" if verdict is None else f" ({verdict.reason})"
+            reason = "" if verdict is None else f": {verdict.reason}"
             raise NotObservableError(
                 f"{photometry.name}: has no {part}{reason}; give a calibration that has one, or add --assume-missing "
                 f"to take it as {means}"

@@ -220,6 +220,8 @@ def _first(read: Callable[[int], StoredImage], count: int, place: str) -> Stored
             return read(index)
         except FrameError as error:
             problem = problem or error
+    if count == 1:
+        raise RecordingError(str(problem))
     raise RecordingError(f"{place}: none of its {count} images can be read; the first: {problem}")
 
 
