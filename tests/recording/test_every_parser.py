@@ -22,6 +22,7 @@ SAFE = "only passes bytes on, or refuses what others could not take"
 PARSERS = {
     "batch/manifest.py": ["table of a batch"],
     "batch/run.py": "one word of its own batch.json, by json_object",
+    "cli/interruption.py": "only the null device, to write to",
     "correction/folder.py": "one word of its own correction.json, by json_object",
     "evaluation/trajectory.py": ["trajectory"],
     "formats/adobe.py": ["Adobe .lcp"],
