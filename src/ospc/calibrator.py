@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, SettingError
-from ospc.exposures.findings import LagChoice, check_lag, lag_choice
+from ospc.exposures.findings import LagChoice, check_lag, lag_choice, lag_choice_for
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
@@ -229,6 +229,7 @@ def calibrate(
     source = open_recording(recording) if isinstance(recording, str | Path) else recording
     if isinstance(source, Recording):
         check_lag(correct_lag, len(source))
+        correct_lag = lag_choice_for(source.kind, correct_lag)
     calibrator = OnlineCalibrator(settings, correct_lag=correct_lag)
     calibrator.source = identity(source) if isinstance(source, Recording) else {"kind": "stream"}
     interrupted = False

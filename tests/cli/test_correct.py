@@ -191,7 +191,7 @@ def test_an_unknown_part_is_refused_with_its_reason_unless_assumed(made, tmp_pat
     partial = Calibration(SETTINGS.size, made.response, None, verdicts).save(tmp_path / "c.json")
     refused = run(made.path, partial, "-o", tmp_path / "out")
     assert isinstance(refused.exception, NotObservableError)
-    assert "no vignette (hardly any radial motion)" in str(refused.exception)
+    assert "no vignette: hardly any radial motion" in str(refused.exception)
     assert not (tmp_path / "out").exists()
     result = run(made.path, partial, "-o", tmp_path / "out", "--assume-missing")
     assert result.exit_code == 0

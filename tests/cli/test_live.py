@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -175,18 +177,62 @@ def test_of_a_camera_what_is_known_is_written_whatever_happens(recording, tmp_pa
         assert "the cable was pulled" in str(done.exception)
 
 
-def test_ctrl_c_ends_it_and_keeps_what_is_known(recording, tmp_path):
-    words = ["live", str(recording.path), "-o", str(tmp_path / "out"), "--no-page", "--pace", "0.2"]
-    program = "from ospc.cli.main import main; main()"
-    running = subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.PIPE, text=True)
+@pytest.fixture
+def stalled(recording, tmp_path):
+    """A recording whose camera delivered nothing for an hour after the twelfth frame."""
+    shutil.copytree(recording.path, tmp_path / "stalled")
+    lines = (tmp_path / "stalled" / "times.txt").read_text().splitlines()
+    frames = [line.split() for line in lines if not line.startswith("#")]
+    late = [[name, f"{float(stamp_s) + 3600 * (i >= 12):.6f}", ms] for i, (name, stamp_s, ms) in enumerate(frames)]
+    (tmp_path / "stalled" / "times.txt").write_text("".join(" ".join(line) + "\n" for line in late))
+    return tmp_path / "stalled"
+
+
+def live_process(recording, out, begin="", **streams):
+    program = f"{begin}from ospc.cli.main import main; main()"
+    words = ["live", str(recording), "-o", str(out), "--no-page"]
+    return subprocess.Popen([sys.executable, "-c", program, *words], **streams)
+
+
+def check_kept(out):
+    known = json.loads((out / "calibration.json").read_text())
+    assert known["partial"]
+    assert known["counts"]["frames"] == 12
+    assert (out / "state.ospc").exists()
+    assert (out / "report.html").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_it_even_while_it_waits_and_keep_what_is_known(stalled, tmp_path, number):
+    running = live_process(stalled, tmp_path / "out", stderr=subprocess.PIPE, text=True)
     assert running.stderr.readline()  # it films
-    time.sleep(1.5)
-    running.send_signal(signal.SIGINT)
+    time.sleep(2)
+    running.send_signal(number)
     assert running.wait(30) == 130
     running.stderr.close()
-    known = json.loads((tmp_path / "out" / "calibration.json").read_text())
-    assert known["partial"]
-    assert 0 < known["counts"]["frames"] < len(recording)
+    check_kept(tmp_path / "out")
+
+
+def test_a_closed_terminal_ends_it_and_keeps_what_is_known(stalled, tmp_path):
+    ours, theirs = os.openpty()
+    own_terminal = "import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
+    running = live_process(stalled, tmp_path / "out", own_terminal, start_new_session=True, **streams)
+    os.close(theirs)
+    assert os.read(ours, 100)  # it films
+    time.sleep(2)
+    os.close(ours)
+    assert running.wait(30) == 130
+    check_kept(tmp_path / "out")
+
+
+def test_nohup_keeps_it_running(recording, tmp_path):
+    ignored = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); "
+    running = live_process(recording.path, tmp_path / "out", ignored, stderr=subprocess.PIPE, text=True)
+    assert running.stderr.readline()
+    running.send_signal(signal.SIGHUP)
+    assert running.wait(60) in (0, 3)
+    running.stderr.close()
 
 
 @pytest.mark.parametrize("source", ["nothing/there", "a_camera"])

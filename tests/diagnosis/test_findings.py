@@ -6,6 +6,7 @@ import numpy as np
 from filmed import Film, found, wandering
 
 from ospc.calibrator import OnlineCalibrator, calibrate
+from ospc.diagnosis.check import check_recording
 from ospc.recording import Frame
 
 FRAMES = 70
@@ -63,6 +64,23 @@ def test_what_is_open_is_said_without_alarm() -> None:
     assert findings.lag_frames is None
     assert findings.warnings == ()
     assert "not certain" in findings.notes[0]
+
+
+def test_a_lag_that_is_stated_settles_what_only_the_images_left_open() -> None:
+    rising = Film(np.linspace(-0.6, 0.6, 60))
+    stated = found(rising, 0)
+    assert (stated.verdict.state, stated.notes, stated.warnings) == ("identifiable", (), ())
+    assert "as stated" in stated.verdict.reason
+    stale = found(Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES)), 0)
+    assert "stale" in stale.warnings[0]
+
+
+def test_photographs_hold_their_own_exposures_so_that_none_can_be_late() -> None:
+    recording = Film(np.linspace(-0.6, 0.6, 60)).recording()
+    assert calibrate(recording).verdicts["exposures"].state == "marginal"
+    object.__setattr__(recording, "kind", "exif_photos")
+    assert calibrate(recording).verdicts["exposures"].state == "identifiable"
+    assert check_recording(recording).verdicts["exposures"].state == "identifiable"
 
 
 def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:

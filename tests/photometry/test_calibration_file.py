@@ -7,6 +7,7 @@ import shutil
 import zipfile
 from dataclasses import fields, replace
 from typing import get_args
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -360,3 +361,16 @@ def test_shown_in_a_terminal_or_notebook_it_is_short_and_harmless():
     page = replace(FULL, source={"name": "<script>"})._repr_html_()
     assert "<script" not in page
     assert all(verdict.reason in page for verdict in FULL.verdicts.values())
+    assert len(repr(FULL.response)) < 500
+
+
+@pytest.mark.parametrize("known", [("response", "vignette"), ("response",), ("vignette",), ()])
+def test_notebooks_draw_the_curves_that_are_known_inside_their_axes(known):
+    parts = {name: getattr(FULL, name) if name in known else None for name in ("response", "vignette")}
+    drawn = ElementTree.fromstring(f"<div>{replace(FULL, **parts)._repr_html_()}</div>").findall("svg")
+    assert [picture.get("aria-label").split()[0] for picture in drawn] == list(known)
+    for picture in drawn:
+        right, bottom = float(picture.get("width")), float(picture.get("height"))
+        for shape in (*picture.findall("polyline"), *picture.findall("polygon")):
+            places = np.array([point.split(",") for point in shape.get("points").split()], float)
+            assert np.all((places > 0) & (places < (right, bottom)))

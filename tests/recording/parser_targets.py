@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -36,6 +37,7 @@ from bag_samples import (
 from file_targets import file_targets
 from hypothesis import strategies as st
 from image_samples import encoded, grey, jpeg_of_size, png_of_size
+from photo_samples import dng, heic
 from test_exif_photos import exif
 
 from ospc.errors import OspcError
@@ -160,6 +162,33 @@ def _text(parse: Callable[[str, str], Any]) -> Callable[[bytes, Path], None]:
 def _image(data: bytes, _folder: Path) -> None:
     stored = decode_stored(data, "image")
     assert stored.pixels.ndim == 2
+
+
+def _photo_of(name: str) -> Callable[[bytes, Path], None]:
+    """Return the parser of a photograph in the format of this name: its pixels, and its exposure."""
+
+    def parse(data: bytes, folder: Path) -> None:
+        assert decode_stored(data, name).pixels.ndim == 2
+        (folder / name).write_bytes(data)
+        assert 0 < _photo(folder / name).exposure_ms < np.inf
+
+    return parse
+
+
+LIBRARIES = {"HEIC photograph": "pillow_heif", "raw photograph": "rawpy"}
+"""Parsers that need a library which may be missing."""
+
+
+def _photo_targets() -> dict[str, Target]:
+    found = {}
+    if find_spec("pillow_heif"):
+        colour = np.stack([grey(i, (64, 64)) for i in range(3)], axis=2)
+        shots = [heic(colour, exif()), heic(grey(0, (64, 64)), exif(), quality=10)]
+        found["HEIC photograph"] = Target(_photo_of("a.heic"), shots, [b"ispe", b"irot", b"grid"])
+    if find_spec("rawpy"):
+        mosaic = grey(0, (64, 48), np.uint16, 1024)
+        found["raw photograph"] = Target(_photo_of("a.dng"), [dng(mosaic), dng(np.stack([mosaic] * 3, axis=2))])
+    return found
 
 
 def _zip(data: bytes, folder: Path) -> None:
@@ -337,6 +366,7 @@ def targets(folder: Path) -> dict[str, Target]:
         "image file": Target(_image, [*pictures, png_of_size(10**6, 10**6), jpeg_of_size(65000, 65000)]),
         "images.zip": Target(_zip, [_zip_bytes()], [b"../", b"/", b"PK\x01\x02", b"PK\x05\x06"]),
         "EXIF": Target(_exif, [jpeg[:2] + exif() + jpeg[2:]]),
+        **_photo_targets(),
         "ROS 1 bag": Target(_bag("made.bag"), bags["bag1"]),
         "ROS 2 bag, sqlite3": Target(_bag("made.db3"), bags["sqlite"]),
         "ROS 2 bag, mcap": Target(_bag("made.mcap"), bags["mcap"]),

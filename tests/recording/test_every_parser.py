@@ -12,7 +12,7 @@ import ospc
 READING = {
     *("read_bytes", "read_text", "loads", "frombuffer", "imdecode", "imread", "loadmat", "json_object", "read_xml"),
     *("ZipFile", "VideoCapture", "DictReader", "reader", "read_table", "process_file", "FileStorage", "ParserCreate"),
-    *("open", "fromfile", "genfromtxt", "loadtxt"),
+    *("open", "open_heif", "fromfile", "genfromtxt", "loadtxt"),
 }
 """Names of functions by which the content of a file is read or taken apart."""
 
@@ -22,6 +22,7 @@ SAFE = "only passes bytes on, or refuses what others could not take"
 PARSERS = {
     "batch/manifest.py": ["table of a batch"],
     "batch/run.py": "one word of its own batch.json, by json_object",
+    "cli/interruption.py": "only the null device, to write to",
     "correction/folder.py": "one word of its own correction.json, by json_object",
     "evaluation/trajectory.py": ["trajectory"],
     "formats/adobe.py": ["Adobe .lcp"],
@@ -43,6 +44,9 @@ PARSERS = {
     "recording/bags/rosbags_files.py": ["ROS 1 bag", "ROS 2 bag, sqlite3"],
     "recording/decoding.py": ["image file"],
     "recording/exif_photos.py": ["EXIF"],
+    "recording/heic.py": ["HEIC photograph"],
+    "recording/raw.py": ["raw photograph"],
+    "recording/shot.py": ["EXIF"],
     "recording/exposure_lists.py": ["times.txt", "exposures.csv", "image_list.txt"],
     "recording/image_source.py": ["images.zip"],
     "recording/live/opencv_capture.py": "a camera, no file",

@@ -28,6 +28,7 @@ def exif(
     iso: int | None = 100,
     taken: str | None = "2020:01:02 03:04:05",
     model: str = "M1",
+    orientation: int | None = None,
 ) -> bytes:
     """A JPEG segment with the given EXIF."""
     entries: list[tuple[int, int, int, bytes]] = []
@@ -40,13 +41,16 @@ def exif(
     if taken is not None:
         entries.append((0x9003, 2, len(taken) + 1, taken.encode() + b"\0"))
     camera = (0x110, 2, len(model) + 1, model.encode() + b"\0")
-    inner = 8 + len(_directory([camera, (0x8769, 4, 1, b"")], 8))
-    main = _directory([camera, (0x8769, 4, 1, struct.pack("<I", inner))], 8)
-    body = b"Exif\0\0II*\0" + struct.pack("<I", 8) + main + _directory(entries, inner)
+    first = [camera]
+    if orientation is not None:
+        first.append((0x112, 3, 1, struct.pack("<HH", orientation, 0)))
+    inner = 8 + len(directory([*first, (0x8769, 4, 1, b"")], 8))
+    main = directory([*first, (0x8769, 4, 1, struct.pack("<I", inner))], 8)
+    body = b"Exif\0\0II*\0" + struct.pack("<I", 8) + main + directory(entries, inner)
     return b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body
 
 
-def _directory(entries: list[tuple[int, int, int, bytes]], start: int) -> bytes:
+def directory(entries: list[tuple[int, int, int, bytes]], start: int) -> bytes:
     """A TIFF directory at the given offset, its longer values after it."""
     place = start + 2 + 12 * len(entries) + 4
     rows, values = b"", b""

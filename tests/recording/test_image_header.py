@@ -13,8 +13,8 @@ from image_samples import encoded, grey, jpeg_of_size, png_of_size
 
 from ospc.errors import FrameError
 from ospc.formats.image_header import ImageHeader, read_header
-from ospc.recording import decoding
 from ospc.recording.decoding import decode_grey
+from ospc.recording.frame import MAX_DECODED_BYTES
 
 SIZE = (37, 23)
 COLOUR = np.dstack([grey(seed, SIZE) for seed in range(3)])
@@ -72,7 +72,7 @@ def test_a_known_beginning_with_anything_after_is_no_crash(start: bytes, rest: b
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
 def test_png_sizes_are_judged_before_decoding(width: int, height: int) -> None:
-    if width * height > decoding.MAX_DECODED_BYTES:
+    if width * height > MAX_DECODED_BYTES:
         with pytest.raises(FrameError, match="bytes allowed"):
             decode_grey(png_of_size(width, height), "picture")
 

@@ -42,8 +42,11 @@ def test_the_kind_may_be_given(tum_folder: Make) -> None:
         (lambda p: _written(p / "blob.bin", bytes(100)), "a file of this kind is not a recording; expected"),
         (lambda p: p / ("x" * 5000), "cannot be read"),
         (lambda p: _written(p / "a.png", b"image"), "is a single image, and a recording is many"),
-        (lambda p: _written(p / "a.HEIC", b"photo").parent, "HEIC photographs such as a.HEIC are not read; convert"),
-        (lambda p: _written(p / "a.cr2", b"photo"), "raw photographs such as a.cr2 are not read; convert .* TIFF"),
+        (
+            lambda p: _written(p / "a.webp", b"photo").parent,
+            "images such as a.webp are not read .*; convert them to PNG",
+        ),
+        (lambda p: _written(p / "a.cr2", b"photo"), "is a single image, and a recording is many"),
         (lambda p: _written(p / "seq" / "image_00" / "data" / "0.png", b"image").parents[3], "do: seq/image_00/data"),
         (lambda p: _written(p / "images" / "dslr" / "0.JPG", b"image").parents[2], "folders in it that do: dslr"),
     ],

@@ -1,13 +1,15 @@
-"""Ctrl-C and SIGTERM as a request to finish early and keep the results so far."""
+"""Ctrl-C, SIGTERM and a lost terminal as a request to finish early and keep the results so far."""
 
 from __future__ import annotations
 
+import os
 import signal
+import stat
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells expect it: 128 + SIGINT."""
@@ -18,8 +20,14 @@ _SAME_S = 2.0
 """Signals within this time, in seconds, count as one request: keys repeat, and the first may be noticed late."""
 
 
+_HANG_UP = getattr(signal, "SIGHUP", None)
+"""Sent when the terminal is closed; None where systems do not have it."""
+
+_Item = TypeVar("_Item")
+
+
 class Interruption:
-    """Handles SIGINT and SIGTERM as a context manager.
+    """Handles SIGINT, SIGTERM and SIGHUP as a context manager.
 
     By default, a signal raises ``KeyboardInterrupt`` at once. Within :meth:`deferred`, the first only sets
     :attr:`requested`, so that no step of the work is interrupted; a second one, some seconds later, raises. Within
@@ -49,6 +57,18 @@ class Interruption:
         with self._switched("deferred"):
             yield
 
+    def until_requested(self, items: Iterable[_Item]) -> Iterator[_Item]:
+        """Yield items until there is a signal, which also ends the wait for the next one, however long it takes."""
+        waiting = iter(items)
+        while True:
+            try:
+                with self._switched("at once"):
+                    self.check()
+                    item = next(waiting)
+            except (StopIteration, KeyboardInterrupt):
+                return
+            yield item
+
     @contextmanager
     def held(self) -> Iterator[None]:
         """Hold back all signals, while files are written."""
@@ -60,13 +80,17 @@ class Interruption:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._before[number] = signal.signal(number, self._handle)
+            if _HANG_UP is not None and signal.getsignal(_HANG_UP) is not signal.SIG_IGN:  # as nohup ignores it
+                self._before[_HANG_UP] = signal.signal(_HANG_UP, self._handle)
         return self
 
     def __exit__(self, *_error: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def _handle(self, *_signal: object) -> None:
+    def _handle(self, number: int, _frame: object) -> None:
+        if number == _HANG_UP:
+            _write_nothing_to_lost_terminals()
         now_s = time.monotonic()
         if now_s - self._counted_s < _SAME_S and self._mode != "at once":
             return
@@ -82,6 +106,15 @@ class Interruption:
             yield
         finally:
             self._mode = before
+
+
+def _write_nothing_to_lost_terminals() -> None:
+    """Let output to a terminal that is gone vanish: the error of writing there must not end what is being saved."""
+    for stream in (1, 2):
+        if stat.S_ISCHR(os.fstat(stream).st_mode) and not os.isatty(stream):
+            nothing = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nothing, stream)
+            os.close(nothing)
 
 
 @contextmanager

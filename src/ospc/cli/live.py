@@ -113,10 +113,11 @@ def command(
     known, and one instruction at a time. It can be reached from this machine only. With --no-page, the terminal shows
     the same.
 
-    The capture ends when both are known to the goal, at the button or Ctrl-C, or at the end of a recording. OUT then
-    gets what 'ospc calibrate' writes.
+    The capture ends when both are known to the goal, at the button, with Ctrl-C, SIGTERM or the terminal, or at the
+    end of a recording. OUT then gets what 'ospc calibrate' writes.
     """
     from ospc.cli.calibration_result import ResultFolder
+    from ospc.exposures.findings import lag_choice_for
     from ospc.live.calibrator import LiveCalibrator
     from ospc.live.capture import Capture
     from ospc.output import OutputFolder
@@ -128,6 +129,8 @@ def command(
         if not (quiet or as_json):
             say_notes(opened.notes)
         aim = goal or _GOAL
+        if recording is not None:
+            correct_lag = lag_choice_for(recording.kind, correct_lag)
         with LiveCalibrator(correct_lag=correct_lag, goal=aim, source=opened.identity) as live:
             capture = Capture(live, goal=aim, ends=goal > 0, out=str(out))
             with ExitStack() as stack:
@@ -200,7 +203,7 @@ def _captured(
                 return interruption.requested
 
             try:
-                capture.run(frames, stop, replayed=result.recording is not None)
+                capture.run(interruption.until_requested(frames), stop, replayed=result.recording is not None)
             except Exception as error:  # whatever it is, the frames before it are worth an estimate
                 failure = one_line(error)
         capture.stage = "estimating"

@@ -61,7 +61,9 @@ def command(
 
     known = None if truth is None else open_photometry(truth)
     folder = OutputFolder.at(out, force=force)
-    pool = Pool.of(_named_apart([(place, summary) for place in states for summary in _summaries(place)]))
+    found = _named_apart([(place, summary) for place in states for summary in _summaries(place)])
+    pool = Pool.of(found)
+    repeated = len(found) - len(pool.summaries)
     merged = merge(pool)
     calibration, differing = merged.calibration, list(merged.agreement.differing.values())
     written = folder.write(calibration)
@@ -82,6 +84,8 @@ def command(
         say_notes((f"{d.name} differs from the others: {d.text}" for d in differing), "warning")
     if not (quiet or as_json):
         counts = calibration.counts
+        if repeated:
+            say_notes([f"{repeated} of the {len(found)} given are of a recording given already; it counts once"])
         basis = f"from {counts['recordings']} recordings, {counts['frames']} frames, {counts['samples']} samples"
         say_result(calibration, folder, written, known, [basis])
     if written.problems:

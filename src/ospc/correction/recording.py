@@ -22,6 +22,7 @@ from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response
 from ospc.recording import Frame, Recording, identity
 from ospc.recording.frame_table import NO_EXPOSURES, NO_STAMPS
+from ospc.recording.image_formats import format_of
 from ospc.recording.image_sequence import ImageSequence
 
 _DEFAULT = CorrectionSettings()
@@ -92,7 +93,7 @@ def corrector_for(recording: Recording, photometry: Photometry, *, assume_missin
     for part, means in (("response", "linear"), ("vignette", "none")):
         if getattr(photometry, part) is None and not assume_missing:
             verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(part)
-            reason = "" if verdict is None else f" ({verdict.reason})"
+            reason = "" if verdict is None else f": {verdict.reason}"
             raise NotObservableError(
                 f"{photometry.name}: has no {part}{reason}; give a calibration that has one, or add --assume-missing "
                 f"to take it as {means}"
@@ -295,9 +296,12 @@ class _Work:
         self.folder.write_times(ids, recording.stamps_s[list(result.frames)], exposures_ms)
 
     def _original(self, index: int) -> bytes:
-        """Return the file of an image, whose metadata are kept."""
+        """Return the file of an image, or its EXIF: metadata that are kept."""
         recording = self.source.recording
-        return recording.stored_bytes(index) if isinstance(recording, ImageSequence) else b""
+        if not isinstance(recording, ImageSequence):
+            return b""
+        data, optional = recording.stored_bytes(index), format_of(recording.names[index])
+        return data if optional is None else optional.exif(data)
 
 
 def _readable(recording: Recording, done: Container[int], reasons: list[str]) -> Iterator[tuple[Frame, Image]]:

@@ -27,6 +27,9 @@ LagChoice = int | Literal["auto", "never", "trusted"]
 """What to do about a lag of the exposures: correct it where it is certain, never, or by so many frames. ``"trusted"``
 is for exposures that were estimated from the images, which cannot disagree with them."""
 
+_WITH_OWN_EXPOSURES = "exif_photos"
+"""Kind of recording whose exposures stand in the image files themselves."""
+
 _UNEXPLAINED_SHARE = 0.25
 """Share of the energy of brightness changes that exposures may leave unexplained before they are doubted: the rest is
 then half as large as the changes themselves."""
@@ -130,7 +133,7 @@ def _assess_choice(
 ) -> ExposureFindings:
     if isinstance(choice, int):
         found = _assess_shifted(changes, written, choice, max_lag)
-        return replace(found, corrected_frames=choice)
+        return replace(_as_stated(found, choice), corrected_frames=choice)
     found = _assess(changes, written, max_lag)
     if choice == "trusted":
         reason = "the exposures were estimated from the images"
@@ -144,6 +147,16 @@ def _assess_choice(
         "to the frames they belong to; --correct-lag never leaves them"
     )
     return replace(corrected, lag=found.lag, corrected_frames=certain, notes=(note,))
+
+
+def _as_stated(found: ExposureFindings, lag: int) -> ExposureFindings:
+    """Leave no question open that only the images could not answer: the user, or the file format, states the lag."""
+    asked = found.verdict.state == "marginal" and found.lag.frames is None and not found.warnings
+    if not asked or (found.lag.candidates and lag not in found.lag.candidates):
+        return found
+    whose = "belong to their frames" if lag == 0 else f"are written {lag_in_words(lag)}"
+    reason = f"exposures {whose}, as stated; the images do not contradict it"
+    return replace(found, verdict=Verdict("identifiable", reason), notes=())
 
 
 def _with_local_tone(
@@ -160,6 +173,11 @@ def _with_local_tone(
     if verdict.state == "identifiable":
         verdict = Verdict("marginal", tone.text, NO_LOCAL_TONE)
     return replace(found, local_tone=tone, verdict=verdict, warnings=(*found.warnings, tone.text))
+
+
+def lag_choice_for(kind: str, choice: LagChoice) -> LagChoice:
+    """Return the choice for a kind of recording: photographs hold their own exposures, so that none can be late."""
+    return 0 if choice == "auto" and kind == _WITH_OWN_EXPOSURES else choice
 
 
 def lag_choice(text: str) -> LagChoice:

@@ -36,7 +36,8 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
     image
         The new file, just encoded, without metadata of its own.
     original
-        The file that it was made from; damaged metadata count as none.
+        The JPEG or PNG file that it was made from, or an EXIF block that begins with 'Exif'; damaged metadata
+        count as none.
     """
     if image.startswith(_JPEG) and original.startswith(_JPEG):
         segments = b"".join(segment for segment in _jpeg_segments(original) if segment[4:].startswith(_COPIED))
@@ -52,7 +53,9 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
 
 
 def _exif(data: bytes) -> bytes | None:
-    """Return the EXIF block of a JPEG or PNG, None if there is none."""
+    """Return the EXIF block of a JPEG or PNG, or of itself; None if there is none."""
+    if data.startswith(_EXIF):
+        return data[len(_EXIF) :]
     if data.startswith(_JPEG):
         segments = (s for s in _jpeg_segments(data) if s[1] == _APP1 and s[4:].startswith(_EXIF))
         return next((segment[4 + len(_EXIF) :] for segment in segments), None)

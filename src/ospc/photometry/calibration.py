@@ -20,9 +20,10 @@ from ospc.photometry.coverage import Coverage
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.exposure_ratios import ExposureRatios
 from ospc.photometry.noise import NoiseModel
+from ospc.photometry.notebook import curve_as_svg
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import State, Verdict
-from ospc.photometry.vignette import RasterVignette, Vignette
+from ospc.photometry.vignette import RasterVignette, Vignette, diagonal_profile
 
 if TYPE_CHECKING:
     from ospc.photometry.correction import Corrector
@@ -139,12 +140,24 @@ class Calibration:
         return f"<Calibration of {', '.join([self._basis, *states])}>"
 
     def _repr_html_(self) -> str:
-        """Return what notebooks show: what it is of, and the verdicts with their reasons."""
+        """Return what notebooks show: what it is of, the verdicts with their reasons, and the curves."""
         rows = "".join(
             f"<tr><th>{escape(name)}</th><td>{escape(verdict.state)}</td><td>{escape(verdict.reason)}</td></tr>"
             for name, verdict in self.verdicts.items()
         )
-        return f"<table><caption>Calibration of {escape(self._basis)}</caption>{rows}</table>"
+        return f"<table><caption>Calibration of {escape(self._basis)}</caption>{rows}</table>{self._curves()}"
+
+    def _curves(self) -> str:
+        shown = ""
+        if self.response is not None:
+            grey = np.linspace(0, 1, len(PROFILE_RADII))
+            sigma = self.response.inverse_sigma
+            spread = None if sigma is None else np.interp(grey, self.response.levels, sigma)
+            shown += curve_as_svg("response g(M)", "grey level M", grey, self.response.inverse(grey), spread)
+        if self.vignette is not None:
+            profile = diagonal_profile(self.vignette, PROFILE_RADII)
+            shown += curve_as_svg("vignette V(R)", "radius R", PROFILE_RADII, profile, self.vignette_sigma)
+        return shown
 
     @property
     def _basis(self) -> str:

@@ -46,8 +46,8 @@ class Response:
         Name and parameters of the model behind the table, as JSON-compatible values.
     """
 
-    inverse_table: FloatArray
-    log_sigma: FloatArray | None = None
+    inverse_table: FloatArray = field(repr=False)
+    log_sigma: FloatArray | None = field(default=None, repr=False)
     scale_sigma: float | None = None
     support: tuple[float, float] = (0.0, 1.0)
     model: dict[str, Any] = field(default_factory=dict)

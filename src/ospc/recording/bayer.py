@@ -44,8 +44,11 @@ class Mosaic:
         return self.pattern in self.PATTERNS
 
     def of(self, image: Image, channel: Channel) -> Image:
-        """Return a channel at half the width and height; green is the rounded mean of the two pixels of a block."""
-        if channel is Channel.LUMINANCE:
+        """Return a channel at half the width and height; green is the rounded mean of the two pixels of a block.
+
+        ``ALL`` gives shape (height, width, 3) in the order blue, green, red.
+        """
+        if channel in (Channel.LUMINANCE, Channel.ALL):
             blocks = [self.of(image, colour) for colour in (Channel.BLUE, Channel.GREEN, Channel.RED)]
             return channel.of(np.stack(blocks, axis=2))
         # Images of odd size lose their last row or column, which has no complete block.

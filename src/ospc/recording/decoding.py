@@ -9,10 +9,9 @@ from ospc.arrays import Image
 from ospc.errors import FrameError
 from ospc.formats.image_header import ImageHeader, read_header
 from ospc.recording.channel import Channel
+from ospc.recording.frame import check_decoded_size
+from ospc.recording.image_formats import format_of
 from ospc.recording.pixel_layout import StoredImage
-
-MAX_DECODED_BYTES = 512 * 2**20
-"""Images that would need more, counting all stored channels, are refused before decoding."""
 
 # The EXIF orientation is ignored: response and vignette belong to the axes of the sensor.
 _STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
@@ -30,13 +29,20 @@ def decode_grey(data: bytes, name: str) -> Image:
 def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> StoredImage:
     """Decode the content of an image file, called ``name`` in messages, to one channel; by default to luma.
 
+    The name tells HEIC and raw photographs, the content all others.
+
     Raises
     ------
     FrameError
         If it is not an image, truncated, damaged, too large, or does not have 8 or 16 bits.
     """
+    optional = format_of(name)
+    if optional is not None:
+        return optional.decode(data, name, channel)
     header = read_header(data, name)
-    _check_header(header, name)
+    check_decoded_size((header.width, header.height), header.channels, header.bits, name)
+    if header.bits > 16:
+        raise FrameError(f"{name}: has {header.bits} bits a channel; convert it to 8 or 16 bit PNG")
     damaged = FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
     if not _can_hold(data, header):
         raise damaged
@@ -66,14 +72,3 @@ def _can_hold(data: bytes, header: ImageHeader) -> bool:
     if data.startswith(_PNG_START):
         return pixels * header.bits // 8 <= _DEFLATE_EXPANDS * len(data)
     return True
-
-
-def _check_header(header: ImageHeader, name: str) -> None:
-    """Refuse images that would need too much memory."""
-    if header.width * header.height * header.channels * max(header.bits, 8) > 8 * MAX_DECODED_BYTES:
-        raise FrameError(
-            f"{name}: its header states {header.width}x{header.height} pixels, which need more than the "
-            f"{MAX_DECODED_BYTES} bytes allowed; repair the file or scale the images down"
-        )
-    if header.bits > 16:
-        raise FrameError(f"{name}: has {header.bits} bits a channel; convert it to 8 or 16 bit PNG")

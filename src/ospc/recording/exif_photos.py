@@ -6,29 +6,24 @@ with. EXIF rounds all three, times to the nominal 1/60 of a 1/64, so ratios are 
 
 from __future__ import annotations
 
-import logging
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
-from ospc.errors import ExposureError, RecordingError, listed, needs_extra
+from ospc.errors import ExposureError, FrameError, RecordingError, listed
+from ospc.formats.files import read_bytes
 from ospc.recording.exposure_lists import lists_in
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame_table import FrameTable, make_table
+from ospc.recording.image_formats import format_of
 from ospc.recording.image_sequence import ImageSequence, open_sequence
-from ospc.recording.image_source import FolderImages
+from ospc.recording.image_source import MAX_FILE_BYTES, FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.shot import Shot, shot_of_exif
 
 _HEAD_BYTES = 256 * 1024
 """Read of each photograph: EXIF is a segment of at most 64 KiB near its beginning."""
 
 _SIGNATURE = b"Exif\0\0"
-_TIME, _NUMBER, _ISO = "EXIF ExposureTime", "EXIF FNumber", "EXIF ISOSpeedRatings"
-_TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", "Image Model"
 _FORMULA = "exposure is time × ISO/100 / f-number², from EXIF, in ms; EXIF rounds these values"
 _LIST_INSTEAD = "add exposures.csv with a header 'file,exposure_s'"
 
@@ -44,7 +39,9 @@ class ExifPhotos:
         if not path.is_dir():
             return False
         names = FolderImages.of(path).names
-        return bool(names) and _SIGNATURE in _head(path / names[0]) and not lists_in(path)
+        if not names or lists_in(path):
+            return False
+        return format_of(names[0]) is not None or _SIGNATURE in _head(path / names[0])
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         """Open the folder; frames are in the order the photographs were taken.
@@ -52,7 +49,7 @@ class ExifPhotos:
         Raises
         ------
         MissingExtraError
-            If the optional dependency that reads EXIF is not installed.
+            If an optional dependency that reads EXIF or the photographs is not installed.
         """
         if not path.is_dir():
             raise RecordingError(f"{path}: an {self.name} recording is a folder of photographs with EXIF")
@@ -62,29 +59,31 @@ class ExifPhotos:
 
 @dataclass(frozen=True)
 class _Photo:
-    """EXIF values of a photograph."""
+    """A photograph: its name, its exposure, and how it was taken."""
 
     name: str
     exposure_ms: float
-    iso: float | None
-    f_number: float | None
-    taken: datetime | None
-    model: str
+    shot: Shot
 
 
 def _photo(path: Path) -> _Photo:
-    tags = _tags(path)
-    time_s = _positive(tags, _TIME)
-    if time_s is None:
+    optional = format_of(path)
+    if optional is None:
+        shot = shot_of_exif(_head(path))
+    else:
+        try:
+            shot = optional.shot(read_bytes(path, MAX_FILE_BYTES, FrameError), str(path))
+        except FrameError as error:
+            raise ExposureError(f"{error}, or remove the photograph") from None
+    if shot.time_s is None:
         raise ExposureError(f"{path}: its EXIF holds no exposure time; remove the photograph, or {_LIST_INSTEAD}")
-    iso, f_number = _positive(tags, _ISO), _positive(tags, _NUMBER)
-    exposure_ms = 1000 * time_s * (iso or 100) / 100 / (f_number or 1) ** 2
+    exposure_ms = 1000 * shot.time_s * (shot.iso or 100) / 100 / (shot.f_number or 1) ** 2
     if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
         raise ExposureError(
             f"{path}: its EXIF gives an impossible exposure of {exposure_ms:g} ms; remove the photograph, or "
             f"{_LIST_INSTEAD}"
         )
-    return _Photo(path.name, exposure_ms, iso, f_number, _taken(tags), str(tags.get(_MODEL, "")))
+    return _Photo(path.name, exposure_ms, shot)
 
 
 def _head(path: Path) -> bytes:
@@ -95,45 +94,11 @@ def _head(path: Path) -> bytes:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
 
 
-def _tags(path: Path) -> Mapping[str, Any]:
-    """Return the EXIF tags of a photograph; none if its EXIF is damaged."""
-    with needs_extra("reading exposures from photographs", "exif"):
-        import exifread
-    logger = logging.getLogger("exifread")
-    if not logger.handlers:
-        # Without a handler, its remarks on odd files would be printed.
-        logger.addHandler(logging.NullHandler())
-    try:
-        tags: Mapping[str, Any] = exifread.process_file(BytesIO(_head(path)), details=False)
-    except Exception:
-        # The parser raises undocumented errors for damaged EXIF.
-        return {}
-    return tags
-
-
-def _positive(tags: Mapping[str, Any], name: str) -> float | None:
-    """Return the number in a tag, None if it is absent or not positive."""
-    try:
-        value = float(tags[name].values[0])
-    except (KeyError, IndexError, AttributeError, TypeError, ValueError, ZeroDivisionError, OverflowError):
-        return None
-    return value if math.isfinite(value) and value > 0 else None
-
-
-def _taken(tags: Mapping[str, Any]) -> datetime | None:
-    digits = str(tags.get(_FRACTION, "0")).strip()[:6]
-    fraction = digits if digits.isascii() and digits.isdigit() else "0"
-    try:
-        return datetime.strptime(f"{tags[_TAKEN]}.{fraction}", "%Y:%m:%d %H:%M:%S.%f")
-    except (KeyError, ValueError):
-        return None
-
-
 def _table(path: Path, names: tuple[str, ...]) -> FrameTable:
     """Order the photographs by the time they were taken, or by name if several share a second."""
     photos = [_photo(path / name) for name in names]
     notes = _notes(path, photos)
-    stamps = [photo.taken for photo in photos if photo.taken is not None]
+    stamps = [photo.shot.taken for photo in photos if photo.shot.taken is not None]
     if len(stamps) < len(photos) or len(set(stamps)) < len(stamps):
         seconds = [float(index) for index in range(len(photos))]
         notes.append(f"{path}: frames are in the order of their names, one per second")
@@ -155,8 +120,8 @@ def _notes(path: Path, photos: list[_Photo]) -> list[str]:
     """Return notes on the formula and on values that are missing or change; refuse inconsistent ones."""
     notes = [f"{path}: {_FORMULA}"]
     without = {
-        "ISO": [p.name for p in photos if p.iso is None],
-        "f-number": [p.name for p in photos if p.f_number is None],
+        "ISO": [p.name for p in photos if p.shot.iso is None],
+        "f-number": [p.name for p in photos if p.shot.f_number is None],
     }
     for what, names in without.items():
         if 0 < len(names) < len(photos):
@@ -166,9 +131,9 @@ def _notes(path: Path, photos: list[_Photo]) -> list[str]:
             )
         if names:
             notes.append(f"{path}: EXIF states no {what}; it is taken as the same in all photographs")
-    if len({p.f_number for p in photos}) > 1:
+    if len({p.shot.f_number for p in photos}) > 1:
         notes.append(f"{path}: the f-number changes, and the vignette with it; keep it fixed")
-    models = sorted({p.model for p in photos})
+    models = sorted({p.shot.model for p in photos})
     if len(models) > 1:
         raise RecordingError(f"{path}: photographs of several cameras ({listed(models)}); keep those of one")
     return notes

@@ -11,6 +11,9 @@ import numpy as np
 from ospc.arrays import BoolArray, Image, ImageSize
 from ospc.errors import FrameError
 
+MAX_DECODED_BYTES = 512 * 2**20
+"""Images that would need more, counting all stored channels, are refused before decoding."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -119,4 +122,13 @@ def check_size(size: ImageSize, wanted: ImageSize, name: str) -> None:
         raise FrameError(
             f"{name}: is {size[0]}x{size[1]} pixels where the recording has {wanted[0]}x{wanted[1]}; remove it or "
             f"bring all images to one size"
+        )
+
+
+def check_decoded_size(size: ImageSize, channels: int, bits: int, name: str) -> None:
+    """Check that a file would not need too much memory if it were decoded; FrameError if it would."""
+    if size[0] * size[1] * channels * max(bits, 8) > 8 * MAX_DECODED_BYTES:
+        raise FrameError(
+            f"{name}: its header states {size[0]}x{size[1]} pixels, which need more than the {MAX_DECODED_BYTES} "
+            f"bytes allowed; repair the file or scale the images down"
         )

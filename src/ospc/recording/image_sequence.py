@@ -8,12 +8,13 @@ from functools import partial
 from pathlib import Path
 
 from ospc.arrays import Image
-from ospc.errors import OspcError, RecordingError, escaped
+from ospc.errors import OspcError, RecordingError, escaped, listed
 from ospc.formats.image_header import read_header
 from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame, check_size
 from ospc.recording.frame_table import NO_STAMPS, FrameTable, match_images, table_or_unlisted
-from ospc.recording.image_source import ImageSource
+from ospc.recording.image_formats import format_of
+from ospc.recording.image_source import FolderImages, ImageSource
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
@@ -41,7 +42,9 @@ class ImageSequence(StoredRecording):
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames in order, not yet decoded."""
         for index, name in enumerate(self.names):
-            load, verify = partial(self._load, name), partial(self._verify, name)
+            # Only decoding tells whether a file is whole that an optional library reads.
+            verify = partial(self._verify, name) if format_of(name) is None else None
+            load = partial(self._load, name)
             yield self._frame(index, escaped(name), load, verify, threads=True)
 
     def close(self) -> None:
@@ -114,6 +117,9 @@ def open_sequence(
         raise
     if table.source == place:
         matching = ()  # without a list, there is nothing to match
+    left_out = source.left_out if isinstance(source, FolderImages) else ()
+    if left_out:
+        pixels.append(f"{place}: {listed(left_out)} left out, for there are images of another format beside them")
     numbered = () if table.stamped else (f"{table.source}: {NO_STAMPS}",)
     return ImageSequence(
         path=path,

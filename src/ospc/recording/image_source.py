@@ -13,10 +13,10 @@ from typing import Protocol
 
 from ospc.errors import FrameError, RecordingError, escaped, quoted
 from ospc.formats.files import read_bytes
+from ospc.recording.image_formats import ImageFormat, format_of
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm"})
-"""Suffixes of image files, in lower case."""
-
+"""Suffixes of image files that need no optional library, in lower case."""
 
 MAX_FILE_BYTES = 256 * 2**20
 """Larger image files are refused before reading."""
@@ -33,7 +33,8 @@ MAX_MEMBERS = 1_000_000
 
 def is_image_name(name: str) -> bool:
     """Tell whether a file name is that of an image; hidden files are not."""
-    return PurePosixPath(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith(".")
+    known = PurePosixPath(name).suffix.lower() in IMAGE_SUFFIXES or format_of(name) is not None
+    return known and not name.startswith(".")
 
 
 def by_name(name: str) -> tuple[tuple[object, ...], str]:
@@ -76,10 +77,21 @@ class ImageSource(Protocol):
 
 @dataclass(frozen=True)
 class FolderImages:
-    """The image files of a folder, not those of its sub-folders."""
+    """The image files of a folder, not those of its sub-folders.
+
+    Attributes
+    ----------
+    place
+        The folder.
+    names
+        The files that are used.
+    left_out
+        Photographs in other formats than these: the same ones, most often, as HEIC or raw files beside JPEGs.
+    """
 
     place: Path
     names: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, folder: Path) -> FolderImages:
@@ -89,7 +101,12 @@ class FolderImages:
             names = [p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file()]
         except OSError as error:
             raise RecordingError(f"{folder}: cannot be listed ({error.strerror}); check its rights") from None
-        return cls(folder, tuple(sorted(names, key=by_name)))
+        names.sort(key=by_name)
+        groups: dict[ImageFormat | None, list[str]] = {None: []}
+        for name in names:
+            groups.setdefault(format_of(name), []).append(name)
+        used = next((group for group in groups.values() if group), [])
+        return cls(folder, tuple(used), tuple(name for name in names if name not in set(used)))
 
     def label(self, name: str) -> str:
         """Return the path of an image file."""

@@ -85,11 +85,22 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
 
 @dataclass(frozen=True)
 class StoredImage:
-    """One channel of an image, as stored; whether the image was in colour, or labelled as a Bayer mosaic."""
+    """One channel of an image, as stored.
+
+    Attributes
+    ----------
+    pixels
+        The grey values.
+    colour
+        Whether the image was in colour.
+    mosaic, depth
+        Its Bayer mosaic and bit depth, if the file states them.
+    """
 
     pixels: Image
     colour: bool = False
     mosaic: Mosaic | None = None
+    depth: BitDepth | None = None
 
 
 @dataclass(frozen=True)
@@ -171,7 +182,7 @@ def find_layout(
     """
     wanted = None if options.channel is Channel.ALL else options.channel
     first = _first(read, len(exposures_ms), place)
-    depth = detect_bit_depth(_samples(first.pixels, read, exposures_ms))
+    depth = first.depth or detect_bit_depth(_samples(first.pixels, read, exposures_ms))
     notes = [] if depth.note is None else [depth.note]
     size = size_of(first.pixels)
     if first.colour:
@@ -209,6 +220,8 @@ def _first(read: Callable[[int], StoredImage], count: int, place: str) -> Stored
             return read(index)
         except FrameError as error:
             problem = problem or error
+    if count == 1:
+        raise RecordingError(str(problem))
     raise RecordingError(f"{place}: none of its {count} images can be read; the first: {problem}")
 
 

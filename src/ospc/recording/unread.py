@@ -11,21 +11,8 @@ from ospc.recording.image_source import FolderImages, is_image_name
 _MOST_FOLDERS = 1000
 """Folders searched for images; data sets have fewer above their images."""
 
-_CONVERSIONS = {
-    "HEIC": (
-        frozenset({".heic", ".heif", ".hif", ".avif"}),
-        "convert them to JPEG, as with 'heif-convert' of libheif",
-    ),
-    "raw": (
-        frozenset({".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef"}),
-        "convert them to 16-bit TIFF without a curve, as with 'dcraw -4 -d -T'",
-    ),
-    "WebP, JPEG XL, JPEG 2000, EXR or GIF": (
-        frozenset({".webp", ".jxl", ".jp2", ".exr", ".gif"}),
-        "convert them to PNG",
-    ),
-}
-"""Photographs that are not read: what they are called, their suffixes, and the remedy."""
+_UNREAD = frozenset({".webp", ".avif", ".jxl", ".jp2", ".exr", ".gif"})
+"""Suffixes of images that are not read."""
 
 
 def why_unread(place: Path) -> str | None:
@@ -48,10 +35,10 @@ def why_unread(place: Path) -> str | None:
 
 
 def _conversion(path: Path) -> str | None:
-    for kind, (suffixes, remedy) in _CONVERSIONS.items():
-        if path.suffix.lower() in suffixes:
-            return f"{kind} photographs such as {escaped(path.name)} are not read; {remedy}"
-    return None
+    if path.suffix.lower() not in _UNREAD:
+        return None
+    formats = "WebP, AVIF, JPEG XL, JPEG 2000, EXR and GIF"
+    return f"images such as {escaped(path.name)} are not read ({formats}); convert them to PNG"
 
 
 def _folders_with_images(place: Path) -> list[Path]:

@@ -10,7 +10,7 @@ import cv2
 from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError
 from ospc.recording.channel import Channel
-from ospc.recording.decoding import MAX_DECODED_BYTES
+from ospc.recording.frame import MAX_DECODED_BYTES
 
 
 class VideoStream:

@@ -77,7 +77,7 @@ def read_image(data: bytes, kind: str, encoding: Encoding, name: str, channel: C
         If it is not a message of this type.
     """
     message = _type(kind, encoding).decode(data)
-    return _raw(message, name, channel) if kind == RAW else _compressed(message, name, channel)
+    return image_of(message, name, channel) if kind == RAW else _compressed(message, name, channel)
 
 
 @cache
@@ -85,7 +85,8 @@ def _type(kind: str, encoding: Encoding) -> MessageType:
     return MessageType(kind, encoding)
 
 
-def _raw(message: Any, name: str, channel: Channel | None) -> StoredImage:
+def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredImage:
+    """Return the image in a ``sensor_msgs/msg/Image`` of any library; FrameError as for :func:`read_image`."""
     height, width, step, encoding = message.height, message.width, message.step, message.encoding
     layout = _ENCODINGS.get(encoding)
     if layout is None:

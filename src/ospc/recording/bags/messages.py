@@ -7,6 +7,7 @@ that far, constants are dropped, and a definition can neither grow a reader nor 
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -177,7 +178,7 @@ def value_at(message: Any, field: str) -> Any:
         known = _fields(value)
         if name in known:
             value = getattr(value, name)
-        elif index and isinstance(value, list | np.ndarray) and int(index) < len(value):
+        elif index and isinstance(value, list | array | np.ndarray) and int(index) < len(value):
             value = value[int(index)]
         else:
             has = shown(_fields(message))
@@ -191,7 +192,9 @@ def shown(fields: Sequence[str]) -> str:
 
 
 def _fields(value: Any) -> list[str]:
-    return list(getattr(value, "__dataclass_fields__", ()))
+    """Return the names of the fields of a message, of rosbags or of a ROS 2 node."""
+    of_node = getattr(value, "get_fields_and_field_types", dict)
+    return list(getattr(value, "__dataclass_fields__", None) or of_node())
 
 
 def is_field(text: str) -> bool:

@@ -1,0 +1,1 @@
+"""A ROS 2 node that calibrates a camera while it films."""

@@ -1,0 +1,108 @@
+"""Frames from the messages of a ROS driver."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from image_samples import grey
+
+from ospc.errors import ExposureError, FrameError
+from ospc.recording.live.ros import RosFrames
+from ospc.recording.options import ReadingOptions
+
+
+class Message(SimpleNamespace):
+    """As rclpy makes messages."""
+
+    def get_fields_and_field_types(self) -> dict[str, str]:
+        return dict.fromkeys(vars(self), "float64")
+
+
+FLIR, REALSENSE = "flir_camera_msgs/msg/ImageMetaData", "realsense2_camera_msgs/msg/Metadata"
+
+
+def header(number: int) -> Message:
+    return Message(stamp=Message(sec=100 + number // 20, nanosec=number % 20 * 50_000_000))
+
+
+def image(number: int, encoding: str = "mono8") -> Message:
+    data = grey(number, (8, 6)).ravel()
+    return Message(header=header(number), height=6, width=8, step=8, encoding=encoding, is_bigendian=0, data=data)
+
+
+def exposure(number: int, microseconds: int = 2000, gain: float = 0.0) -> Message:
+    return Message(header=header(number), exposure_time=microseconds, gain=gain)
+
+
+@given(st.lists(st.tuples(st.integers(0, 12), st.booleans()), max_size=60))
+def test_frames_are_those_of_which_both_parts_came_in_order_and_once(events: list[tuple[int, bool]]) -> None:
+    frames, pairs = [], RosFrames(FLIR)
+    for number, is_image in events:
+        frame = pairs.image(image(number)) if is_image else pairs.exposure(exposure(number, 1000 + number))
+        frames += [] if frame is None else [frame]
+    assert [frame.index for frame in frames] == list(range(len(frames)))
+    stamps = [frame.stamp_s for frame in frames]
+    assert stamps == sorted(set(stamps))
+    for frame in frames:
+        number = round((frame.stamp_s - 100) * 20)
+        assert np.array_equal(frame.image, grey(number, (8, 6)))
+        assert frame.exposure_ms == pytest.approx(1 + number / 1000)
+        assert {(number, True), (number, False)} <= set(events)
+
+
+def test_what_never_gets_its_counterpart_takes_bounded_memory() -> None:
+    pairs = RosFrames(FLIR)
+    for number in range(1000):
+        assert pairs.image(image(number)) is None
+    assert pairs.exposure(exposure(10)) is None
+    assert pairs.exposure(exposure(999)) is not None
+
+
+def test_exposure_is_time_times_gain() -> None:
+    pairs = RosFrames(FLIR)
+    pairs.image(image(0))
+    assert pairs.exposure(exposure(0, 2000, 20.0)).exposure_ms == pytest.approx(20)
+    pairs = RosFrames(REALSENSE)
+    pairs.image(image(0))
+    content = json.dumps({"actual_exposure": 3000, "gain_level": 32})
+    assert pairs.exposure(Message(header=header(0), json_data=content)).exposure_ms == pytest.approx(6)
+
+
+def test_the_field_of_other_messages_can_be_stated() -> None:
+    options = ReadingOptions.of({"exposure_field": "point.x", "exposure_unit": "100us"})
+    pairs = RosFrames("geometry_msgs/msg/PointStamped", options)
+    pairs.image(image(0))
+    fields = {"header": header(0), "point": Message(x=50.0)}
+    assert pairs.exposure(Message(**fields)).exposure_ms == pytest.approx(5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("a_msgs/msg/Own", "state which of its fields is the exposure"),
+        ("std_msgs/msg/Float32", "state the unit of its exposures"),
+        ("camera_aravis/msg/ExtendedCameraInfo", "state the unit of its gains"),
+    ],
+)
+def test_what_is_not_known_has_to_be_stated(kind: str, message: str) -> None:
+    with pytest.raises(ExposureError, match=message):
+        RosFrames(kind)
+
+
+def test_missing_exposures_and_unreadable_images_are_errors() -> None:
+    pairs = RosFrames(FLIR)
+    with pytest.raises(ExposureError, match="exposure of 0 ms; switch on the driver's metadata"):
+        pairs.exposure(exposure(0, 0))
+    with pytest.raises(FrameError, match="encoding"):
+        pairs.image(image(0, "32FC1"))
+
+
+def test_of_a_mosaic_the_green_pixels_are_taken() -> None:
+    pairs = RosFrames(FLIR)
+    pairs.exposure(exposure(0))
+    assert pairs.image(image(0, "bayer_rggb8")).image.shape == (3, 4)
