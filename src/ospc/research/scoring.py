@@ -77,7 +77,9 @@ def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut)
         row,
         states={name: verdict.state for name, verdict in calibration.verdicts.items()},
         reasons={name: verdict.reason for name, verdict in calibration.verdicts.items()},
-        ratios={name: values.tolist() for name, values in vars(calibration.exposure_ratios).items()},
+        ratios={
+            name: values.tolist() for name, values in vars(calibration.exposure_ratios).items() if values is not None
+        },
     )
 
 
