@@ -40,14 +40,14 @@ from ospc.state import container
 PROGRAM = "from ospc.cli.main import main; main()"
 SETTINGS = ("--set", "points_per_pair=100", "--set", "max_points=3000", "--set", "rounds=4")
 SIZE = (160, 120)
-FRAMES = 40
+FRAMES = 30
 HANGING_S = 180
 """A command that has not ended by then hangs; undisturbed, it takes a few seconds."""
 
 ANSWER_S = 10
 """Ctrl-C has to be answered by then, also on a machine that does other things too."""
 
-MOST_IN_A_ROW = 3
+MOST_IN_A_ROW = 4
 """Disturbances before a run is let go on to its end."""
 
 MEASURED = {"seconds", "worker", "attempts"}
@@ -94,7 +94,7 @@ def commands(work: Path) -> dict[str, Command]:
     return {
         "calibrate": Command(("calibrate", one, *out, *SETTINGS, *resuming)),
         "live": Command(("live", one, *out, "--no-page", "--pace", "0", "--goal", "0"), ("--force",)),
-        "correct": Command(("correct", one, states[0], *out)),
+        "correct": Command(("correct", one, states[0], *out), ("--force",)),
         "merge": Command(("merge", *states, *out), ("--force",)),
         "batch": Command(("batch", str(work / "recordings"), *out, "-j", "2", *SETTINGS[:2])),
         "experiments": Command(("experiments", "static", *out[:2], *small)),
@@ -255,6 +255,9 @@ class Tester:
     def complete(self, row: Row, out: Path) -> None:
         """Let the command go on, undisturbed, and compare."""
         name = row.command
+        if out.is_dir() and content(out) == self.expected[name]:
+            shutil.rmtree(out)
+            return
         code, errors = ended(started(self.commands[name], out, again=True))
         if code not in ENDED_WELL:
             row.lost += code is not None
