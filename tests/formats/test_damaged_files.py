@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import struct
+import threading
+import tracemalloc
 import zipfile
 
 import pytest
 
 from ospc.batch.manifest import read_manifest
 from ospc.errors import FormatError, OspcError, SettingError
+from ospc.formats.files import read_bytes
 from ospc.formats.validation import validate
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
@@ -74,3 +78,17 @@ def test_of_long_messages_the_middle_is_left_out(tmp_path):
     assert len(str(caught.value)) < 2000
     assert len(str(OspcError("a" * 10**6 + "; do this"))) < 2000
     assert str(OspcError("a" * 10**6 + "; do this")).endswith("; do this")
+
+
+def test_what_states_no_size_takes_no_more_memory_than_it_holds(tmp_path):
+    (tmp_path / "empty").write_bytes(b"")
+    tracemalloc.start()
+    assert read_bytes(tmp_path / "empty", 2**30) == b""
+    assert tracemalloc.get_traced_memory()[1] < 2**23
+    tracemalloc.stop()
+    os.mkfifo(tmp_path / "pipe")
+    content = bytes(range(256)) * 10**4
+    writer = threading.Thread(target=(tmp_path / "pipe").write_bytes, args=(content,))
+    writer.start()
+    assert read_bytes(tmp_path / "pipe") == content
+    writer.join()
