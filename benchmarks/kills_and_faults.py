@@ -53,6 +53,8 @@ MOST_IN_A_ROW = 4
 MEASURED = {"seconds", "worker", "attempts"}
 """Columns of tables that differ between runs because they are measured."""
 
+COMMANDS = ("calibrate", "live", "correct", "merge", "batch", "experiments")
+
 ENDED_WELL = (0, 3)
 """Exit codes of a result; 3 says that the result has its limits."""
 
@@ -454,14 +456,32 @@ CASES: dict[str, Callable[[Tester, Row, int], None]] = {
 }
 
 
+def known(results: Path) -> list[Row]:
+    """Return what a file of results holds, one row for each case and command."""
+    rows: dict[tuple[str, str], Row] = {}
+    for line in results.read_text().splitlines() if results.exists() else ():
+        new = Row(**json.loads(line))
+        old = rows.setdefault((new.case, new.command), Row(new.case, new.command))
+        for name in ("runs", "lost", "wrong", "torn", "hangs", "early", "refused", "remarks"):
+            setattr(old, name, getattr(old, name) + getattr(new, name))
+        old.slowest_answer_s = max(old.slowest_answer_s, new.slowest_answer_s)
+    return list(rows.values())
+
+
+def done(results: Path, case: str, command: str) -> int:
+    """Return how often a command was disturbed; runs that ended before do not count where it is about kills."""
+    found = [row for row in known(results) if (row.case, row.command) == (case, command)]
+    return sum(row.runs - (row.early if case == "kill" else 0) for row in found)
+
+
 def table(rows: list[Row]) -> str:
     """Return one line for each case and command."""
     lines = [
-        "| case | command | runs | refused | lost | wrong | torn | hangs | slowest answer s |",
-        "| --- | --- | --: | --: | --: | --: | --: | --: | --: |",
+        "| case | command | runs | ended before | refused | lost | wrong | torn | hangs | slowest answer s |",
+        "| --- | --- | --: | --: | --: | --: | --: | --: | --: | --: |",
     ]
     for row in rows:
-        counts = f"{row.runs} | {row.refused} | {row.lost} | {row.wrong} | {row.torn} | {row.hangs}"
+        counts = f"{row.runs} | {row.early} | {row.refused} | {row.lost} | {row.wrong} | {row.torn} | {row.hangs}"
         answer = f"{row.slowest_answer_s:.1f}" if row.slowest_answer_s else ""
         lines.append(f"| {row.case} | {row.command} | {counts} | {answer} |")
     return "\n".join(lines)
@@ -475,25 +495,22 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=10, help="how often it is disturbed in the other cases")
     parser.add_argument("--only", action="append", choices=list(CASES), help="this case")
     parser.add_argument("--commands", action="append", metavar="NAME", help="this command")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--table", action="store_true", help="only print what is known")
     arguments = parser.parse_args()
-    rows = []
-    if arguments.results.exists():
-        rows = [Row(**json.loads(line)) for line in arguments.results.read_text().splitlines()]
-    done = {(row.case, row.command) for row in rows}
     with tempfile.TemporaryDirectory() as folder:
-        tester = Tester(Path(folder), random.Random(arguments.seed))
+        tester = None if arguments.table else Tester(Path(folder), random.Random(time.time_ns()))
         for case in arguments.only or CASES:
-            for name in arguments.commands or tester.commands:
-                if (case, name) not in done:
+            for name in arguments.commands or COMMANDS:
+                wanted = arguments.kills if case == "kill" else arguments.runs
+                while tester and (missing := wanted - done(arguments.results, case, name)) > 0:
                     tester.prepare(name)
                     row = Row(case, name)
-                    CASES[case](tester, row, arguments.kills if case == "kill" else arguments.runs)
-                    rows.append(row)
+                    CASES[case](tester, row, min(missing, MOST_IN_A_ROW) if case == "kill" else missing)
                     with arguments.results.open("a") as stream:
                         stream.write(json.dumps(asdict(row)) + "\n")
-                    print(table(rows[-1:]).splitlines()[-1], *row.remarks, sep="\n  ", flush=True)
-    print(table(rows))
+                    for remark in row.remarks:
+                        print(f"{case}, {name}: {remark}", flush=True)
+    print(table(known(arguments.results)))
 
 
 if __name__ == "__main__":

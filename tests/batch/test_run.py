@@ -182,6 +182,17 @@ def test_without_pyarrow_there_is_no_parquet_and_a_note(entries, tmp_path, monke
     assert not (tmp_path / "out" / "batch.parquet").exists()
 
 
+def test_a_batch_whose_last_files_are_missing_goes_on(done, entries, tmp_path):
+    _, out = done
+    copy = tmp_path / "copy"
+    for missing in ("batch.json", "batch.csv"):
+        shutil.copytree(out, copy, dirs_exist_ok=missing != "batch.json")
+        for name in {"batch.json", missing}:
+            (copy / name).unlink()
+        run_batch(entries, copy, ThisProcess())
+        assert (copy / "index.html").read_bytes() == (out / "index.html").read_bytes()
+
+
 def test_other_folders_and_batches_of_other_versions_are_refused(entries, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("all of it")
