@@ -243,7 +243,7 @@ class Tester:
             row.remarks.append(errors[-800:])
         elif code in REFUSED:
             row.refused += 1
-            if not any(line.startswith("ospc: error:") or code == 4 for line in lines):
+            if not any(line.startswith("ospc: error:" if code == 1 else "failed: ") for line in lines):
                 row.wrong += 1
                 row.remarks.append(f"exit {code} without a sentence: {errors[-300:]}")
         elif code not in (*ENDED_WELL, 130, -signal.SIGKILL):
