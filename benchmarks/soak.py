@@ -113,7 +113,7 @@ def known_shape() -> list[float]:
 def soak(kind: str, number_of_frames: int, results: Path) -> None:
     """Push the frames and write the lines."""
     made, few = pools(), with_overrides(preset("default"), SETTINGS)
-    live = LiveCalibrator(few, goal=0) if kind == "live" else None
+    live = LiveCalibrator(few) if kind == "live" else None
     calibrator = live or OnlineCalibrator(few)
     push_s, process_begun_s = 0.0, time.process_time()
     for number, frame in enumerate(film(made, number_of_frames), start=1):
