@@ -226,7 +226,8 @@ def main() -> None:
     with suppress(KeyboardInterrupt):
         waiting = [] if arguments.table else list(arguments.only or known())
         while waiting:
-            for name in waiting:
+            # Those that had least come first, also after an interruption.
+            for name in sorted(waiting, key=lambda name: campaign.progress(name).read()[0]):
                 campaign.turn(name)
                 (arguments.work / "table.md").write_text(campaign.table() + "\n")
             waiting = [name for name in waiting if campaign.progress(name).read()[0] < arguments.inputs]

@@ -58,8 +58,8 @@ COMMANDS = ("calibrate", "live", "correct", "merge", "batch", "experiments")
 ENDED_WELL = (0, 3)
 """Exit codes of a result; 3 says that the result has its limits."""
 
-REFUSED = (1, 4)
-"""Exit codes of a sentence, and of a batch in which some recordings failed."""
+SENTENCES = {1: ("ospc: error: ", "OpenBLAS error: Memory allocation still failed"), 4: ("failed: ",)}
+"""How the sentence begins that goes with an exit code; where memory ends, OpenBLAS ends the process with its own."""
 
 
 @dataclass(frozen=True)
@@ -241,9 +241,9 @@ class Tester:
         elif "Traceback" in errors or "unexpected" in errors:
             row.wrong += 1
             row.remarks.append(errors[-800:])
-        elif code in REFUSED:
+        elif code in SENTENCES:
             row.refused += 1
-            if not any(line.startswith("ospc: error:" if code == 1 else "failed: ") for line in lines):
+            if not any(line.startswith(SENTENCES[code]) for line in lines):
                 row.wrong += 1
                 row.remarks.append(f"exit {code} without a sentence: {errors[-300:]}")
         elif code not in (*ENDED_WELL, 130, -signal.SIGKILL):
