@@ -8,8 +8,9 @@ READY := .venv/.ready
 USER_READY := .venv/.ready-user
 BIN4 := .venv-opencv4/bin
 READY4 := .venv-opencv4/.ready
+BINS := .venv-sbom/bin
 
-.PHONY: demo test lint format docs test-opencv4 clean
+.PHONY: demo test lint format docs test-opencv4 sbom clean
 
 demo: $(USER_READY)
 	$(BIN)/ospc demo --out demo
@@ -36,8 +37,19 @@ docs: $(READY)
 test-opencv4: $(READY4)
 	$(BIN4)/python -m pytest -n 2 --ignore tests/cli
 
+# The software bill of materials: what a user gets, with versions and licences, as CycloneDX.
+sbom: $(BINS)/cyclonedx-py
+	$(BINS)/cyclonedx-py environment --output-reproducible --pyproject pyproject.toml -o sbom.json .venv-user/bin/python
+	@echo sbom.json
+
+$(BINS)/cyclonedx-py: requirements/sbom.lock requirements/user.lock pyproject.toml
+	$(call make-environment,.venv-user,requirements/user.lock)
+	$(PYTHON) -m venv .venv-sbom
+	$(BINS)/python -m pip install --quiet --requirement requirements/sbom.lock
+	@touch $@
+
 clean:
-	rm -rf .venv .venv-opencv4
+	rm -rf .venv .venv-opencv4 .venv-user .venv-sbom
 
 $(USER_READY): requirements/user.lock pyproject.toml
 	$(call make-environment,.venv,requirements/user.lock)

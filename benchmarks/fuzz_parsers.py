@@ -1,73 +1,237 @@
-"""Give every parser of files as many damaged inputs as one likes, and count what comes of them.
+"""Give every parser of files hostile input, guided by coverage, and count what comes of it.
 
-    python benchmarks/fuzz_parsers.py [--inputs 100000] [--first 0] [--only NAME] ...
+    pip install atheris
+    python benchmarks/fuzz_parsers.py --work FOLDER [--inputs 1000000] [--slice 60] [--only NAME] ...
 
-Inputs are numbered and the same in every run. One that is neither understood nor refused by an error of ours ends the
-run with its number. Prints for each parser how many inputs it understood, the processor time of the slowest, and the
-peak of the memory.
+Parsers take turns until each has had its inputs. Half of these are mutated by libFuzzer, half with their structure
+kept (``damage.py``); whatever reaches new code is kept and mutated further. Everything stays in FOLDER, so that an
+interrupted run goes on there; --table only prints what is known. An input is *found* when it is neither understood
+nor refused by one error of ours on one line, takes more than --seconds of processor time or --megabytes of memory,
+or ends the process: it is kept in FOLDER/found with what was said.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import os
 import resource
+import shutil
+import signal
+import struct
+import subprocess
 import sys
 import tempfile
 import time
+import traceback
+from contextlib import suppress
+from dataclasses import dataclass
+from mmap import mmap
 from pathlib import Path
+from random import Random
 
 # A thread for each core would only fight the others for such small images.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recording"))
 
 import cv2
-from parser_targets import Target, attempt, damaged_at_random, targets
 
-MEMORY = Path("/dev/shm")
+from damage import damaged
+
+MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
 """Folder in memory, where there is one: inputs are written as files, most of them durably."""
 
+HANGING_S = 120
+"""Wall-clock time after which an input is given up; a busy machine must not reach it by itself."""
 
-def fuzz(name: str, target: Target, inputs: range, folder: Path) -> str:
-    """Try all inputs and say what came of them."""
-    accepted, slowest_s = 0, 0.0
-    for number in inputs:
-        data = damaged_at_random(target, number)
-        begun = time.process_time()
-        try:
-            accepted += attempt(target, data, folder)
-        except BaseException:
-            print(f"{name}: input {number} is neither understood nor refused", flush=True)
-            raise
-        slowest_s = max(slowest_s, time.process_time() - begun)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return (
-        f"{name:26} {len(inputs):8d} inputs, {accepted:7d} understood, slowest {slowest_s:6.3f} s, "
-        f"peak memory of the process {peak:5.0f} MiB"
-    )
+LOADING_S = 60
+"""Processor time beyond that of a turn by which its process must be gone: it tries the whole corpus at first."""
+
+SLOWEST = 30
+"""Wall-clock time that may pass in a second of processor time, on a machine that does other things first."""
+
+MOST_FOUND = 1000
+"""Most files kept of what was found."""
+
+COUNTS = struct.Struct("<QQQQQ")
+"""Inputs, understood, found, microseconds of the slowest, and peak of the memory in KiB: shared with the child."""
+
+
+def known() -> tuple[str, ...]:
+    """Return the names of all parsers. Only what is imported later, by a turn, is observed by the fuzzer."""
+    from test_damaged_input import NAMES
+
+    return NAMES
+
+
+class Progress:
+    """What became of one parser's inputs, in a file that outlives the process."""
+
+    def __init__(self, path: Path) -> None:
+        if not path.exists():
+            path.write_bytes(bytes(COUNTS.size))
+        with path.open("r+b") as stream:
+            self._shared = mmap(stream.fileno(), COUNTS.size)
+
+    def read(self) -> list[int]:
+        """Return the counts, see COUNTS."""
+        return list(COUNTS.unpack_from(self._shared))
+
+    def add(self, understood: bool, found: bool, spent_s: float) -> None:
+        """Count one input."""
+        inputs, accepted, wrong, slowest, peak = self.read()
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        counts = inputs + 1, accepted + understood, wrong + found, max(slowest, int(spent_s * 1e6)), max(peak, memory)
+        COUNTS.pack_into(self._shared, 0, *counts)
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Limits, and the folder of corpora, counts, and what was found."""
+
+    work: Path
+    inputs: int
+    slice_s: int
+    seconds: float
+    megabytes: int
+
+    def place(self, name: str) -> Path:
+        """Return the folder of one parser."""
+        place = self.work / "".join(letter if letter.isalnum() else "-" for letter in name)
+        (place / "corpus").mkdir(parents=True, exist_ok=True)
+        return place
+
+    def progress(self, name: str) -> Progress:
+        """Return the counts of one parser."""
+        return Progress(self.place(name) / "counts")
+
+    def turn(self, name: str) -> None:
+        """Let a process of its own try one parser for a while."""
+        place, progress = self.place(name), self.progress(name)
+        before = progress.read()[0]
+        command = [sys.executable, __file__, *sys.argv[1:], "--turn", name]
+        with (place / "log.txt").open("wb") as log, tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+            child = subprocess.Popen([*command, folder], stderr=log, stdout=log)
+            with suppress(subprocess.TimeoutExpired):
+                child.wait(SLOWEST * (self.slice_s + LOADING_S))
+            child.kill()
+            child.wait()
+        for artifact in place.glob("libfuzzer-*"):
+            (self.work / "found").mkdir(exist_ok=True)
+            shutil.move(artifact, self.work / "found" / f"{place.name}-{artifact.name}")
+            progress.add(False, True, 0.0)
+        if progress.read()[0] == before:
+            print(f"{name}: no input was tried (exit {child.returncode}), see {place / 'log.txt'}", flush=True)
+
+    def fuzz(self, name: str, folder: Path) -> None:
+        """Try one parser; never return: the process ends with the turn."""
+        import atheris
+
+        with atheris.instrument_imports(include=["ospc", "exifread", "rosbags", "mcap"]):
+            from parser_targets import attempt, targets
+
+        target, place, progress = targets(folder)[name], self.place(name), self.progress(name)
+        for number, sample in enumerate(target.samples):
+            (place / "corpus" / f"sample-{number}").write_bytes(sample)
+        mutated, end_s = False, 0.0
+
+        def mutate(data: bytes, most: int, seed: int) -> bytes:
+            nonlocal mutated, end_s
+            mutated, end_s = True, end_s or time.process_time() + self.slice_s
+            random = Random(seed)
+            if random.random() < 0.5:
+                return bytes(atheris.Mutate(data, most))
+            return damaged(data, target.words, random)[:most]
+
+        def try_one(data: bytes) -> None:
+            nonlocal mutated
+            begun, found, understood = time.process_time(), False, False
+            try:
+                understood = attempt(target, data, folder)
+            except Exception as error:
+                self.keep(name, data, "".join(traceback.format_exception(error)), error)
+                found = True
+            spent = time.process_time() - begun
+            if spent > self.seconds:
+                self.keep(name, data, f"took {spent:.1f} s of processor time", None)
+                found = True
+            # What an earlier turn kept is tried anew at the beginning of each; it counts once.
+            if mutated or found:
+                progress.add(understood, found, spent)
+            mutated = False
+            if end_s and (time.process_time() > end_s or progress.read()[0] >= self.inputs):
+                os._exit(0)
+
+        resource.setrlimit(resource.RLIMIT_DATA, (self.megabytes * 2**20,) * 2)
+        cv2.setNumThreads(1)
+        options = {
+            "timeout": HANGING_S,
+            "rss_limit_mb": self.megabytes,
+            "max_len": max(4096, *(len(sample) * 6 // 5 for sample in target.samples)),
+            "seed": progress.read()[0] % 2**31 + 1,
+            "artifact_prefix": f"{place}/libfuzzer-",
+            "detect_leaks": 0,
+        }
+        command = [sys.argv[0], str(place / "corpus"), *(f"-{key}={value}" for key, value in options.items())]
+        atheris.Setup(command, try_one, custom_mutator=mutate)
+        atheris.Fuzz()
+
+    def keep(self, name: str, data: bytes, said: str, error: Exception | None) -> None:
+        """Keep one input for each place in the code where something went wrong."""
+        where = [f"{frame.filename}:{frame.lineno}" for frame in traceback.extract_tb(error and error.__traceback__)]
+        digest = hashlib.sha256(repr((type(error), where or data[:64])).encode()).hexdigest()[:12]
+        place = self.work / "found"
+        place.mkdir(exist_ok=True)
+        path = place / f"{self.place(name).name}-{digest}"
+        if not path.exists() and len(list(place.iterdir())) < MOST_FOUND:
+            path.write_bytes(data)
+            path.with_suffix(".txt").write_text(said, "utf-8", "backslashreplace")
+
+    def table(self) -> str:
+        """Return what became of all inputs so far."""
+        lines = [
+            "| parser | inputs | understood | corpus | slowest s | peak MiB | found |",
+            "| --- | --: | --: | --: | --: | --: | --: |",
+        ]
+        total = found_in_all = 0
+        for name in known():
+            inputs, understood, found, slowest, peak = self.progress(name).read()
+            corpus = len(list((self.place(name) / "corpus").iterdir()))
+            total, found_in_all = total + inputs, found_in_all + found
+            lines.append(
+                f"| {name} | {inputs} | {understood} | {corpus} | {slowest / 1e6:.2f} | {peak / 1024:.0f} | {found} |"
+            )
+        return "\n".join([*lines, f"| all | {total} | | | | | {found_in_all} |"])
 
 
 def main() -> None:
-    """Try all parsers, or those that are named."""
+    """Let the parsers take turns."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--inputs", type=int, default=100_000, help="how many for each parser")
-    parser.add_argument("--first", type=int, default=0, metavar="NUMBER", help="number of the first")
+    parser.add_argument("--work", type=Path, required=True, help="folder of corpora, counts, and what was found")
+    parser.add_argument("--inputs", type=int, default=1_000_000, help="how many for each parser")
+    parser.add_argument("--slice", type=int, default=60, metavar="SECONDS", help="processor time of a turn")
     parser.add_argument("--only", action="append", metavar="NAME", help="this parser")
+    parser.add_argument("--seconds", type=float, default=2.0, help="most processor time for one input")
+    parser.add_argument("--megabytes", type=int, default=1024, help="most memory")
+    parser.add_argument("--table", action="store_true", help="only print what is known")
+    parser.add_argument("--turn", nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    cv2.setNumThreads(1)
-    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
-        known = targets(Path(folder))
-        # Decoders written in C have their own remarks on every damaged image.
-        kept = os.dup(2)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-        try:
-            for name in arguments.only or known:
-                inputs = range(arguments.first, arguments.first + arguments.inputs)
-                print(fuzz(name, known[name], inputs, Path(folder)), flush=True)
-        finally:
-            os.dup2(kept, 2)
+    campaign = Campaign(arguments.work, arguments.inputs, arguments.slice, arguments.seconds, arguments.megabytes)
+    if arguments.turn:
+        campaign.fuzz(arguments.turn[0], Path(arguments.turn[1]))
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with suppress(KeyboardInterrupt):
+        waiting = [] if arguments.table else list(arguments.only or known())
+        while waiting:
+            # Those that had least come first, also after an interruption.
+            for name in sorted(waiting, key=lambda name: campaign.progress(name).read()[0]):
+                campaign.turn(name)
+                (arguments.work / "table.md").write_text(campaign.table() + "\n")
+            waiting = [name for name in waiting if campaign.progress(name).read()[0] < arguments.inputs]
+    print(campaign.table())
 
 
 if __name__ == "__main__":

@@ -112,3 +112,16 @@ def test_links_to_nothing_and_folders_in_the_place_of_files_are_found_before_the
         OutputFolder.at(tmp_path / "out", force=True)
     result = ospc("compare", tmp_path, tmp_path, "--plot", tmp_path / "none" / "a.png")
     assert "name a file in a folder that exists" in str(result.exception)
+
+
+def test_what_a_killed_process_was_writing_is_removed(tmp_path, another_process_in):
+    busy = tmp_path / "busy"
+    names = [".a.json.123.part", "inner/.b.png.9.part", "busy/.c.json.7.part", ".part", ".notes.part", "a.1.part"]
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"half")
+    another_process_in(busy)
+    (busy / ".c.json.7.part").write_bytes(b"that process is writing it")
+    with reserved(tmp_path):
+        left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == {"busy/.c.json.7.part", ".part", ".notes.part", "a.1.part"}

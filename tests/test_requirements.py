@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
 
 import pytest
@@ -48,3 +49,30 @@ def test_the_version_is_the_same_everywhere(name: str) -> None:
     stated = re.search(r'^version\s*[:=]\s*"?([\d.]+)', (ROOT / name).read_text(), re.MULTILINE)
     assert stated is not None
     assert stated[1] == ospc.__version__
+
+
+BUILDING = {"editables", "hatchling", "pathspec", "pluggy", "tomlkit", "trove-classifiers"}
+"""Packages of user.lock that only install this one."""
+
+
+def licence(name: str) -> str:
+    """Return what a package says of its licence, in one of three places."""
+    try:
+        said = metadata(name)
+    except PackageNotFoundError:
+        return ""  # needed on other systems only
+    classifiers = [text for text in said.get_all("Classifier", []) if text.startswith("License")]
+    return " ".join([said.get("License-Expression", ""), *classifiers, said.get("License", "")[:200]]).strip()
+
+
+def test_no_package_that_users_need_binds_them_to_the_gpl() -> None:
+    names = set(pinned("user.lock"))
+    licences = {name: licence(name) for name in names}
+    assert sum(bool(text) for text in licences.values()) > 10
+    assert not [name for name, text in licences.items() if re.search(r"GPL|General Public", text)]
+
+
+def test_the_documentation_lists_the_licences_of_all_packages() -> None:
+    text = (ROOT / "docs" / "robustness.md").read_text()
+    listed = set(re.findall(r"^\| ([\w.-]+) \|", text.partition("## Licences")[2], re.MULTILINE))
+    assert listed - {"package", "---"} == set(pinned("user.lock")) - BUILDING

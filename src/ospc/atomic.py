@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
 from contextlib import suppress
 from pathlib import Path
@@ -10,11 +11,14 @@ from pathlib import Path
 _RANDOM_BITS = 64
 """Random part of an unfinished file's name, ``.<name>.<number>.part``: nobody can guess it and get there first."""
 
+UNFINISHED = re.compile(r"\..+\.\d+\.part", re.DOTALL)
+"""Names of unfinished files: a process that was killed leaves them behind."""
+
 _PERMISSIONS = 0o666
 """What a file may be used for; the user's umask takes away from it, as for any new file."""
 
 
-def write_atomically(path: str | Path, content: bytes) -> Path:
+def write_atomically(path: str | Path, content: bytes, *, durable: bool = True) -> Path:
     """Write a file so that readers, and a crash at any moment, find the old content or the new, and return its path.
 
     Parameters
@@ -23,6 +27,8 @@ def write_atomically(path: str | Path, content: bytes) -> Path:
         Where to; its folder must exist.
     content
         All of the file.
+    durable
+        Whether it has to outlive a power cut, too; that takes milliseconds.
 
     Raises
     ------
@@ -39,8 +45,9 @@ def write_atomically(path: str | Path, content: bytes) -> Path:
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(content)
             stream.flush()
-            # Without it, a power cut after the renaming may leave an empty file under the final name.
-            os.fsync(stream.fileno())
+            if durable:
+                # Without it, a power cut after the renaming may leave an empty file under the final name.
+                os.fsync(stream.fileno())
         unfinished.replace(place)
     except BaseException:  # an interruption, too, must leave nothing behind
         with suppress(OSError):

@@ -6,8 +6,22 @@ the file or value, says what is wrong with it and what to do; the command prints
 
 from __future__ import annotations
 
+import struct
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+
+UNREADABLE = (
+    *(LookupError, TypeError, ValueError, RecursionError, MemoryError, EOFError, OverflowError),
+    *(NotImplementedError, RuntimeError, SyntaxError, tokenize.TokenError),
+    *(struct.error, zlib.error, zipfile.BadZipFile),
+)
+"""What zipfile, numpy and json raise for content that somebody forged or another program wrote."""
+
+_MESSAGE_CHARACTERS = 1500
+"""Characters of a message before its middle is left out: libraries quote as much of a file as there is."""
 
 _SHOWN_CHARACTERS = 40
 """Characters of a quotation before it is cut."""
@@ -27,11 +41,13 @@ class OspcError(Exception):
     ----------
     message
         One sentence. What it quotes of a file or a name is escaped, so that it stays on one line and no terminal
-        obeys it.
+        obeys it; of a very long one the middle is left out.
     """
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(escaped(message))
+        text = escaped(message)
+        half = _MESSAGE_CHARACTERS // 2
+        super().__init__(text if len(text) <= _MESSAGE_CHARACTERS else f"{text[:half]} … {text[-half:]}")
 
 
 class RecordingError(OspcError):

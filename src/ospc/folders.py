@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
+from ospc.atomic import UNFINISHED
 from ospc.errors import SettingError
 
 try:
@@ -41,7 +42,8 @@ def reserved(folder: str | Path) -> Iterator[Path]:
     """Make a folder and keep other processes that reserve it out.
 
     The lock is on the folder itself: it leaves no file behind, and ends with the process, however that ends. A folder
-    that was made here and is still empty at the end is removed again.
+    that was made here and is still empty at the end is removed again. Unfinished files of processes that were killed
+    are removed.
 
     Parameters
     ----------
@@ -62,11 +64,22 @@ def reserved(folder: str | Path) -> Iterator[Path]:
         raise SettingError(f"{place}: cannot be made ({error.strerror}); choose another folder") from None
     try:
         with _locked(place):
+            _remove_unfinished(place)
             yield place
     finally:
         with suppress(OSError):
             for path in made:
                 path.rmdir()
+
+
+def _remove_unfinished(place: Path) -> None:
+    """Remove the unfinished files in a locked folder, and in those below that nobody else has locked."""
+    if fcntl is None:
+        return
+    for path in place.rglob(".*.part"):
+        if UNFINISHED.fullmatch(path.name):
+            with suppress(OSError, SettingError), nullcontext() if path.parent == place else _locked(path.parent):
+                path.unlink()
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +23,8 @@ from ospc.report.examples import Examples, examples_of, exposures_beside
 from ospc.report.page import write_page
 from ospc.report.pdf import write_pdf
 from ospc.report.pictures import PICTURES, pictures_of
+from ospc.state.container import STATE_NAME
 
-_STATE = re.compile(r"state\.ospc|\.state\.ospc\.\d+\.part")
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
 _DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt", CAVEAT)
@@ -266,7 +265,7 @@ def _holds(recording: Path, place: Path) -> bool:
 
 
 def _is_earlier_output(place: Path) -> bool:
-    # A run that was killed before its end leaves only its state, finished or half written.
-    if all(_STATE.fullmatch(entry.name) for entry in place.iterdir()):
+    # A run that was killed before its end leaves only its state.
+    if all(entry.name == STATE_NAME for entry in place.iterdir()):
         return True
     return str(json_object(place / "calibration.json").get("schema")).startswith(_SCHEMA_BEGINNING)

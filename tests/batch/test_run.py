@@ -10,6 +10,7 @@ import sys
 
 import pytest
 
+import ospc.batch.work as module
 from batch_recordings import QUICK, Pretending, simulated, variant
 from ospc.batch.entries import Entry
 from ospc.batch.local import Processes, ThisProcess
@@ -181,6 +182,17 @@ def test_without_pyarrow_there_is_no_parquet_and_a_note(entries, tmp_path, monke
     assert not (tmp_path / "out" / "batch.parquet").exists()
 
 
+def test_a_batch_whose_last_files_are_missing_goes_on(done, entries, tmp_path):
+    _, out = done
+    copy = tmp_path / "copy"
+    for missing in ("batch.json", "batch.csv"):
+        shutil.copytree(out, copy, dirs_exist_ok=missing != "batch.json")
+        for name in {"batch.json", missing}:
+            (copy / name).unlink()
+        run_batch(entries, copy, ThisProcess())
+        assert (copy / "index.html").read_bytes() == (out / "index.html").read_bytes()
+
+
 def test_other_folders_and_batches_of_other_versions_are_refused(entries, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("all of it")
@@ -236,3 +248,18 @@ def test_one_process_that_dies_takes_only_its_own_task(recordings, tmp_path, ent
 
 def test_equal_work_gives_equal_bytes(entries):
     assert work(Task(0, entries[0])).result == work(Task(7, entries[0])).result
+
+
+def test_a_recording_that_changes_while_it_is_read_has_no_result(recordings, tmp_path, monkeypatch):
+    place = tmp_path / "moving"
+    shutil.copytree(recordings / "A" / "r0", place)
+    calibrated = module._calibrated
+
+    def losing_an_image(*arguments):
+        sorted((place / "images").iterdir())[-1].unlink()
+        return calibrated(*arguments)
+
+    monkeypatch.setattr(module, "_calibrated", losing_an_image)
+    answer = work(Task(0, Entry(str(place), "A", QUICK)))
+    assert "changed meanwhile" in answer.error
+    assert not answer.result

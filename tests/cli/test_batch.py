@@ -52,6 +52,9 @@ def test_failures_are_said_and_exit_code_4(folder, tmp_path):
     assert result.exit_code == 4
     assert f"failed: {tmp_path / 'none'}: " in result.stderr
     assert "(tried 2 times)" in result.stderr
+    quiet = run(tmp_path / "m.csv", "-o", tmp_path / "out", *SETTINGS, "--quiet", "--retries", "0")
+    assert quiet.stderr.startswith(f"failed: {tmp_path / 'none'}: ")
+    assert not quiet.stdout
     result = run(tmp_path / "m.csv", "-o", tmp_path / "out", *SETTINGS, "--json", "--retries", "0")
     content = json.loads(result.stdout)
     assert (content["exit_code"], content["done"], len(content["failed"])) == (4, 1, 1)

@@ -227,3 +227,36 @@ def test_closed_it_takes_no_more_and_its_thread_ends(cameras):
 def test_the_slow_preset_is_refused():
     with pytest.raises(SettingError, match="paper"):
         LiveCalibrator("paper")
+
+
+def test_who_waits_learns_that_the_background_failed(monkeypatch):
+    held = Held(monkeypatch)
+
+    def fails(*_arguments):
+        assert held.go.wait(10)
+        raise ArithmeticError("no number")
+
+    monkeypatch.setattr(LiveCalibrator, "_take", fails)
+    live = LiveCalibrator()
+    live.push(grey())
+    answers = []
+
+    def wait():
+        with pytest.raises(OspcError, match="the background failed: no number"):
+            live.wait()
+        answers.append("failed")
+
+    waiting = threading.Thread(target=wait, daemon=True)
+    waiting.start()
+    time.sleep(0.05)  # it waits by now, and nobody else wakes it
+    held.go.set()
+    waiting.join(10)
+    assert answers == ["failed"]
+    with pytest.raises(OspcError, match="the background failed"):
+        live.push(grey())
+
+
+@pytest.mark.parametrize("goal", [0, -1, float("nan")])
+def test_a_goal_that_nothing_reaches_is_refused(goal):
+    with pytest.raises(SettingError, match="goal"):
+        LiveCalibrator(goal=goal)

@@ -10,9 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from image_samples import encoded, grey
 
-from ospc.errors import ExposureError, OspcError, RecordingError
+from ospc import calibrate
+from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.recording import Recording, open_recording
 from ospc.recording.exposure_lists import parse_columns, parse_image_list, read_list
+from ospc.simulation import SimulationSettings, simulate
 
 Open = Callable[..., Recording]
 
@@ -271,3 +273,12 @@ def test_lists_of_exposures_above_are_named_and_lists_of_times_are_not(tmp_path:
         with pytest.raises(ExposureError, match="has no list of exposures") as caught:
             open_recording(images)
         assert (f"copy {tmp_path / 'times.txt'} there" in str(caught.value)) is named
+
+
+def test_a_folder_that_was_removed_after_opening_ends_the_run(tmp_path):
+    simulate(tmp_path / "made", SimulationSettings(size=(96, 72), frames=8))
+    recording = open_recording(tmp_path / "made")
+    (tmp_path / "made" / "images").rename(tmp_path / "away")
+    with pytest.raises(RecordingError, match=r"was removed meanwhile; put it back") as caught:
+        calibrate(recording)
+    assert not isinstance(caught.value, FrameError)

@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typing_extensions import TypeAliasType
 
 from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import FormatError
+from ospc.state import values
 from ospc.state.values import layout, pack, unpack
 
 
@@ -131,3 +135,11 @@ def test_a_layout_tells_classes_apart_by_names_and_types():
 
     assert layout(Other) == layout(Part)
     assert len({layout(Part), layout(Renamed), layout(Whole), layout(Columns)}) == 4
+
+
+def test_arrays_are_known_by_the_name_that_newer_versions_of_numpy_give_them():
+    number = TypeVar("number", bound=np.generic)
+    named = TypeAliasType("named", np.ndarray[Any, np.dtype[number]], type_params=(number,))
+    for alias in (named, npt.NDArray):
+        assert values._described(alias[np.float64]) == "array of float64"
+        assert values._described(alias[Any]) == "array of numbers"

@@ -26,6 +26,9 @@ SCHEMA = "ospc-batch/1"
 
 PAGE_NAME = "index.html"
 _HEAD = "batch.json"
+_RECORDINGS = "recordings"
+_OWN_NAMES = {_RECORDINGS, "cameras", CSV_NAME, PARQUET_NAME, PAGE_NAME}
+"""What a batch has before it ends; its head comes last."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,7 @@ class _Batch:
 
     @property
     def store(self) -> Store:
-        return Store(self.folder / "recordings")
+        return Store(self.folder / _RECORDINGS)
 
     def recognise(self) -> None:
         """Find out which recordings an earlier run has done."""
@@ -265,8 +268,9 @@ def _check(place: Path, *, force: bool) -> None:
                 "folder"
             )
         return
-    # A batch that was killed before its end has left results and nothing else.
-    if not force and {entry.name for entry in place.iterdir()} - {"recordings", "cameras"}:
+    # A batch that was stopped before its end has results, and perhaps the first of the files that come last.
+    found = {entry.name for entry in place.iterdir()}
+    if not force and (_RECORDINGS not in found or found - _OWN_NAMES):
         raise SettingError(
             f"{place}: holds something else than an earlier batch; choose another folder, or add --force to write "
             "into it"

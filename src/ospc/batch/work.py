@@ -22,7 +22,7 @@ from ospc.batch.entries import Entry, is_address
 from ospc.batch.object_store import local_copy
 from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator, drive
-from ospc.errors import one_line
+from ospc.errors import RecordingError, one_line
 from ospc.exposures.findings import lag_choice_for
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
@@ -90,6 +90,8 @@ def work(task: Task) -> Answer:
             answer = replace(answer, key=key)
             if task.what == "calibrate":
                 result = _calibrated(recording, source, key, task.entry)
+                if _key(place, source, task.entry) != key:  # a result must not pass for that of other content
+                    raise RecordingError(f"{place}: its files changed meanwhile; run the command again")
                 answer = replace(answer, result=result.to_bytes())
     except Exception as error:  # a failure is a result too: the other recordings go on
         answer = replace(answer, error=one_line(error) or type(error).__name__, result=b"")

@@ -100,8 +100,10 @@ def command(
         outcome = run_batch(entries, out, runner, retries=retries, force=force, progress=progress)
     if as_json:
         print_json(_as_json(outcome, out) | {"left_out": left_out})
-    elif not quiet:
-        _say(outcome, out)
+    else:
+        _warn(outcome, out)
+        if not quiet:
+            _say(outcome, out)
     return _exit_code(outcome)
 
 
@@ -126,13 +128,16 @@ def _exit_code(outcome: Outcome) -> int:
     return SOME_FAILED if outcome.failed else COMPLETE
 
 
-def _say(outcome: Outcome, out: Path) -> None:
-    say_notes(outcome.notes)
+def _warn(outcome: Outcome, out: Path) -> None:
     failed = [f"{row.recording}: {row.error} (tried {row.attempts} times)" for row in outcome.failed]
     say_notes(_shortened(failed, f"in {out / 'batch.csv'}"), "failed")
     for camera in outcome.cameras:
         for difference in camera.differing[:_MOST_LISTED]:
             say(f"warning: {difference.name} contradicts others of {camera.name}: {difference.text}", err=True)
+
+
+def _say(outcome: Outcome, out: Path) -> None:
+    say_notes(outcome.notes)
     done = [row for row in outcome.rows if row.status == "done"]
     earlier = sum(row.attempts == 0 for row in done)
     known = sum(camera.calibration is not None and camera.calibration.complete for camera in outcome.cameras)

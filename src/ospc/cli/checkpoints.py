@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 _LARGEST_SHARE = 0.02
 """Checkpoints may take so much of a run's time at most."""
 
-_UNFINISHED = re.compile(rf"\.{re.escape(STATE_NAME)}\.\d+\.part")
 _SAME = ("frames", "size", "frames_sha256", "images_sha256")
 
 
@@ -78,7 +76,6 @@ class Checkpoints:
         SettingError
             If it is of another recording or of other settings, or the method has none.
         """
-        self._remove_unfinished()
         with self._pace.look():
             pass  # the first is due only after that time
         if not calibrator.settings.keeps_state:
@@ -146,13 +143,6 @@ class Checkpoints:
             self.notes.append(f"the state was saved by {names}: the result may differ in the last digits")
         found.source = new.source
         return found
-
-    def _remove_unfinished(self) -> None:
-        """Remove what a killed run was writing."""
-        for place in self.folder.glob(".*.part"):
-            if _UNFINISHED.fullmatch(place.name):
-                with suppress(OSError):
-                    place.unlink()
 
 
 def _differences(one: Settings, other: Settings) -> list[str]:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import ImageSize
+from ospc.atomic import write_atomically
 from ospc.errors import OspcError, SettingError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
@@ -165,7 +166,7 @@ class CorrectedFolder:
         if not done:
             raise SettingError(f"{place}: the image cannot be encoded")
         try:
-            place.write_bytes(with_metadata(coded.tobytes(), original))
+            write_atomically(place, with_metadata(coded.tobytes(), original), durable=False)
             if modified_ns is not None:
                 os.utime(place, ns=(modified_ns, modified_ns))
         except OSError as error:

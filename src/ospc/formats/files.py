@@ -16,6 +16,9 @@ from ospc.errors import FormatError, OspcError, escaped
 LARGEST_TEXT = 64 * 2**20
 """Bytes; larger text files are refused. A table of 65536 values has half a megabyte, a list of 10⁶ frames 50."""
 
+_PIECE_BYTES = 2**20
+"""What is read at once of a file that does not state its size."""
+
 _BEGINS_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters of a cell that spreadsheets take for a formula."""
 
@@ -31,9 +34,11 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcErro
     place = escaped(str(path))
     try:
         with Path(path).open("rb") as stream:
-            # read(limit) would allocate that much memory; a pipe states a size of 0.
-            size = os.fstat(stream.fileno()).st_size
-            content = stream.read(min(size or limit, limit) + 1)
+            # read(limit) would allocate that much memory.
+            content = stream.read(min(os.fstat(stream.fileno()).st_size, limit) + 1)
+            # A pipe states a size of 0.
+            while len(content) <= limit and (more := stream.read(min(_PIECE_BYTES, limit + 1 - len(content)))):
+                content += more
     except FileNotFoundError:
         raise error(f"{place}: cannot be read, there is no such file; check the path") from None
     except OSError as problem:

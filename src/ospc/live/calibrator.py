@@ -61,7 +61,7 @@ class LiveCalibrator:
     Raises
     ------
     SettingError
-        If the settings are those of preset "paper", which is too slow for it.
+        If the settings are those of preset "paper", which is too slow for it, or the goal is not positive.
 
     Examples
     --------
@@ -81,6 +81,8 @@ class LiveCalibrator:
     ) -> None:
         self._engine = OnlineCalibrator(settings, correct_lag=correct_lag)
         self._engine.source = source or {}
+        if not goal > 0:
+            raise SettingError(f"goal {goal} is no standard deviation; give a positive number")
         self._adviser = Adviser(goal)
         self._pace = Pace(LOOK_S, LOOK_SHARE)
         self._preview: Preview | None = None
@@ -260,6 +262,7 @@ class LiveCalibrator:
         except BaseException as error:
             with self._changed:
                 self._failure = error
+                self._changed.notify_all()  # whoever waits has to learn of it
         finally:
             with self._changed:
                 for answer in self._asked:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,7 +14,7 @@ import numpy.typing as npt
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.atomic import write_atomically
-from ospc.errors import FormatError
+from ospc.errors import UNREADABLE, FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
 
 LARGEST_ATTENUATION = 1e3
@@ -27,8 +26,6 @@ _CENTRE_BINS = 3
 _MAP_NAME = "vignette.npy"
 _MAP_HEADER_BYTES = 4096
 """Most bytes of a ``.npy`` header; what is read is bounded by this and the size of the map."""
-
-_UNREADABLE = (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
 
 
 class Vignette(Protocol):
@@ -241,7 +238,7 @@ class RasterVignette:
                     raise FormatError(f"{path}: holds more than a vignette map of {size[0]}×{size[1]} pixels")
                 with archive.open(stored) as file:
                     values = np.lib.format.read_array(file, allow_pickle=False)
-        except _UNREADABLE as error:
+        except (OSError, *UNREADABLE) as error:
             raise FormatError(f"{path}: the vignette map cannot be read ({error})") from None
         if values.shape != (size[1], size[0]) or values.dtype.kind != "f":
             raise FormatError(f"{path}: not a vignette map of {size[0]}×{size[1]} pixels")

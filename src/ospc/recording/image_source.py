@@ -67,7 +67,7 @@ class ImageSource(Protocol):
         ...
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of an image file; FrameError if it cannot be read."""
+        """Return the bytes of an image file; FrameError if it cannot be read, RecordingError if none can any more."""
         ...
 
     def close(self) -> None:
@@ -113,8 +113,17 @@ class FolderImages:
         return escaped(str(self.place / name))
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of an image file; FrameError if it cannot be read or is too large."""
-        return read_bytes(self.place / name, MAX_FILE_BYTES, FrameError)
+        """Return the bytes of an image file; FrameError if it cannot be read or is too large.
+
+        Where the whole folder is gone, such as with its disk, that is a RecordingError, which ends the run: the other
+        frames must not pass for unreadable ones.
+        """
+        try:
+            return read_bytes(self.place / name, MAX_FILE_BYTES, FrameError)
+        except FrameError:
+            if self.place.is_dir():
+                raise
+        raise RecordingError(f"{self.place}: was removed meanwhile; put it back, and run the command again")
 
     def close(self) -> None:
         """Do nothing: files are open only while they are read."""

@@ -11,20 +11,18 @@ import io
 import json
 import math
 import re
-import struct
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
-from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile, ZipInfo
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 import numpy.typing as npt
 
 from ospc.atomic import write_atomically
-from ospc.errors import FormatError
+from ospc.errors import UNREADABLE, FormatError
 
 Array = npt.NDArray[Any]
 
@@ -49,11 +47,6 @@ _BEGINNING_BYTES = 30 + 40 + len(".json")
 """Most bytes that it takes: the header, the longest kind, and the ending."""
 
 _ARRAY_NAME = re.compile(r"[\w.-]{1,200}", re.ASCII)
-_UNREADABLE = (
-    *(LookupError, TypeError, ValueError, RecursionError, MemoryError, EOFError, OverflowError),
-    *(NotImplementedError, RuntimeError, SyntaxError, struct.error, zlib.error, BadZipFile),
-)
-"""What zipfile, numpy and json raise for content that somebody forged or another program wrote."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +173,7 @@ def from_bytes(data: bytes, name: str) -> Container:
         content, version = head["content"], head["version"]
         if not (isinstance(content, dict) and type(version) is int):
             raise ValueError("values are of the wrong type")
-    except _UNREADABLE as error:
+    except UNREADABLE as error:
         raise FormatError(f"{name}: not readable as a state ({type(error).__name__}: {error})") from None
     return Container(kind, version, content, arrays)
 

@@ -72,18 +72,32 @@ def _hints(kind: type) -> dict[str, Any]:
     return {entry.name: hints[entry.name] for entry in fields(kind)}
 
 
+def _is_array(hint: Any) -> bool:
+    """Tell whether a type is that of arrays, by itself or, from NumPy 2.5 on, by the name ``NDArray`` of it."""
+    origin = get_origin(hint)
+    return (get_origin(getattr(origin, "__value__", None)) or origin) is np.ndarray
+
+
+def _dtype(hint: Any) -> np.dtype[Any] | None:
+    """Return the declared type of an array's values, None where any will do."""
+    declared = get_args(get_args(hint)[-1]) or get_args(hint)[-1:]
+    return None if isinstance(declared[0], typing.TypeVar) or declared[0] is Any else np.dtype(declared[0])
+
+
 def _described(hint: Any) -> str:
+    if _is_array(hint):
+        return f"array of {_dtype(hint) or 'numbers'}"
     if is_dataclass(hint):
         parts = (f"{name}:{_described(part)}" for name, part in _hints(typing.cast(type, hint)).items())
         return "{" + ",".join(parts) + "}"
-    if get_args(hint) and get_origin(hint) is not np.ndarray:
+    if get_args(hint):
         return f"{get_origin(hint)}[{','.join(_described(part) for part in get_args(hint))}]"
     return str(hint)
 
 
 def _is_column_wise(kind: Any) -> bool:
     """Tell whether a list of these is packed as one array per field; thousands of small arrays would be slow."""
-    return is_dataclass(kind) and all(get_origin(h) is np.ndarray for h in _hints(typing.cast(type, kind)).values())
+    return is_dataclass(kind) and all(map(_is_array, _hints(typing.cast(type, kind)).values()))
 
 
 def _without_none(hint: Any) -> Any:
@@ -103,7 +117,7 @@ def _packed(value: Any, hint: Any, place: str, arrays: dict[str, Array]) -> Any:
             name: _packed(getattr(value, name), part, f"{place}.{name}" if place else name, arrays)
             for name, part in _hints(typing.cast(type, hint)).items()
         }
-    if get_origin(hint) is np.ndarray:
+    if _is_array(hint):
         arrays[place] = value
         return place
     if get_origin(hint) in (list, tuple):
@@ -123,7 +137,7 @@ def _packed_scalar(value: Any, place: str) -> Any:
 
 def _packed_sequence(values: list[Any], hint: Any, place: str, arrays: dict[str, Array]) -> Any:
     item = get_args(hint)[0]
-    if get_origin(item) is np.ndarray:
+    if _is_array(item):
         return _packed_arrays(values, place, arrays)
     if _is_column_wise(item):
         columns = {name: [getattr(value, name) for value in values] for name in _hints(item)}
@@ -150,9 +164,9 @@ def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> An
             raise ValueError(f"{sorted(set(content) ^ set(hints))} missing or unknown")
         kind = typing.cast(type, hint)
         return _self_checked(kind(**{name: _unpacked(content[name], part, arrays) for name, part in hints.items()}))
-    origin = get_origin(hint)
-    if origin is np.ndarray:
+    if _is_array(hint):
         return _array(arrays[content], hint)
+    origin = get_origin(hint)
     if origin is list:
         return _unpacked_list(content, get_args(hint)[0], arrays)
     if origin is tuple:
@@ -161,7 +175,7 @@ def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> An
 
 
 def _unpacked_list(content: Any, item: Any, arrays: typing.Mapping[str, Array]) -> list[Any]:
-    if get_origin(item) is np.ndarray:
+    if _is_array(item):
         return [_array(part, item) for part in _split(content, arrays)]
     if _is_column_wise(item):
         columns = content["columns"]
@@ -200,8 +214,7 @@ def _split(content: dict[str, Any], arrays: typing.Mapping[str, Array]) -> list[
 
 def _array(array: Array, hint: Any) -> Array:
     """Return the array if it is of the declared type; any type that images have where none is declared."""
-    declared = get_args(get_args(hint)[1])
-    wanted = None if not declared or declared[0] is Any else np.dtype(declared[0])
+    wanted = _dtype(hint)
     if wanted is not None and array.dtype != wanted:
         raise ValueError(f"an array is of type {array.dtype} instead of {wanted}")
     return array

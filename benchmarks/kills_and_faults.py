@@ -1,0 +1,517 @@
+"""Kill and disturb every command that takes long, let it go on, and compare what it leaves with an undisturbed run.
+
+    python benchmarks/kills_and_faults.py --results FILE [--kills 100] [--runs 10] [--only CASE] [--commands NAME]
+
+Each case disturbs calibrate, live, correct, merge, batch and experiments at random moments. Then the command is run
+as its documentation says (--resume, --force, or simply again), and every file must be that of the undisturbed run,
+bit for bit, but for times that were measured. After each disturbance, every file must be whole by the rules of its
+format, and an error must be one sentence of ours. Needs root (full and read-only disks are mounted in memory) and the
+program faketime (for clocks). Results are lines of JSON; a case that FILE has already is not repeated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ospc.errors import OspcError
+from ospc.simulation import SimulationSettings, simulate
+from ospc.state import container
+
+PROGRAM = "from ospc.cli.main import main; main()"
+SETTINGS = ("--set", "points_per_pair=100", "--set", "max_points=3000", "--set", "rounds=4")
+SIZE = (160, 120)
+FRAMES = 30
+HANGING_S = 180
+"""A command that has not ended by then hangs; undisturbed, it takes a few seconds."""
+
+ANSWER_S = 10
+"""Ctrl-C has to be answered by then, also on a machine that does other things too."""
+
+MOST_IN_A_ROW = 4
+"""Disturbances before a run is let go on to its end."""
+
+MEASURED = {"seconds", "worker", "attempts"}
+"""Columns of tables that differ between runs because they are measured."""
+
+COMMANDS = ("calibrate", "live", "correct", "merge", "batch", "experiments")
+
+ENDED_WELL = (0, 3)
+"""Exit codes of a result; 3 says that the result has its limits."""
+
+SENTENCES = {1: ("ospc: error: ", "OpenBLAS error: Memory allocation still failed"), 4: ("failed: ",)}
+"""How the sentence begins that goes with an exit code; where memory ends, OpenBLAS ends the process with its own."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command, and what to add to go on after it was stopped."""
+
+    arguments: tuple[str, ...]
+    again: tuple[str, ...] = ()
+
+
+@dataclass
+class Row:
+    """What came of one case with one command."""
+
+    case: str
+    command: str
+    runs: int = 0
+    lost: int = 0
+    wrong: int = 0
+    torn: int = 0
+    hangs: int = 0
+    early: int = 0
+    refused: int = 0
+    slowest_answer_s: float = 0.0
+    remarks: list[str] = field(default_factory=list)
+
+
+def commands(work: Path) -> dict[str, Command]:
+    """Return the commands; OUT stands for their output folder."""
+    one, two = (str(work / "recordings" / name) for name in ("one", "two"))
+    out, states = ("-o", "OUT", "-q"), [str(work / "calibrated" / name) for name in ("one", "two")]
+    resuming = ("--resume", "--checkpoint-every", "0")
+    small = ("--count", "1", "--frames", "10", "--size", "96x72")
+    return {
+        "calibrate": Command(("calibrate", one, *out, *SETTINGS, *resuming)),
+        "live": Command(("live", one, *out, "--no-page", "--pace", "0", "--goal", "0"), ("--force",)),
+        "correct": Command(("correct", one, states[0], *out), ("--force",)),
+        "merge": Command(("merge", *states, *out), ("--force",)),
+        "batch": Command(("batch", str(work / "recordings"), *out, "-j", "2", *SETTINGS[:2])),
+        "experiments": Command(("experiments", "static", *out[:2], *small)),
+        "of one": Command(("calibrate", one, *out, *SETTINGS)),
+        "of two": Command(("calibrate", two, *out, *SETTINGS)),
+    }
+
+
+def started(
+    command: Command, out: Path, *, again: bool, before: Callable[[], None] | None = None, **environment: str
+) -> subprocess.Popen[bytes]:
+    """Start a command as a process group of its own."""
+    arguments = [str(out) if argument == "OUT" else argument for argument in command.arguments]
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *arguments, *(command.again if again else ())],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=before,  # noqa: PLW1509  (this process has no other threads that hold locks)
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", **environment},
+    )
+
+
+def ended(process: subprocess.Popen[bytes], most_s: float = HANGING_S) -> tuple[int | None, str]:
+    """Return exit code and errors; no code if it had to be killed because it hung."""
+    try:
+        _, errors = process.communicate(timeout=most_s)
+    except subprocess.TimeoutExpired:
+        killed(process)
+        return None, process.communicate()[1].decode("utf-8", "replace")
+    return process.returncode, errors.decode("utf-8", "replace")
+
+
+def killed(process: subprocess.Popen[bytes]) -> None:
+    """End a command and its workers as the kernel does when memory ends."""
+    os.killpg(process.pid, signal.SIGKILL)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Return all files of an output folder, without what was measured."""
+    found = {}
+    for place in sorted(folder.rglob("*")):
+        if place.is_file():
+            name = place.relative_to(folder).as_posix()
+            found[name] = b"" if name.endswith(".parquet") else place.read_bytes()
+            if name.endswith(".csv"):
+                rows = csv.DictReader(place.read_text().splitlines())
+                found[name] = repr([{k: v for k, v in row.items() if k not in MEASURED} for row in rows]).encode()
+            elif "/cache/" in f"/{name}":
+                found[name] = b""
+    return found
+
+
+def torn(folder: Path) -> list[str]:
+    """Return the files that are not whole; those that bear the name of an unfinished one may be."""
+    return [
+        place.relative_to(folder).as_posix()
+        for place in sorted(folder.rglob("*"))
+        if place.is_file() and not place.name.endswith(".part") and not whole(place)
+    ]
+
+
+def whole(place: Path) -> bool:
+    """Tell whether a file is complete by the rules of its format."""
+    data = place.read_bytes()
+    rule = RULES.get(place.suffix, lambda data: data.endswith(b"\n"))
+    try:
+        return place.name in JOURNALS or bool(rule(data))
+    except (ValueError, OspcError, zipfile.BadZipFile):
+        return False
+
+
+def decodable(data: bytes) -> bool:
+    """Tell whether an image is complete."""
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    return image is not None and (b"PNG" not in data[:8] or data.endswith(b"IEND\xaeB`\x82"))
+
+
+JOURNALS = ("written.txt",)
+"""Files that grow by lines; whoever reads them ignores a torn one."""
+
+RULES: dict[str, Callable[[bytes], object]] = {
+    ".json": lambda data: json.loads(data) is not None,
+    ".ospc": lambda data: container.from_bytes(data, "state") is not None,
+    ".npz": lambda data: zipfile.ZipFile(io.BytesIO(data)).testzip() is None,
+    ".html": lambda data: data.rstrip().endswith(b"</html>"),
+    ".parquet": lambda data: data.startswith(b"PAR1") and data.endswith(b"PAR1"),
+    **dict.fromkeys((".png", ".tif", ".tiff", ".jpg"), decodable),
+}
+"""When a file is complete, by the ending of its name; all others are texts of whole lines."""
+
+
+class Tester:
+    """Runs cases in a folder of recordings."""
+
+    def __init__(self, work: Path, rng: random.Random) -> None:
+        self.work, self.rng = work, rng
+        for seed, name in enumerate(("one", "two")):
+            settings = SimulationSettings(
+                size=SIZE, frames=FRAMES, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0), seed=seed
+            )
+            simulate(work / "recordings" / name, settings)
+        self.commands = commands(work)
+        for name in ("one", "two"):
+            self._undisturbed(self.commands.pop(f"of {name}"), work / "calibrated" / name)
+        self.duration_s: dict[str, float] = {}
+        self.expected: dict[str, dict[str, bytes]] = {}
+
+    def prepare(self, name: str) -> None:
+        """Run a command undisturbed, twice."""
+        if name not in self.expected:
+            found = []
+            for _ in range(2):
+                out = self.work / "undisturbed"
+                shutil.rmtree(out, ignore_errors=True)
+                begun_s = time.monotonic()
+                self._undisturbed(self.commands[name], out)
+                self.duration_s[name] = time.monotonic() - begun_s
+                found.append(content(out))
+            different = [key for key in found[0].keys() | found[1].keys() if found[0].get(key) != found[1].get(key)]
+            if different:
+                sys.exit(f"{name}: two undisturbed runs differ in {different}")
+            self.expected[name] = found[1]
+
+    def _undisturbed(self, command: Command, out: Path) -> None:
+        code, errors = ended(started(command, out, again=False))
+        if code not in ENDED_WELL:
+            sys.exit(f"undisturbed {command.arguments} failed: {errors}")
+
+    def moment(self, name: str) -> float:
+        """Return a random time within a run."""
+        return self.rng.uniform(0, self.duration_s[name])
+
+    def judge(self, row: Row, out: Path, code: int | None, errors: str) -> None:
+        """Count what came of a disturbance."""
+        row.runs += 1
+        lines = [line for line in errors.splitlines() if line.strip()]
+        if code is None:
+            row.hangs += 1
+            row.remarks.append(f"hung: {errors[-200:]}")
+        elif "Traceback" in errors or "unexpected" in errors:
+            row.wrong += 1
+            row.remarks.append(errors[-800:])
+        elif code in SENTENCES:
+            row.refused += 1
+            if not any(line.startswith(SENTENCES[code]) for line in lines):
+                row.wrong += 1
+                row.remarks.append(f"exit {code} without a sentence: {errors[-300:]}")
+        elif code not in (*ENDED_WELL, 130, -signal.SIGKILL):
+            row.wrong += 1
+            row.remarks.append(f"exit {code}: {errors[-300:]}")
+        broken = torn(out) if out.is_dir() else []
+        row.torn += bool(broken)
+        if broken:
+            row.remarks.append(f"torn: {broken}")
+
+    def complete(self, row: Row, out: Path) -> None:
+        """Let the command go on, undisturbed, and compare."""
+        name = row.command
+        if out.is_dir() and content(out) == self.expected[name]:
+            shutil.rmtree(out)
+            return
+        code, errors = ended(started(self.commands[name], out, again=True))
+        if code not in ENDED_WELL:
+            row.lost += code is not None
+            row.hangs += code is None
+            row.remarks.append(f"did not go on, exit {code}: {errors[-500:]}")
+        else:
+            found, expected = content(out), self.expected[name]
+            different = sorted(key for key in found.keys() | expected.keys() if found.get(key) != expected.get(key))
+            row.wrong += bool(different)
+            if different:
+                row.remarks.append(f"differ: {different[:6]}")
+        shutil.rmtree(out, ignore_errors=True)
+
+    def in_turns(self, row: Row, runs: int, disturb: Callable[[Row, Path, bool], None]) -> None:
+        """Disturb up to so many runs in a row, then complete and compare."""
+        while row.runs < runs:
+            out = self.work / "out"
+            for number in range(min(self.rng.randint(1, MOST_IN_A_ROW), runs - row.runs)):
+                disturb(row, out, number > 0)
+            self.complete(row, out)
+
+
+def kill(tester: Tester, row: Row, runs: int) -> None:
+    """SIGKILL of the command and its workers."""
+
+    def disturb(row: Row, out: Path, again: bool) -> None:
+        process = started(tester.commands[row.command], out, again=again and out.exists())
+        try:
+            process.wait(tester.moment(row.command))
+            row.early += 1
+        except subprocess.TimeoutExpired:
+            killed(process)
+        tester.judge(row, out, *ended(process))
+
+    tester.in_turns(row, runs, disturb)
+
+
+def interrupt(tester: Tester, row: Row, runs: int) -> None:
+    """Ctrl-C, and once more if the first is taken as 'finish early'."""
+
+    def disturb(row: Row, out: Path, again: bool) -> None:
+        process = started(tester.commands[row.command], out, again=again and out.exists())
+        try:
+            process.wait(tester.moment(row.command))
+            row.early += 1
+            tester.judge(row, out, *ended(process))
+            return
+        except subprocess.TimeoutExpired:
+            begun_s = time.monotonic()
+            os.killpg(process.pid, signal.SIGINT)
+        try:
+            process.wait(ANSWER_S / 2)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGINT)
+        code, errors = ended(process, ANSWER_S)
+        row.slowest_answer_s = max(row.slowest_answer_s, time.monotonic() - begun_s)
+        # Before Python has begun to run the command, an interruption is Python's own.
+        if "KeyboardInterrupt" in errors and "ospc/cli/main.py" not in errors.replace("ospc.cli.main", ""):
+            code, errors = 130, ""
+        tester.judge(row, out, 130 if code == -signal.SIGINT else code, errors)
+
+    while row.runs < runs:
+        out = tester.work / "out"
+        disturb(row, out, False)
+        tester.complete(row, out)
+
+
+def signals(tester: Tester, row: Row, runs: int) -> None:
+    """Reads and writes that are interrupted by signals a hundred times a second, and pauses of the process."""
+    kinds = (signal.SIGWINCH, signal.SIGCONT, signal.SIGCHLD, signal.SIGURG, signal.SIGSTOP)
+    for _ in range(runs):
+        out = tester.work / "out"
+        process = started(tester.commands[row.command], out, again=False)
+        end_s = time.monotonic() + HANGING_S
+        while process.poll() is None and time.monotonic() < end_s:
+            os.killpg(process.pid, tester.rng.choice(kinds))
+            time.sleep(0.01)
+            os.killpg(process.pid, signal.SIGCONT)
+        tester.judge(row, out, *ended(process))
+        tester.complete(row, out)
+
+
+def memory(tester: Tester, row: Row, runs: int) -> None:
+    """A limit of the address space, from less than Python needs to more than the command takes."""
+    for number in range(runs):
+        out = tester.work / "out"
+        most = int(2**20 * (200 + 1400 * number / max(runs - 1, 1)))
+        process = started(
+            tester.commands[row.command],
+            out,
+            again=False,
+            before=lambda most=most: resource.setrlimit(resource.RLIMIT_AS, (most, most)),
+        )
+        code, errors = ended(process)
+        if "OpenBLAS" in errors or "ImportError" in errors or "MemoryError" in errors:
+            row.remarks.append(f"{most // 2**20} MiB, exit {code}: {errors.strip()[-300:]}")
+        tester.judge(row, out, code, errors)
+        tester.complete(row, out)
+
+
+@contextmanager
+def disk(place: Path, kilobytes: int) -> Iterator[Path]:
+    """Mount a disk of that size in memory."""
+    place.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "none", str(place)], check=True)
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", "-l", str(place)], check=True)
+        place.rmdir()
+
+
+def full_disk(tester: Tester, row: Row, runs: int) -> None:
+    """A disk that is full at a random size of the output; then there is room again."""
+    needed = sum(map(len, tester.expected[row.command].values())) // 1024
+    for _ in range(runs):
+        with disk(tester.work / "disk", 8 + int(tester.rng.random() * needed)) as place:
+            out = place / "out"
+            tester.judge(row, out, *ended(started(tester.commands[row.command], out, again=False)))
+            subprocess.run(["mount", "-o", "remount,size=200m", str(place)], check=True)
+            tester.complete(row, out)
+
+
+def read_only(tester: Tester, row: Row, runs: int) -> None:
+    """A disk that becomes read-only at a random moment, as one with errors does, or is so from the beginning."""
+    for number in range(runs):
+        with disk(tester.work / "disk", 200 * 1024) as place:
+            out = place / "out"
+            if number % 2:
+                subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
+            process = started(tester.commands[row.command], out, again=False)
+            try:
+                process.wait(tester.moment(row.command))
+                row.early += 1
+            except subprocess.TimeoutExpired:
+                while number % 2 == 0 and process.poll() is None:  # refused while a file is open for writing
+                    busy = subprocess.run(["mount", "-o", "remount,ro", str(place)], capture_output=True, check=False)
+                    if not busy.returncode:
+                        break
+                    time.sleep(0.002)
+            tester.judge(row, out, *ended(process))
+            subprocess.run(["mount", "-o", "remount,rw", str(place)], check=True)
+            tester.complete(row, out)
+
+
+def removed_input(tester: Tester, row: Row, runs: int) -> None:
+    """The input is moved away at a random moment, and back before the command goes on."""
+    for _ in range(runs):
+        out = tester.work / "out"
+        process = started(tester.commands[row.command], out, again=False)
+        moved = [tester.work / "calibrated"] if row.command == "merge" else [tester.work / "recordings"]
+        time.sleep(tester.moment(row.command))
+        for place in moved:
+            place.rename(place.with_name(f"{place.name}-moved"))
+        code, errors = ended(process)
+        for place in moved:
+            place.with_name(f"{place.name}-moved").rename(place)
+        tester.judge(row, out, code, errors)
+        tester.complete(row, out)
+
+
+def clock(tester: Tester, row: Row, runs: int) -> None:
+    """The clock is set back by a day, or ahead by an hour, at a random moment."""
+    found = sorted(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"))
+    if not found:
+        sys.exit("the case 'clock' needs the program faketime")
+    for number in range(runs):
+        out, setting = tester.work / "out", tester.work / "clock"
+        setting.write_text("+0")
+        process = started(
+            tester.commands[row.command],
+            out,
+            again=False,
+            LD_PRELOAD=str(found[0]),
+            FAKETIME_TIMESTAMP_FILE=str(setting),
+            FAKETIME_NO_CACHE="1",
+            FAKETIME_DONT_FAKE_MONOTONIC="1",
+        )
+        time.sleep(tester.moment(row.command))
+        setting.write_text("-86400" if number % 3 else "+3600")
+        tester.judge(row, out, *ended(process))
+        tester.complete(row, out)
+
+
+CASES: dict[str, Callable[[Tester, Row, int], None]] = {
+    "kill": kill,
+    "interrupt": interrupt,
+    "signals": signals,
+    "full disk": full_disk,
+    "read-only": read_only,
+    "input removed": removed_input,
+    "clock": clock,
+    "memory": memory,
+}
+
+
+def known(results: Path) -> list[Row]:
+    """Return what a file of results holds, one row for each case and command."""
+    rows: dict[tuple[str, str], Row] = {}
+    for line in results.read_text().splitlines() if results.exists() else ():
+        new = Row(**json.loads(line))
+        old = rows.setdefault((new.case, new.command), Row(new.case, new.command))
+        for name in ("runs", "lost", "wrong", "torn", "hangs", "early", "refused", "remarks"):
+            setattr(old, name, getattr(old, name) + getattr(new, name))
+        old.slowest_answer_s = max(old.slowest_answer_s, new.slowest_answer_s)
+    return list(rows.values())
+
+
+def done(results: Path, case: str, command: str) -> int:
+    """Return how often a command was disturbed; runs that ended before do not count where it is about kills."""
+    found = [row for row in known(results) if (row.case, row.command) == (case, command)]
+    return sum(row.runs - (row.early if case == "kill" else 0) for row in found)
+
+
+def table(rows: list[Row]) -> str:
+    """Return one line for each case and command."""
+    lines = [
+        "| case | command | runs | ended before | refused | lost | wrong | torn | hangs | slowest answer s |",
+        "| --- | --- | --: | --: | --: | --: | --: | --: | --: | --: |",
+    ]
+    for row in rows:
+        counts = f"{row.runs} | {row.early} | {row.refused} | {row.lost} | {row.wrong} | {row.torn} | {row.hangs}"
+        answer = f"{row.slowest_answer_s:.1f}" if row.slowest_answer_s else ""
+        lines.append(f"| {row.case} | {row.command} | {counts} | {answer} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run the cases that have no results yet."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--kills", type=int, default=100, help="how often each command is killed")
+    parser.add_argument("--runs", type=int, default=10, help="how often it is disturbed in the other cases")
+    parser.add_argument("--only", action="append", choices=list(CASES), help="this case")
+    parser.add_argument("--commands", action="append", metavar="NAME", help="this command")
+    parser.add_argument("--table", action="store_true", help="only print what is known")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        tester = None if arguments.table else Tester(Path(folder), random.Random(time.time_ns()))
+        for case in arguments.only or CASES:
+            for name in arguments.commands or COMMANDS:
+                wanted = arguments.kills if case == "kill" else arguments.runs
+                while tester and (missing := wanted - done(arguments.results, case, name)) > 0:
+                    tester.prepare(name)
+                    row = Row(case, name)
+                    CASES[case](tester, row, min(missing, MOST_IN_A_ROW) if case == "kill" else missing)
+                    with arguments.results.open("a") as stream:
+                        stream.write(json.dumps(asdict(row)) + "\n")
+                    for remark in row.remarks:
+                        print(f"{case}, {name}: {remark}", flush=True)
+    print(table(known(arguments.results)))
+
+
+if __name__ == "__main__":
+    main()

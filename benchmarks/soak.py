@@ -1,0 +1,197 @@
+"""Push a million small frames, ask for a calibration every thousand, and see that nothing grows, slows or drifts.
+
+    python benchmarks/soak.py --results FILE --kind engine|live [--frames 1000000]
+
+A camera walks through one simulated scene, forth and back, with another order of its exposures on every walk. Every
+thousand frames add a line of JSON to FILE: memory, open files, threads, times, and what was found. The table compares
+the frames from 20 000 on with those at the end; --table only prints it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import threading
+import time
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from ospc import Calibration, Frame, LiveCalibrator, OnlineCalibrator
+from ospc.photometry.vignette import diagonal_profile
+from ospc.settings import preset, with_overrides
+from ospc.simulation import SimulationSettings, frames, truth
+
+SIZE = (128, 96)
+VIEWS = 120
+EXPOSURES_MS = (3.0, 5.0, 8.0, 12.0, 20.0)
+ASKED_EVERY = 1000
+SETTLED_FRAMES = 20_000
+"""From here on memory has to stay where it is."""
+
+WAITING = 64
+"""Frames that may wait for the live calibrator's thread: none is dropped, and its queue is in use."""
+
+GREYS, RADII = np.linspace(0.1, 0.9, 9), np.linspace(0, 1, 6)
+"""Where responses and vignettes are compared."""
+
+
+SETTINGS = {"points_per_pair": 100, "max_points": 3000, "rounds": 4}
+"""A calibration every thousand frames must not take longer than these."""
+
+MEDIAN_OF = 10
+"""Lines at the beginning and at the end that are compared."""
+
+
+def settings(exposures_ms: tuple[float, ...]) -> SimulationSettings:
+    """Return the camera and its walk."""
+    return SimulationSettings(size=SIZE, frames=VIEWS, exposure="cycle", exposures_ms=exposures_ms, seed=3)
+
+
+def pools() -> list[list[Frame]]:
+    """Return the views of one walk, once for each order of the exposures."""
+    turned = [EXPOSURES_MS[n:] + EXPOSURES_MS[:n] for n in range(len(EXPOSURES_MS))]
+    made = [
+        [Frame.of_array(frame.image, frame.exposure_ms) for frame in frames(settings(exposures))]
+        for exposures in turned
+    ]
+    for pool in made:
+        for frame in pool:
+            frame.image.setflags(write=False)
+    return made
+
+
+def film(made: list[list[Frame]], number_of_frames: int) -> Iterator[Frame]:
+    """Walk forth and back, with another order of the exposures on every walk."""
+    walk = [*range(VIEWS), *range(VIEWS - 2, 0, -1)]
+    for number in count():
+        if number == number_of_frames:
+            return
+        turn, step = divmod(number, len(walk))
+        frame = made[turn % len(made)][walk[step]]
+        yield Frame.of_array(frame.image, frame.exposure_ms, index=number, stamp_s=number / 50)
+
+
+def shape(calibration: Calibration) -> list[float]:
+    """Return ln inverse response over the middle of the scale relative to its middle, and the vignette's profile."""
+    if calibration.response is None or calibration.vignette is None:
+        return []
+    log_inverse = np.log(calibration.response.inverse(GREYS))
+    profile = diagonal_profile(calibration.vignette, RADII)
+    return [*(log_inverse - log_inverse[len(GREYS) // 2]), *profile]
+
+
+def status(number: int, calibration: Calibration, push_s: float, process_s: float, asked_s: float) -> dict[str, Any]:
+    """Return everything that has to stay the same."""
+    return {
+        "frames": number,
+        "rss_kib": int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024,
+        "files": len([*Path("/proc/self/fd").iterdir()]),
+        "threads": threading.active_count(),
+        "push_us": 1e6 * push_s / ASKED_EVERY,
+        "process_us": 1e6 * process_s / ASKED_EVERY,
+        "calibration_s": asked_s,
+        "shape": shape(calibration),
+        "verdicts": {name: verdict.state for name, verdict in calibration.verdicts.items()},
+        "warnings": list(calibration.warnings),
+    }
+
+
+def known_shape() -> list[float]:
+    """Return the truth of what :func:`shape` returns."""
+    known = truth(settings(EXPOSURES_MS))
+    return shape(Calibration(SIZE, known.response, known.vignette))
+
+
+def soak(kind: str, number_of_frames: int, results: Path) -> None:
+    """Push the frames and write the lines."""
+    made, few = pools(), with_overrides(preset("default"), SETTINGS)
+    live = LiveCalibrator(few) if kind == "live" else None
+    calibrator = live or OnlineCalibrator(few)
+    push_s, process_begun_s = 0.0, time.process_time()
+    for number, frame in enumerate(film(made, number_of_frames), start=1):
+        begun_s = time.perf_counter()
+        calibrator.push(frame)
+        push_s += time.perf_counter() - begun_s
+        if live is not None:
+            live.wait(WAITING)
+        if number % ASKED_EVERY == 0:
+            process_s, begun_s = time.process_time() - process_begun_s, time.process_time()
+            found = calibrator.calibration()
+            row = status(number, found, push_s, process_s, time.process_time() - begun_s)
+            if live is not None:
+                row |= {"dropped": live.status.dropped, "epochs": len(live.status.epochs)}
+            else:
+                row["epochs"] = len(calibrator.epochs)
+            with results.open("a") as stream:
+                stream.write(json.dumps(row | {"kind": kind}) + "\n")
+            push_s, process_begun_s = 0.0, time.process_time()
+    if live is not None:
+        live.close()
+
+
+def table(results: Path) -> str:
+    """Return what changed between the frames from 20 000 on and those at the end, as medians of ten lines."""
+    lines = [
+        "| calibrator | frames | RSS MiB | growth | files | threads | push µs | processor µs | calibration s "
+        "| drift | worst error | epochs | dropped |",
+        "| --- " + "| --: " * 12 + "|",
+    ]
+    rows = [json.loads(line) for line in results.read_text().splitlines()]
+    expected = np.array(known_shape())
+    for kind in sorted({row["kind"] for row in rows}):
+        own = [row for row in rows if row["kind"] == kind]
+        settled = [row for row in own if row["frames"] > SETTLED_FRAMES] or own
+        first, last = settled[:MEDIAN_OF], settled[-MEDIAN_OF:]
+
+        def change(name: str, form: str, first: Any = first, last: Any = last) -> str:
+            values = [float(np.median([row[name] for row in part])) for part in (first, last)]
+            return " → ".join(format(value, form) for value in values)
+
+        growth = np.median([row["rss_kib"] for row in last]) / np.median([row["rss_kib"] for row in first]) - 1
+        shapes = np.array([row["shape"] for row in settled if row["shape"]])
+        drift, error = np.ptp(shapes, axis=0).max(), np.abs(shapes - expected).max()
+        same = [
+            " to ".join(str(value) for value in sorted({f(row[name] for row in settled) for f in (min, max)}))
+            for name in ("files", "threads")
+        ]
+        cells = [
+            kind,
+            own[-1]["frames"],
+            f"{np.median([row['rss_kib'] for row in last]) / 1024:.0f}",
+            f"{100 * growth:+.1f} %",
+            *same,
+            change("push_us", ".0f"),
+            change("process_us", ".0f"),
+            change("calibration_s", ".2f"),
+            f"{drift:.4f}",
+            f"{error:.4f}",
+            own[-1]["epochs"],
+            own[-1].get("dropped", 0),
+        ]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run it, or print what is known."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--kind", choices=("engine", "live"), default="engine")
+    parser.add_argument("--frames", type=int, default=1_000_000)
+    parser.add_argument("--table", action="store_true", help="only print what is known")
+    arguments = parser.parse_args()
+    if not arguments.table:
+        soak(arguments.kind, arguments.frames, arguments.results)
+    print(table(arguments.results))
+
+
+if __name__ == "__main__":
+    main()
