@@ -40,7 +40,7 @@ def test_the_kind_may_be_given(tum_folder: Make) -> None:
         (lambda p: _written(p / "notes.txt", b"hello").parent, "holds no images; expected a folder"),
         (lambda p: _written(p / "notes.txt", b"hello"), "a file of this kind is not a recording; expected"),
         (lambda p: _written(p / "blob.bin", bytes(100)), "a file of this kind is not a recording; expected"),
-        (lambda p: p / ("x" * 5000), "cannot be read"),
+        (lambda p: p / ("x" * 300), "cannot be read"),
         (lambda p: _written(p / "a.png", b"image"), "is a single image, and a recording is many"),
         (
             lambda p: _written(p / "a.webp", b"photo").parent,

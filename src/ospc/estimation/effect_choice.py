@@ -128,13 +128,14 @@ def _suspected(trials: Sequence[Trial], possible: Sequence[str]) -> str:
 
 
 def _accepted(fit: Fit) -> bool:
-    """Return whether the effect that was added last is significant."""
+    """Return whether the effect that was added last is significant, and all make sense."""
     effect, value = EFFECTS[fit.effects.chosen[-1]], float(fit.parameters[-1])
     by_chance, in_all = (
         float(np.hypot(np.sqrt(matrix[-1, -1]), effect.systematic)) for matrix in (fit.chance, fit.covariance)
     )
     significant = abs(value) > max(SIGNIFICANT_SIGMAS * by_chance, SIGNIFICANT_SIGMAS_IN_ALL * in_all)
-    return significant and effect.allows(value)
+    values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
+    return significant and all(EFFECTS[name].allows(value) for name, value in values)
 
 
 def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
