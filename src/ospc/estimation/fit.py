@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize, IntArray
+from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.effects import Effects, Seen
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.prior import PriorHyperparameters
@@ -112,23 +112,23 @@ class Fit:
             return without_vignette
         return without_vignette - self.effects.log_added(self.effect_parameters, self._seen(observations))
 
-    def log_irradiance_rows(self, observations: ExposedObservations, chosen: IntArray) -> FloatArray:
-        """Return the derivative of :meth:`log_irradiance` of some observations by the parameters of both curves.
+    def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the derivative of :meth:`log_irradiance` by the parameters of both curves.
 
         Parameters
         ----------
-        observations
-            n observations.
-        chosen
-            Indices of some of them, shape (m,).
+        grey
+            Grey levels, shape (n,).
+        position
+            Places relative to the image centre in half diagonals, shape (n, 2).
 
         Returns
         -------
         FloatArray
-            Shape (m, len(response_basis) + len(vignette_basis)).
+            Shape (n, len(response_basis) + len(vignette_basis)).
         """
-        by_vignette = self.vignette_basis.jacobian(self.vignette_parameters, observations.position[chosen])
-        return np.hstack([self.response_basis.log_rows(observations.grey[chosen]), -by_vignette])
+        by_vignette = self.vignette_basis.jacobian(self.vignette_parameters, position)
+        return np.concatenate([self.response_basis.log_rows(grey), -by_vignette], axis=1)
 
     def log_radiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln L of observations, by their exposures, shape (n,)."""

@@ -84,8 +84,11 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
     """Return whether a fit knows the response, given the share of changes of exposure that images do not show."""
     sigma = fit.log_response_step_sigma(0.25, 0.75)
     low, high = exposure_range_ms
-    figure = f"ln g(0.75)/g(0.25) is known to ±{sigma:.2g} from exposures of {low:.4g} to {high:.4g} ms, "
-    figure += "taken as proportional to the light"  # a power of all of them would be one of g and V
+    # A power of all exposures would be one of g and V, which no image shows.
+    figure = (
+        f"ln g(0.75)/g(0.25) is known to ±{sigma:.2g} from exposures of {low:.4g} to {high:.4g} ms, "
+        "taken as proportional to the light"
+    )
     contradiction = f"{unexplained:.0%} of a typical change of exposure does not show in the images"
     check_exposures = "check that each exposure belongs to its frame, and switch off gain control and tone mapping"
     if unexplained > _CONTRADICTED:

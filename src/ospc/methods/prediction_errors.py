@@ -77,8 +77,7 @@ class PairErrors:
         # would be that of the errors, and every pair of nearly equal exposures would seem to have changed.
         predicted = np.repeat((log_radiance[0::2] + log_radiance[1::2]) / 2, 2) + log_irradiance
         grey = np.interp(predicted, log_g, basis.grid)
-        vignette_rows = fit.vignette_basis.jacobian(fit.vignette_parameters, seen.position)
-        rows = np.concatenate([basis.log_rows(grey), -vignette_rows], axis=1)
+        rows = fit.log_irradiance_rows(grey, seen.position)
         squared = np.sum(seen.position**2, axis=1)
         hats = np.stack([np.interp(grey, GREY_KNOTS, row) for row in np.eye(len(GREY_KNOTS))], axis=1)
         columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2])

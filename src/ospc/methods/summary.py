@@ -99,8 +99,10 @@ def _sigma_of_medians(spread: FloatArray, groups: list[IntArray]) -> FloatArray:
 
 def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray) -> float:
     """Return what the uncertainty of the curves makes of ln k of one pair of frames."""
-    rows = fit.log_irradiance_rows(observations, later - 1) - fit.log_irradiance_rows(observations, later)
-    mean = rows.mean(axis=0)
+    earlier_rows, later_rows = (
+        fit.log_irradiance_rows(observations.grey[one], observations.position[one]) for one in (later - 1, later)
+    )
+    mean = (earlier_rows - later_rows).mean(axis=0)
     n = len(mean)
     return float(np.sqrt(mean @ fit.covariance[:n, :n] @ mean))
 
