@@ -74,6 +74,7 @@ class Camera:
             log_exposure_rate=np.zeros(2 * exposed.sum()),
             position=place[exposed].reshape(-1, 2),
             gradient=gradient[exposed].ravel(),
+            grey_variance=np.zeros(2 * exposed.sum()),
             pixels_averaged=np.full(2 * exposed.sum(), 28.0),
             frame_moments=np.zeros((2 * exposed.sum(), 3)),
             surround_moments=np.zeros((2 * exposed.sum(), 4)),

@@ -52,6 +52,9 @@ class Observations:
     ----------
     grey
         Grey level in [0, 1], shape (n,).
+    grey_variance
+        Variance of the pixels that it is the mean of, noise included, shape (n,): where the response
+        is bent, their mean is not the grey level of their mean irradiance. Zeros where it is unknown.
     position
         Place relative to the image centre in half diagonals, shape (n, 2).
     gradient
@@ -75,6 +78,7 @@ class Observations:
     """
 
     grey: FloatArray
+    grey_variance: FloatArray
     position: FloatArray
     gradient: FloatArray
     pixels_averaged: FloatArray
@@ -94,6 +98,8 @@ class Observations:
         frame0: npt.ArrayLike,
         frame1: npt.ArrayLike,
         *,
+        grey_variance0: npt.ArrayLike = 0.0,
+        grey_variance1: npt.ArrayLike = 0.0,
         gradient0: npt.ArrayLike = 0.0,
         gradient1: npt.ArrayLike = 0.0,
         pixels_averaged: npt.ArrayLike = 1.0,
@@ -114,6 +120,8 @@ class Observations:
             :func:`ospc.photometry.geometry.normalised` makes them from pixel coordinates.
         frame0, frame1
             Numbers of these frames, from 0, shape (points,), or one number for all points.
+        grey_variance0, grey_variance1
+            Variance of the pixels that each grey level is the mean of, shape (points,) or one number.
         gradient0, gradient1
             Magnitude of the grey gradient around the places, in full scale per pixel, shape (points,) or one number.
             It tells how much an error of the registration changes the grey level.
@@ -153,6 +161,7 @@ class Observations:
         found = cls(
             grey=alternate("grey", grey0, grey1, (n,)),
             position=alternate("position", position0, position1, (n, 2)),
+            grey_variance=alternate("grey_variance", grey_variance0, grey_variance1, (n,)),
             gradient=alternate("gradient", gradient0, gradient1, (n,)),
             pixels_averaged=alternate("pixels_averaged", pixels_averaged, pixels_averaged, (n,)),
             frame_moments=alternate("frame_moments", frame_moments0, frame_moments1, (n, MOMENTS)),
@@ -189,8 +198,10 @@ class Observations:
             raise SettingError(
                 "a position lies outside the image; positions are relative to its centre, in half diagonals"
             )
-        if np.any(self.gradient < 0) or np.any(self.pixels_averaged <= 0) or np.any(self.frame < 0):
-            raise SettingError("gradients and frame numbers must not be negative, nor pixels averaged be zero")
+        if np.any(self.gradient < 0) or np.any(self.grey_variance < 0) or np.any(self.frame < 0):
+            raise SettingError("gradients, variances and frame numbers must not be negative")
+        if np.any(self.pixels_averaged <= 0):
+            raise SettingError("at least a part of a pixel must be averaged")
         if np.any(np.diff(self.point) < 0) or np.any(self.counts < 2):
             raise SettingError("each scene point needs two or more observations, one after the other")
 
@@ -268,6 +279,7 @@ class ExposedObservations(Observations):
         return replace(
             kept,
             grey=grey_range.level(kept.grey),
+            grey_variance=kept.grey_variance / grey_range.span**2,
             gradient=kept.gradient / grey_range.span,
             frame_moments=np.hstack([known, kept.frame_moments]) @ powers[:, 1:],
             surround_moments=kept.surround_moments @ powers,

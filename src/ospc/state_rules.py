@@ -37,6 +37,7 @@ from ospc.methods.prediction_errors import GREY_KNOTS, PairErrors
 from ospc.observations import MOMENTS
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.geometry import MOST_PIXELS
+from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import FACTOR_GREYS
 
@@ -227,6 +228,12 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "misfit": Numbers(),
         "points": COUNT,
         "groups": COUNT,
+        "pixel_noise": ELSEWHERE,
+    },
+    NoiseModel: {
+        "read_variance": Numbers(0, 1),
+        "shot_variance": Numbers(-1, 1),
+        "table": Numbers(0, 1, ("levels",)),
     },
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS), "functions": ELSEWHERE},
     Effects: dict.fromkeys(("chosen", "log_typical_exposure", "groups", "typical"), ELSEWHERE),
@@ -383,6 +390,7 @@ def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -
     for part in found._parts:
         _require(len(part) and np.all(part.group == part.group[0]) and part.group[0] >= 0, "groups are mixed")
         _require(part.frame.max() < frames, "observations are of frames that were not there")
+        Numbers(0, 1, ("n",)).check("reservoir.grey_variance", part.grey_variance, {})
         Numbers(0, 10, ("n",)).check("reservoir.gradient", part.gradient, {})
         Numbers(0, MOST_PIXELS, ("n",)).check("reservoir.pixels_averaged", part.pixels_averaged, {})
         Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", part.frame_moments, {})
@@ -413,6 +421,8 @@ def _check_fit(fit: Fit) -> int:
     """Check a fit, and return how many parameters it has."""
     for name in ("response_basis", "vignette_basis", "errors", "hyperparameters"):
         _check_fields(getattr(fit, name), f"fit.{name}")
+    if fit.pixel_noise is not None:
+        _check_fields(fit.pixel_noise, "fit.pixel_noise")
     _check_fields(fit, "fit")
     _require(fit.effects == Effects() and not fit.effect_estimates, "a quick fit has no effects")
     parameters = len(fit.response_basis) + len(fit.vignette_basis)

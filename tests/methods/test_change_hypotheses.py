@@ -83,6 +83,7 @@ class Film:
                 log_exposure_rate=np.zeros(2 * count),
                 position=places[seen].reshape(-1, 2),
                 gradient=np.zeros(2 * count),
+                grey_variance=np.zeros(2 * count),
                 pixels_averaged=np.full(2 * count, 28.0),
                 frame_moments=np.zeros((2 * count, 3)),
                 surround_moments=np.zeros((2 * count, 4)),

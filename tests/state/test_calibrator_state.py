@@ -114,6 +114,7 @@ def seen_twice(random, points, pair):
         grey=random.random(n).astype(np.float32).astype(np.float64),
         position=random.random((n, 2)),
         gradient=random.random(n).astype(np.float32).astype(np.float64),
+        grey_variance=np.zeros(n),
         pixels_averaged=np.full(n, 28.0),
         frame_moments=np.zeros((n, 3)),
         surround_moments=np.zeros((n, 4)),

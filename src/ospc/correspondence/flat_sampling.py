@@ -190,6 +190,7 @@ def _interleaved(ends: list[tuple[PreprocessedFrame, FloatArray, FloatArray]], g
 
     return Observations(
         grey=alternate([_at(frame.grey, places) for frame, places, _ in ends]),
+        grey_variance=alternate([_at(frame.variance, places) for frame, places, _ in ends]),
         position=alternate([position for _, _, position in ends]),
         gradient=alternate([_at(frame.gradient, places) for frame, places, _ in ends]),
         pixels_averaged=alternate([np.full(n, frame.pixels_averaged) for frame, _, _ in ends]),

@@ -44,6 +44,8 @@ class PreprocessedFrame:
         Pixels of the frame, along each side, per pixel of :attr:`grey`.
     grey
         Grey levels in [0, 1], smoothed, shape (h, w): each is a weighted mean over ``pixels_averaged`` pixels.
+    variance
+        Variance of the pixels that each of these is a mean over, noise included, shape (h, w).
     gradient
         Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w).
     clipped
@@ -60,6 +62,7 @@ class PreprocessedFrame:
     size: ImageSize
     reduction: int
     grey: Float32Array
+    variance: Float32Array
     gradient: Float32Array
     clipped: BoolArray
     small: npt.NDArray[np.uint8]
@@ -139,6 +142,8 @@ class Preprocessor:
         reduction = self._reduction((width, height))
         reduced = _reduced(image, reduction)
         grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px) / np.float32(white)
+        squares = _reduced(cv2.multiply(image, image, dtype=cv2.CV_32F), reduction)
+        variance = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px) / np.float32(white) ** 2 - grey**2
         # Variances of smoothings add up, so that the one for gradients continues from that of the grey levels.
         further = max(self.flatness_px**2 - self.smoothing_px**2, _MIN_FURTHER_VARIANCE_PX2)
         flatter = cv2.GaussianBlur(grey, (0, 0), np.sqrt(further))
@@ -151,6 +156,7 @@ class Preprocessor:
             (width, height),
             reduction,
             np.asarray(grey, dtype=np.float32),
+            np.maximum(variance, 0),
             np.asarray(gradient, dtype=np.float32),
             self._clipped_nearby(image, white, reduction, grey_range) | self._masked_nearby(frame.mask, reduction),
             self._small(reduced, white),

@@ -11,11 +11,12 @@ from ospc.estimation.effects import Effects, Seen
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.texture import TextureShift
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
-from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
+from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE
@@ -64,6 +65,8 @@ class Fit:
         Number of scene points in which some observation has weight.
     groups
         Number of groups of observations.
+    pixel_noise
+        Noise of the single pixels that the observations are means of; None where it is not known.
     effect_estimates
         What the observations say about effects, chosen or not; empty where nothing else was tried.
     """
@@ -79,6 +82,7 @@ class Fit:
     misfit: float
     points: int
     groups: int
+    pixel_noise: NoiseModel | None = None
     effect_estimates: tuple[EffectEstimate, ...] = ()
 
     @property
@@ -105,12 +109,22 @@ class Fit:
     def log_irradiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln e·L of observations: without vignette and additional light, shape (n,)."""
         log_g = np.interp(
-            observations.grey, self.response_basis.grid, self.response_basis.log_of(self.response_parameters)
+            self.grey_of_mean(observations),
+            self.response_basis.grid,
+            self.response_basis.log_of(self.response_parameters),
         )
         without_vignette = log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
         if not len(self.effects):
             return without_vignette
         return without_vignette - self.effects.log_added(self.effect_parameters, self._seen(observations))
+
+    def grey_of_mean(self, observations: Observations) -> FloatArray:
+        """Return the grey level of the mean irradiance of the pixels of each observation, shape (n,)."""
+        if self.pixel_noise is None:
+            return observations.grey
+        basis = self.response_basis
+        shift = TextureShift.of(basis.grid, basis.gamma_of(self.response_parameters), self.pixel_noise)
+        return observations.grey + shift(observations, basis.index_of(observations.grey))
 
     def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of :meth:`log_irradiance` by the parameters of both curves.

@@ -18,6 +18,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.noisy_mean import mean_shift
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.texture import TextureShift
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
@@ -144,6 +145,10 @@ class LatentModel:
         return mean_shift(self.basis.grid, self.log_response, self.pixel_noise)
 
     @cached_property
+    def _texture_shift(self) -> TextureShift:
+        return TextureShift.of(self.basis.grid, self.gamma, self.pixel_noise)
+
+    @cached_property
     def pixel_noise(self) -> NoiseModel:
         """Noise of single pixels."""
         if self.noise is not None:
@@ -166,7 +171,8 @@ class LatentModel:
         level, log_response_slope = self.basis.grid[index], self._log_response_slope[index]
         excess = measured - level
         if self.trusted:
-            excess = excess - self._mean_shift[index]
+            # Neither noise nor texture leave the mean of pixels at the grey level of their mean irradiance.
+            excess = excess - self._mean_shift[index] + self._texture_shift(observations, index)
         linear_log = self.log_response[index] + log_response_slope * excess
         variance = self.errors.variance(level, 1 / log_response_slope, self._irradiance[index], observations.gradient)
         precision = 1 / (variance * log_response_slope**2)

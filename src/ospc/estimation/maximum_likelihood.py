@@ -123,6 +123,7 @@ class MaximumLikelihoodEstimator:
             equations.misfit(parameters),
             int(np.count_nonzero(np.add.reduceat(weight, observations.starts))),
             len(np.unique(observations.group)),
+            model.pixel_noise,
         )
 
     def information(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> NormalEquations:

@@ -100,6 +100,7 @@ class PixelSamples:
             grey=np.exp(log_grey).ravel(),
             position=np.stack([self.position0, self.position1], axis=1).reshape(2 * n, 2),
             gradient=np.zeros(2 * n),
+            grey_variance=np.zeros(2 * n),
             pixels_averaged=np.ones(2 * n),
             frame_moments=np.zeros((2 * n, MOMENTS)),
             surround_moments=np.zeros((2 * n, 1 + MOMENTS)),

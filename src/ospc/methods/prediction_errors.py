@@ -72,7 +72,7 @@ class PairErrors:
         basis = fit.response_basis
         log_g = basis.log_of(fit.response_parameters)
         log_irradiance = fit.vignette_basis.log_value(fit.vignette_parameters, seen.position) + seen.log_exposure
-        log_radiance = np.interp(seen.grey, basis.grid, log_g) - log_irradiance
+        log_radiance = np.interp(fit.grey_of_mean(seen), basis.grid, log_g) - log_irradiance
         # The basis is evaluated at the grey levels predicted from both observations: at those measured, its noise
         # would be that of the errors, and every pair of nearly equal exposures would seem to have changed.
         predicted = np.repeat((log_radiance[0::2] + log_radiance[1::2]) / 2, 2) + log_irradiance

@@ -201,6 +201,18 @@ CLEAR_OF_ENDS_SIGMAS = 2.0
 """Distance of the predicted grey level from black and white, in standard deviations of single pixels, below which an
 observation is not used. Chosen by hand; no effect at 1, 3 raises the shape error by a tenth."""
 
+MAX_TEXTURE = 0.3
+"""Largest standard deviation of the pixels that are averaged, over their mean, whose effect is corrected in full:
+the correction is of second order. 0.2 and 0.5 change κ by less than a tenth."""
+
+MAX_NOISE = 0.2
+"""Standard deviation of the noise of a pixel, over its grey level, at which half of that effect is corrected: more
+noise leaves too little of the variance to texture. 0.05 gains a third as much for κ."""
+
+BEND_SMOOTHING = 0.06
+"""Standard deviation, in grey levels, of the smoothing of γ before its slope is taken. Without it, the correction for
+texture follows the errors of the estimate: κ of one recording in ten gets two to ten times worse."""
+
 MAX_DARK_CLEARANCE = 0.1
 """Largest grey level that is left out at the dark end for that reason. Chosen by hand; no effect from 0.05 to 0.2."""
 

@@ -1,0 +1,66 @@
+"""Where the response is bent, the mean of pixels is not the grey level of their mean irradiance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.evaluation.metrics import log_ratio_error
+from ospc.observations import Observations
+from ospc.photometry.noise import NoiseModel
+from ospc.photometry.response import Response
+
+LEVELS = np.linspace(0, 1, 256)
+TOE_AND_SHOULDER = Response.from_values(LEVELS**2.2 * (0.35 + 0.65 * LEVELS**3))
+NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
+PAIRS, POINTS, PIXELS = 60, 100, 28
+
+
+class Exposures:
+    """Two exposures in turn, up to a factor of three apart."""
+
+    def log_exposure_of(self, frames):
+        return np.log(10) - np.where(frames % 2, np.log(3) * (frames // 2 % 6) / 5, 0.0)
+
+
+def textured(contrast, response):
+    """Return points whose pixels scatter by a share of their irradiance."""
+    random = np.random.default_rng(3)
+    n = PAIRS * POINTS
+    frame = 2 * np.repeat(np.arange(PAIRS), POINTS)[:, None] + [0, 1]
+    exposure = np.exp(Exposures().log_exposure_of(frame)) / 10
+    radiance = np.exp(random.normal(-1.2, 0.7, (n, 1, 1)) + contrast * random.standard_normal((n, 1, PIXELS)))
+    pixels = response(radiance * exposure[:, :, None]) + 0.5 / 255 * random.standard_normal((n, 2, PIXELS))
+    grey, variance = pixels.mean(axis=2), pixels.var(axis=2)
+    exposed = np.all((pixels > 0.02) & (pixels < 0.97), axis=(1, 2))
+    nowhere = np.zeros((int(exposed.sum()), 2))
+    return Observations.of_pairs(
+        *grey[exposed].T,
+        nowhere,
+        nowhere,
+        *frame[exposed].T,
+        grey_variance0=variance[exposed, 0],
+        grey_variance1=variance[exposed, 1],
+        pixels_averaged=PIXELS,
+    ).with_exposures(Exposures())
+
+
+def error(observations, response):
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE)
+    return log_ratio_error(estimator.fit(observations).response(), response)
+
+
+@pytest.mark.parametrize("contrast", [0.1, 0.2])
+def test_texture_is_taken_out(contrast):
+    seen = textured(contrast, TOE_AND_SHOULDER)
+    unknown = error(replace(seen, grey_variance=np.zeros(len(seen))), TOE_AND_SHOULDER)
+    assert error(seen, TOE_AND_SHOULDER) < 0.5 * unknown
+
+
+def test_without_texture_nothing_changes():
+    seen = textured(0.0, TOE_AND_SHOULDER)
+    unknown = error(replace(seen, grey_variance=np.zeros(len(seen))), TOE_AND_SHOULDER)
+    assert error(seen, TOE_AND_SHOULDER) == pytest.approx(unknown, abs=2e-4)
