@@ -40,6 +40,7 @@ class Disturbed:
     black_drift: float = 0.0
     vignette_drift: float = 0.0
     smudge: float = 0.0
+    unsteady: float = 0.0
 
     def pairs(self, seed: int = 0) -> ExposedObservations:
         """Return points, each in two frames whose exposure, mean light and surroundings differ."""
@@ -63,7 +64,8 @@ class Disturbed:
         added = self.glare * frame_light + self.scatter * nearby + self.dark * true_ms / TYPICAL_MS
         grey = GAMMA(true_ms * radiance * attenuation + added)
         around = GAMMA(nearby)
-        grey = grey ** (1 + self.gamma_drift * time) * around**self.tone + self.black_drift * time
+        own = self.unsteady * random.standard_normal((FRAMES, 2))[group]
+        grey = grey ** (1 + self.gamma_drift * time + own) * around**self.tone + self.black_drift * time
         noisy = grey + 0.3 / 255 * random.standard_normal((n, 2))
         exposed = np.all((grey > 8 / 255) & (grey < 0.97), axis=1)
 
@@ -147,12 +149,13 @@ def test_effects_that_come_together_are_told_apart() -> None:
         (Disturbed(black_drift=0.02), "drifting black level"),
         (Disturbed(vignette_drift=0.08), "drifting vignette"),
         (Disturbed(smudge=0.08), "uneven vignette"),
+        (Disturbed(unsteady=0.05), "unsteady response"),
     ],
 )
 def test_what_no_camera_does_is_stated_and_not_corrected(camera: Disturbed, name: str) -> None:
     found = camera.fit()
     assert name in stated(found)
-    assert set(stated(found)) <= {*CONTRADICTIONS, "uneven vignette"}
+    assert set(stated(found)) <= {*CONTRADICTIONS, "uneven vignette", "unsteady response"}
     assert not len(found.effects)
 
 

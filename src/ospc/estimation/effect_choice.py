@@ -14,12 +14,14 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.unevenness import uneven_vignette
+from ospc.estimation.unsteadiness import unsteady_response
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
+    CONTRADICTING_SIGMAS,
     MIN_GROUPS,
     PREFERRED_SHARE,
     SIGNIFICANT_SIGMAS,
@@ -62,8 +64,11 @@ def fit_with_chosen_effects(
             return _with_estimates(plain, plain_trials, _estimates(wider)[-1:])
         fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, effects)
         trials = tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
-    uneven = uneven_vignette(fit, observations) if fit.groups >= MIN_GROUPS else ()
-    return _with_estimates(fit, trials, (*_estimates(fit), *uneven))
+    if fit.groups < MIN_GROUPS:
+        return _with_estimates(fit, trials, ())
+    if unsteady := unsteady_response(fit, observations):
+        return _with_estimates(plain, plain_trials, unsteady)
+    return _with_estimates(fit, trials, (*_estimates(fit), *uneven_vignette(fit, observations)))
 
 
 @dataclass(frozen=True)
@@ -134,6 +139,9 @@ def _accepted(fit: Fit) -> bool:
         float(np.hypot(np.sqrt(matrix[-1, -1]), effect.systematic)) for matrix in (fit.chance, fit.covariance)
     )
     significant = abs(value) > max(SIGNIFICANT_SIGMAS * by_chance, SIGNIFICANT_SIGMAS_IN_ALL * in_all)
+    if fit.effects.chosen[-1] in CONTRADICTIONS:
+        # What contradicts the model also makes the halves disagree: by that scatter it would hide itself.
+        significant |= abs(value) > CONTRADICTING_SIGMAS * by_chance
     values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
     return significant and all(EFFECTS[name].allows(value) for name, value in values)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ospc.estimation.fit import Fit
 from ospc.estimation.unevenness import UNEVEN
+from ospc.estimation.unsteadiness import UNSTEADY
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.verdict import Verdict
 
@@ -25,6 +26,10 @@ _CONTRADICTIONS = {
     "drifting black level": (
         "the black level changes in the course of the recording",
         "let the camera warm up, and switch off automatic contrast",
+    ),
+    UNSTEADY: (
+        "the response differs from frame to frame, in its exponent",
+        "switch off automatic contrast, gamma and scene modes of the camera",
     ),
     UNEVEN: (
         "a part of the image is darker or brighter than a smooth vignette would have it, in ln V",

@@ -307,6 +307,10 @@ SIGNIFICANT_SIGMAS = 5.0
 SIGNIFICANT_SIGMAS_IN_ALL = 3.0
 """The same with what halves of the observations disagree on."""
 
+CONTRADICTING_SIGMAS = 8.0
+"""Standard deviations, by chance and by what clean recordings imitate, from which on a contradiction counts whatever
+the halves disagree on: gentle tone mapping had 10, clean recordings 4 at most."""
+
 PREFERRED_SHARE = 0.9
 """Significance, over that of the clearest effect, from which on one of a camera is tried before a contradiction: an
 offset of the exposures is also a curvature of their logarithm."""
@@ -333,6 +337,22 @@ UNEVEN_SIGMAS = 4.5
 """Normal deviate of the mean of a part from which on the vignette is uneven. In 45 clean simulated recordings, each
 whole and cut to three and six tenths, 4.0 was the largest of all parts; in five with smudges of some per cent, 5.0 or
 more."""
+
+# Whether the response is the same in all frames (ospc.estimation.unsteadiness)
+
+UNSTEADY_FEWEST_POINTS = 20
+"""Fewest scene points of a pair whose slope is judged."""
+
+UNSTEADY_SPREAD = 0.1
+"""Least standard deviation of ln M between them: a slope needs different grey levels."""
+
+UNSTEADY_FEWEST_PAIRS = 30
+"""Fewest such pairs: the scatter of 30 slopes is known to an eighth."""
+
+UNSTEADY_SIGMAS, UNSTEADY_SLOPE = 3.5, 0.02
+"""Scatter of the slopes between pairs, in standard deviations by the scatter inside them, and without them, from
+which on the response is unsteady. Registration and moving objects add to it: clean simulated recordings had 3.0 at
+most. Two exponents a fifth apart had 9, automatic contrast 16."""
 
 # How sure exposure ratios are (ospc.methods.summary)
 
