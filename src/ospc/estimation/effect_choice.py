@@ -14,7 +14,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.unevenness import uneven_vignette
-from ospc.estimation.unsteadiness import unsteady_response
+from ospc.estimation.unsteadiness import unsteadiness
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.observations import ExposedObservations
@@ -66,7 +66,7 @@ def fit_with_chosen_effects(
         trials = tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fit, trials, ())
-    if unsteady := unsteady_response(fit, observations):
+    if unsteady := unsteadiness(fit, observations):
         return _with_estimates(plain, plain_trials, unsteady)
     return _with_estimates(fit, trials, (*_estimates(fit), *uneven_vignette(fit, observations)))
 

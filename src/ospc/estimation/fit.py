@@ -19,7 +19,6 @@ from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
-from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 """Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
@@ -217,9 +216,7 @@ class Fit:
         """Return the standard deviation of ln g(M)/g(reference) at grey levels M, shape (n,) -> (n,)."""
         n = len(self.response_basis)
         rows = self.response_basis.log_rows(grey) - self.response_basis.log_rows(np.array([reference]))
-        variance = np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)
-        systematic = (SYSTEMATIC_RESPONSE_SHARE * rows @ self.response_parameters) ** 2
-        return np.asarray(np.sqrt(variance + systematic))
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)))
 
     def log_response_step_sigma(self, low: float, high: float) -> float:
         """Return the standard deviation of ln g(high)/g(low)."""
@@ -231,10 +228,7 @@ class Fit:
         It is the root mean square over the directions to the four corners, which differ if the centre is not that of
         the image.
         """
-        along = _along_diagonals(radius)
-        value = self.vignette_basis.log_value(self.vignette_parameters, along).reshape(len(_DIAGONALS), -1)
-        systematic = np.mean((SYSTEMATIC_VIGNETTE_SHARE * value) ** 2, axis=0)
-        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.covariance) + systematic))
+        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.covariance)))
 
     def chance_log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the random part of :meth:`log_vignette_sigma`, which more samples reduce, shape (n,) -> (n,)."""

@@ -1,4 +1,4 @@
-"""Whether the response is another from frame to frame: automatic contrast, gamma and picture modes."""
+"""Whether response and vignette differ from frame to frame: automatic contrast, electronic stabilisation."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from ospc.settings.estimation import (
     WEIGHT_CUT_SIGMAS,
 )
 
-UNSTEADY = "unsteady response"
-"""Name of the finding."""
+UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE = "unsteady response", "unsteady vignette"
+"""Names of the findings."""
 
 
-def unsteady_response(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
-    """Return by how much the response differs between the frames of a pair; nothing if the pairs agree.
+def unsteadiness(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+    """Return what differs between the frames of a pair; nothing if the pairs agree.
 
-    With one response, the radiances that two frames show of the same points differ by chance alone. With another
-    exponent in one frame their logarithms differ in proportion to ln M. The value is the standard deviation of that
-    slope between pairs, without what the scatter inside them lets expect.
+    With one response and one vignette, the radiances that two frames show of the same points differ by chance alone.
+    With another exponent in one frame, their logarithms differ in proportion to ln M; with a vignette that was moved,
+    in proportion to x and y. The value is the standard deviation of that slope between pairs, without what the
+    scatter inside them lets expect.
 
     Parameters
     ----------
@@ -40,26 +41,38 @@ def unsteady_response(fit: Fit, observations: ExposedObservations) -> tuple[Effe
     first = observations.starts
     last = first + observations.counts - 1
     residual = fit.residuals(observations)
-    change = residual[last] - residual[first]
+    change, group = residual[last] - residual[first], observations.group[first]
+    known = np.isfinite(change)
+    pairs = [known & (group == number) for number in np.unique(group[known])]
     log_grey = np.log(np.maximum(observations.grey, DARKEST_GREY))
-    level = (log_grey[first] + log_grey[last]) / 2
-    group, known = observations.group[first], np.isfinite(change)
-    found = [_slope(level, change, known & (group == number)) for number in np.unique(group[known])]
-    slopes = [one for one in found if one is not None]
+    x, y = ((observations.position[first] + observations.position[last]) / 2).T
+    found = []
+    for name, covariates in (
+        (UNSTEADY_RESPONSE, [(log_grey[first] + log_grey[last]) / 2]),
+        (UNSTEADY_VIGNETTE, [x, y]),
+    ):
+        excess = max(_excess(covariate, change, pairs) for covariate in covariates)
+        if excess > UNSTEADY_SLOPE:
+            found.append(EffectEstimate(name, excess, excess / np.sqrt(2 * len(pairs)), contradicts=True))
+    return tuple(found)
+
+
+def _excess(covariate: FloatArray, change: FloatArray, pairs: list[BoolArray]) -> float:
+    """Return the standard deviation of the slope between pairs; 0 if chance explains it."""
+    slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
     if len(slopes) < UNSTEADY_FEWEST_PAIRS:
-        return ()
+        return 0.0
     slope, sigma = np.array(slopes).T
-    excess = np.sqrt(max(robust_scale(slope) ** 2 - float(np.median(sigma)) ** 2, 0.0))
-    if robust_scale(slope / sigma) < UNSTEADY_SIGMAS or excess < UNSTEADY_SLOPE:
-        return ()
-    return (EffectEstimate(UNSTEADY, float(excess), float(excess / np.sqrt(2 * len(slope))), contradicts=True),)
+    if robust_scale(slope / sigma) < UNSTEADY_SIGMAS:
+        return 0.0
+    return float(np.sqrt(max(robust_scale(slope) ** 2 - float(np.median(sigma)) ** 2, 0.0)))
 
 
-def _slope(level: FloatArray, change: FloatArray, inside: BoolArray) -> tuple[float, float] | None:
-    """Return the slope of the changes of one pair over ln M and its standard deviation; None if it has too few."""
-    x, y = level[inside], change[inside] - np.median(change[inside])
-    usual = np.abs(y) <= WEIGHT_CUT_SIGMAS * robust_scale(y)
-    x, y = x[usual] - x[usual].mean(), y[usual] - y[usual].mean()
+def _slope(x: FloatArray, change: FloatArray) -> tuple[float, float] | None:
+    """Return the slope of the changes of one pair and its standard deviation; None if it has too few points."""
+    deviation = change - np.median(change)
+    usual = np.abs(deviation) <= WEIGHT_CUT_SIGMAS * robust_scale(deviation)
+    x, y = x[usual] - x[usual].mean(), change[usual] - change[usual].mean()
     spread = float(x @ x)
     if len(x) < UNSTEADY_FEWEST_POINTS or spread < UNSTEADY_SPREAD**2 * len(x):
         return None

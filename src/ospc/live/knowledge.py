@@ -12,7 +12,6 @@ from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.methods.preview import Preview
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
-from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE
 
 GOAL = 0.005
 """Error of g and of V, as a root mean square over all grey levels and radii, at which a capture is complete: direct
@@ -123,9 +122,7 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
     covariance, scale = _covariance(fit, observations.of_points(slice(None, None, step)), step)
     wanted = _wanted(fit, sum(measured_greys(observations)) / 2, _radii(preview.usable_radius))
     disagreement = np.maximum(_variance(wanted, fit.covariance - fit.chance), 0)
-    share = np.where(np.arange(len(wanted)) < len(_GREYS), SYSTEMATIC_RESPONSE_SHARE, SYSTEMATIC_VIGNETTE_SHARE)
-    systematic = (share * (wanted @ fit.parameters)) ** 2
-    sigma = np.sqrt(_variance(wanted, covariance) + disagreement + systematic)
+    sigma = np.sqrt(_variance(wanted, covariance) + disagreement)
     greys = len(_GREYS)
     return Knowledge(
         fit, covariance, wanted, scale, _root_mean_square(sigma[:greys]), _root_mean_square(sigma[greys:])

@@ -6,7 +6,7 @@ import numpy as np
 
 from ospc.estimation.fit import Fit
 from ospc.estimation.unevenness import UNEVEN
-from ospc.estimation.unsteadiness import UNSTEADY
+from ospc.estimation.unsteadiness import UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.verdict import Verdict
 
@@ -27,9 +27,13 @@ _CONTRADICTIONS = {
         "the black level changes in the course of the recording",
         "let the camera warm up, and switch off automatic contrast",
     ),
-    UNSTEADY: (
-        "the response differs from frame to frame, in its exponent",
-        "switch off automatic contrast, gamma and scene modes of the camera",
+    UNSTEADY_VIGNETTE: (
+        "the vignette is at another place in each frame",
+        "switch off electronic stabilisation and cropping of the camera",
+    ),
+    UNSTEADY_RESPONSE: (
+        "the response differs from frame to frame, or the frames show too little texture to be registered",
+        "switch off automatic contrast and scene modes of the camera, and film scenes with texture",
     ),
     UNEVEN: (
         "a part of the image is darker or brighter than a smooth vignette would have it, in ln V",

@@ -27,7 +27,6 @@ from ospc.research.method import failure
 from ospc.research.runner import OnProgress
 from ospc.research.scoring import profile_along_diagonal
 from ospc.research.store import made_with
-from ospc.settings.estimation import SYSTEMATIC_RESPONSE_SHARE
 
 Outcome = Literal["detected", "corrected", "harmless", "uncertain", "confident and wrong", "crashed"]
 
@@ -255,8 +254,7 @@ def step_sigma(found: Calibration) -> float | None:
     of_curve = [i for i, name in enumerate(known["parameters"]) if name.startswith("gamma(")]
     covariance = np.array(known["matrix"])[np.ix_(of_curve, of_curve)]
     step = np.diff(ResponseBasis(len(of_curve) - 1).log_rows(np.array([_LOW, _HIGH])), axis=0)[0]
-    systematic = 0.0 if found.response is None else SYSTEMATIC_RESPONSE_SHARE * _step(found.response)
-    return float(np.sqrt(step @ covariance @ step + systematic**2 + found.exponent_sigma**2))
+    return float(np.sqrt(step @ covariance @ step + found.exponent_sigma**2))
 
 
 def _step(response: Response) -> float:
