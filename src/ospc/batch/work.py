@@ -23,7 +23,6 @@ from ospc.batch.object_store import local_copy
 from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.errors import RecordingError, one_line
-from ospc.exposures.findings import lag_choice_for
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
 
@@ -99,7 +98,7 @@ def work(task: Task) -> Answer:
 
 
 def _calibrated(recording: Recording, source: dict[str, object], key: str, entry: Entry) -> Result:
-    calibrator = OnlineCalibrator(entry.settings, correct_lag=lag_choice_for(recording.kind, entry.correct_lag))
+    calibrator = OnlineCalibrator.of(recording, entry.settings, correct_lag=entry.correct_lag)
     calibrator.source = source
     drive(calibrator, recording)
     calibration = calibrator.calibration()

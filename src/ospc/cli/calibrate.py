@@ -199,7 +199,6 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     from ospc.cli.calibration_result import ResultFolder
     from ospc.cli.calibration_run import CalibrationRun
     from ospc.cli.checkpoints import Checkpoints
-    from ospc.exposures.findings import check_lag, lag_choice_for
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.pooling.prior_calibration import PriorCalibration
@@ -222,7 +221,6 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
         with progress_of("exposures", quiet=request.quiet, interruption=request.interruption) as step:
             recording = recover_exposures(recording, step)
-    check_lag(request.correct_lag, len(recording))
     if prior is not None:
         prior.check_size(recording.size)
     # A state does not hold an exponent: it must not be merged with states of known exposures.
@@ -236,7 +234,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         result,
         checkpoints=checkpoints,
         # Exposures that come from the images cannot disagree with them.
-        correct_lag="trusted" if exposures_unknown else lag_choice_for(recording.kind, request.correct_lag),
+        correct_lag="trusted" if exposures_unknown else request.correct_lag,
         watching=Watching(viewer=request.rerun, stream=request.rerun_file),
     ).calibrate()
 

@@ -84,7 +84,7 @@ class CalibrationRun:
 
         watching = replace(self.watching, visible=not self.result.quiet and sys.stderr.isatty())
         with watching.of(self.recording) as show, self.interruption.deferred():
-            calibrator = OnlineCalibrator(self.settings, correct_lag=self.correct_lag)
+            calibrator = OnlineCalibrator.of(self.recording, self.settings, correct_lag=self.correct_lag)
             calibrator.source = identification(self.recording)
             if self.checkpoints is not None:
                 calibrator = self.checkpoints.resumed(calibrator)

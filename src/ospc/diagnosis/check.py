@@ -11,7 +11,7 @@ from ospc.diagnosis.notes import notes
 from ospc.diagnosis.report import RecordingReport
 from ospc.diagnosis.timing import timing
 from ospc.errors import RecordingError
-from ospc.exposures.findings import LagChoice, lag_choice_for
+from ospc.exposures.findings import LagChoice
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 from ospc.unknown_exposures import labelled
@@ -51,7 +51,7 @@ def check_recording(
         If none of the frames can be used.
     """
     total = min(frames or len(recording), len(recording))
-    calibrator = OnlineCalibrator(correct_lag=lag_choice_for(recording.kind, correct_lag))
+    calibrator = OnlineCalibrator.of(recording, correct_lag=correct_lag)
 
     def count(_frame: Frame, _used: bool) -> None:
         if progress is not None:
