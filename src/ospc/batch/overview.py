@@ -42,13 +42,7 @@ svg path { fill: none; stroke-width: 1.6; } .frame { stroke: var(--line); } .g {
 
 
 def write_overview(cameras: Sequence[Camera], rows: Sequence[Row], path: Path) -> Path:
-    """Write the page, whole or not at all, and return the path.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Write the page, whole or not at all, and return the path."""
     return write_bytes(path, page(cameras, rows).encode("utf-8", "replace"))
 
 

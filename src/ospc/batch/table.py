@@ -80,11 +80,6 @@ def write_csv(rows: Sequence[Row], path: Path) -> Path:
     """Write the table as CSV, whole or not at all, and return the path.
 
     As :func:`~ospc.formats.files.csv_text` has it, no cell is a formula.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
     """
     return write_text(path, csv_text([_COLUMNS, *(_values(row).values() for row in rows)]))
 

@@ -79,13 +79,7 @@ class Reading:
         return self._opened(path, lambda options: open_recording(path, self.kind, options))
 
     def cameras(self, path: Path) -> dict[str, _Opener]:
-        """Return an opener for each camera of a rig by its name; if each channel is asked for, one for each of them.
-
-        Raises
-        ------
-        RecordingError
-            If the path cannot be read.
-        """
+        """Return an opener for each camera of a rig by its name, or for each of its channels if asked for."""
         if not self.each_channel:
             return {name: partial(self._camera, path, name) for name in cameras_of(path, self.kind, self.options)}
         of_channels = {name: self._of_channel(name).cameras(path) for name in ("red", "green", "blue")}
@@ -192,13 +186,7 @@ def reading_options(command: _Command) -> _Command:
 
 
 def print_topics(path: Path) -> None:
-    """Print the topics of a bag, and what each can be used for.
-
-    Raises
-    ------
-    RecordingError
-        If the path is not a bag, or it is damaged.
-    """
+    """Print the topics of a bag, and what each can be used for."""
     from rich.table import Table
     from rich.text import Text
 

@@ -41,15 +41,7 @@ class Watching:
 
     @contextmanager
     def of(self, recording: Recording) -> Iterator[Watcher]:
-        """Give what is to be told of every frame.
-
-        Raises
-        ------
-        MissingExtraError
-            If the Rerun viewer is asked for, but not installed.
-        FormatError
-            If the file cannot be written.
-        """
+        """Give what is to be told of every frame."""
         with ExitStack() as stack:
             watchers: list[Watcher] = []
             if self.viewer or self.stream is not None:

@@ -199,13 +199,7 @@ class GivenSource(Source):
 
     @classmethod
     def of(cls, path: Path, most_frames: int | None = None) -> GivenSource:
-        """Return a folder by its name, opened once so that mistakes show before hours are spent.
-
-        Raises
-        ------
-        OspcError
-            If it cannot be opened or has no truth.
-        """
+        """Return a folder by its name, opened once so that mistakes show before hours are spent."""
         true_curves(open_recording(path))
         return cls(escaped(path.resolve().name), path, most_frames)
 

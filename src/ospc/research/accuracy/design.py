@@ -103,11 +103,6 @@ def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Sour
         Folder of real data; None for none.
     frames
         Frames of a simulated recording with the camera in motion; one at rest has three tenths of them.
-
-    Raises
-    ------
-    OspcError
-        If a file of the folder does not hold what it should.
     """
     database, no_database = _given(data, FILE, "gamma curves take the place of measured responses")
     video, no_video = _given(data, VIDEO, "no real video")

@@ -109,13 +109,7 @@ class SampledFrame:
 
     @classmethod
     def of(cls, frame: Frame) -> SampledFrame:
-        """Find the features and flat places of a frame.
-
-        Raises
-        ------
-        FrameError
-            If its image cannot be read.
-        """
+        """Find the features and flat places of a frame."""
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         equalised = cv2.equalizeHist(np.rint(grey * 255).astype(np.uint8))
         key_points, descriptors = cv2.SIFT_create(nfeatures=_FEATURES).detectAndCompute(equalised, None)

@@ -175,13 +175,7 @@ SYSTEMS = (
 
 
 def chosen_systems(patterns: Sequence[str]) -> list[System]:
-    """Return the systems whose names match one of the patterns; all if there is none.
-
-    Raises
-    ------
-    SettingError
-        If a pattern matches none.
-    """
+    """Return the systems whose names match one of the patterns; all if there is none."""
     names = {system.name for pattern in patterns for system in select(SYSTEMS, pattern, "system")}
     return [system for system in SYSTEMS if not patterns or system.name in names]
 

@@ -41,11 +41,6 @@ def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[lis
         Frames of each.
     data
         Folder of real data; None for none.
-
-    Raises
-    ------
-    OspcError
-        If a file of the folder does not hold what it should.
     """
     simulated = [source for source in accuracy_sources(None, frames)[0] if isinstance(source, SimulatedSource)]
     moving = [source for source in simulated if source.group == "simulated"]

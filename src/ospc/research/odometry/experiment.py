@@ -62,13 +62,7 @@ class Experiment:
             self.truth_of(recording)
 
     def truth_of(self, recording: Recording) -> Trajectory:
-        """Return the true trajectory of a recording.
-
-        Raises
-        ------
-        RecordingError
-            If its folder has none.
-        """
+        """Return the true trajectory of a recording."""
         known = read_trajectory(needed(recording.path, TRUTH))
         return known if self.end_share is None else end_segments(known, self.end_share)
 

@@ -63,13 +63,7 @@ class OdometryInput:
 
     @classmethod
     def of(cls, recording: Recording, images: Path, condition: Condition, photometry: Photometry) -> OdometryInput:
-        """Return a recording under a condition.
-
-        Raises
-        ------
-        RecordingError
-            If it has no camera.txt.
-        """
+        """Return a recording under a condition."""
         needed(recording.path, CAMERA)
         exposures = np.asarray(recording.exposures_ms, dtype=np.float64)
         return cls(
