@@ -38,8 +38,8 @@ class OnlineCalibrator(Engine):
     saved_by
         Versions of the software that saved the state it goes on from; empty if it began anew.
     prior
-        What was known of the camera before. Calibrations start from it as long as it agrees with the frames; None for
-        nothing. It is not kept with states.
+        An earlier calibration of the camera. Calibrations start from it as long as it agrees with the frames; None
+        for none. It is not kept with states.
 
     Examples
     --------
@@ -221,7 +221,7 @@ def calibrate(
         Settings of the method, or the name of a preset.
     correct_lag
         What to do where exposures are written beside other frames than their own: correct it where it is certain
-        (``"auto"``), ``"never"``, or by so many frames, positive if exposures come late.
+        (``"auto"``), ``"never"``, or by that many frames, positive if exposures come late.
     progress
         Called after every frame. It may raise ``KeyboardInterrupt`` (as Ctrl-C does at any time): the calibration
         from the frames up to then is returned, marked partial.

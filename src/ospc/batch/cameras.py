@@ -64,8 +64,8 @@ def merged_cameras(
 ) -> tuple[list[Camera], list[Row]]:
     """Merge the results of each camera into its folder.
 
-    Returns the cameras in the order of the rows, and the rows with ``differs`` filled in; ``progress`` is told how
-    many cameras of how many are done.
+    Returns the cameras in the order of the rows, and the rows with ``differs`` filled in; ``progress`` is called
+    with the number of cameras done and of all.
     """
     by_name: dict[str, list[Row]] = {}
     for row in rows:

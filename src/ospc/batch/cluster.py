@@ -188,7 +188,7 @@ class _Run:
             answer: Answer = future.result()
         except self.distributed.KilledWorker as error:
             return Answer(task.number, error=f"the workers that were given it died, the last at {error.last_worker}")
-        except Exception as error:  # whatever it is, it concerns this recording alone
+        except Exception as error:  # any error concerns this recording only
             return Answer(task.number, error=f"{type(error).__name__}: {said_by(error, _LONGEST_REASON)}")
         return answer
 

@@ -95,7 +95,7 @@ class _Request:
     epilog=exit_codes(
         {
             COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-            1: "error; what was known by then is written as partial if possible",
+            1: "error; a partial result is written if possible",
             UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the "
             "camera changed during the recording",
             INTERRUPTED: "interrupted; the partial result is written",
@@ -140,8 +140,8 @@ class _Request:
 @click.option(
     "--start-from",
     type=click.Path(path_type=Path),
-    help="What was known of the camera before: a state.ospc, a calibration.json, or a folder with one. It counts as "
-    "long as the recording agrees with it; a changed lens or focus is noticed.",
+    help="An earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used "
+    "as long as the recording agrees with it; a changed lens or focus is noticed.",
 )
 @force_option("Write into OUT even if it holds other files; those named as results go.")
 @quiet_option
@@ -284,7 +284,7 @@ def _calibrate_rig(request: _Request) -> int:
     if len(cameras) > 1 and not request.interruption.requested:
         try:
             scale = add_rig_scale(request.out, cameras, talkative=request.talkative)
-        except OspcError as error:  # the calibrations are worth more than the scale
+        except OspcError as error:  # the calibrations are kept even without the scale
             say(f"ospc: error: no relative irradiance scale: {error}", err=True)
             scale = {"error": str(error)}
     if request.as_json:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ospc.recording import Recording
 
 FAILED = 1
-"""Exit code of a run that failed, though what was known by then is written."""
+"""Exit code of a run that failed; a partial result is written."""
 
 
 @dataclass(frozen=True)

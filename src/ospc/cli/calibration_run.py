@@ -56,12 +56,12 @@ class CalibrationRun:
     def calibrate(self) -> dict[str, Any]:
         """Calibrate, write the folder, print the result, and return it as JSON-compatible values.
 
-        The values ``exit_code`` and ``error`` say how it ended; what was known before a failure is written.
+        The values ``exit_code`` and ``error`` say how it ended; after a failure, a partial result is written.
 
         Raises
         ------
         OspcError
-            If nothing at all could be estimated.
+            If nothing could be estimated.
         KeyboardInterrupt
             If the user gave up before anything was written.
         """
@@ -116,8 +116,8 @@ class CalibrationRun:
         try:
             drive(calibrator, self.recording, after)
         except KeyboardInterrupt:
-            pass  # what there is will be estimated
-        except Exception as error:  # whatever it is, the frames before it are worth an estimate
+            pass  # estimate from the frames so far
+        except Exception as error:  # the frames before any error still give an estimate
             return one_line(error)
         return ""
 
@@ -149,5 +149,5 @@ def identification(recording: Recording) -> dict[str, Any]:
 
     try:
         return identity(recording)
-    except Exception as error:  # the calibration is worth more than knowing what it was made of
+    except Exception as error:  # calibrate even if the recording cannot be identified
         return {"kind": recording.kind, "name": recording.path.name, "problem": one_line(error)}

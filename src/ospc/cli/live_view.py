@@ -118,7 +118,7 @@ class LiveView:
             yield show
 
     def picture(self, width: int) -> RenderableType:
-        """Return what to show, so many characters wide, and remember its curves."""
+        """Return what to show, at most ``width`` characters wide, and remember its curves."""
         from rich.console import Group
         from rich.text import Text
 

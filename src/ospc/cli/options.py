@@ -129,7 +129,7 @@ def exit_codes(meanings: dict[int, str]) -> str:
 
 
 def force_option(help: str) -> Callable[[_Command], _Command]:  # noqa: A002 (as click names it)
-    """Return the option to write in spite of what is there."""
+    """Return the option to write into a folder that is in use."""
     return click.option("--force", is_flag=True, help=help)
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ospc.recording import Frame, Recording
 
 Watcher = Callable[["OnlineCalibrator", str, "Frame | None"], None]
-"""Is told where a run stands: the calibrator, the stage in one word, and the frame just used, None where none was."""
+"""Called with the calibrator, the stage in one word, and the frame just used; None if none was."""
 
 COMPARING = "comparing"
 """The stage of which it is known how far it is."""
@@ -41,7 +41,7 @@ class Watching:
 
     @contextmanager
     def of(self, recording: Recording) -> Iterator[Watcher]:
-        """Give what is to be told of every frame."""
+        """Yield the function to call after every frame."""
         with ExitStack() as stack:
             watchers: list[Watcher] = []
             if self.viewer or self.stream is not None:

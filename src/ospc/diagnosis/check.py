@@ -34,7 +34,7 @@ def check_recording(
     recording
         The recording.
     frames
-        Only so many frames from the beginning; None for all.
+        Number of frames used, from the beginning; None for all.
     correct_lag
         What to do about a lag of the exposures, as in :func:`~ospc.calibrator.calibrate`.
     progress

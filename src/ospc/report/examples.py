@@ -93,7 +93,7 @@ class Examples:
 def examples_of(calibration: Calibration, recording: Recording, tracked_frames: int = TRACKED_FRAMES) -> Examples:
     """Try a calibration on a recording of its camera; an unknown response or vignette is taken to be the identity.
 
-    Points are tracked through an excerpt of so many frames where the exposure changes most; through none if it is 0.
+    Points are tracked through the ``tracked_frames`` frames where the exposure changes most; none if that is 0.
     """
     if calibration.size != recording.size:
         return Examples(notes=("no pictures: the recording has another image size than the calibration",))

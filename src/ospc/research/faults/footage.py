@@ -174,10 +174,10 @@ def half(footage: Footage) -> int:
 
 
 def wave(count: int, cycles: float) -> FloatArray:
-    """Return a sine of so many cycles over the recording, shape (count,)."""
+    """Return a sine with this number of cycles over the recording, shape (count,)."""
     return np.sin(2 * np.pi * cycles * np.arange(count) / count)
 
 
 def blocks(count: int, length: int, random: np.random.Generator) -> FloatArray:
-    """Return +1 or −1 for each block of so many frames, drawn at random, shape (count,)."""
+    """Return +1 or −1, drawn at random for each block of ``length`` frames, shape (count,)."""
     return np.repeat(random.choice([-1.0, 1.0], count // length + 1), length)[:count]

@@ -31,7 +31,7 @@ GoodSource = SimulatedSource | VideoSource
 
 
 def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[list[GoodSource], list[str]]:
-    """Return so many simulated recordings, the real video where there is one, and notes on what is left out.
+    """Return ``count`` simulated recordings, the real video if there is one, and notes on what is left out.
 
     Parameters
     ----------

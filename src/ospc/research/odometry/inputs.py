@@ -44,7 +44,7 @@ class OdometryInput:
     images
         Folder that holds its images and nothing else, one file a frame, in temporal order by name.
     stamps_s, exposures_ms
-        Stamps, and exposures as odometry is told, shape (frames,).
+        Time stamps, and the exposures given to odometry, shape (frames,).
     condition
         The condition.
     photometry
