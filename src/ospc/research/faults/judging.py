@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from time import process_time
 from typing import Any, Literal
@@ -135,20 +135,14 @@ class FaultTask:
             footage = self.fault.put_on(footage, value)
         progress(0.5)
         name, strength = (CLEAN, "") if self.fault is None else (self.fault.name, STRENGTHS[self.strength])
+        run = Run(self.source.name, name, strength, value, "harmless")
         began = process_time()
         try:
             found = calibrated(footage)
-        except OspcError as error:
-            return asdict(
-                Run(self.source.name, name, strength, value, "detected", said=(str(error),), false_alarm=True)
-            )
         except Exception as error:  # a breakdown is an outcome too
-            said = (failure(error),)
-            return asdict(Run(self.source.name, name, strength, value, "crashed", said=said, false_alarm=True))
-        seconds = process_time() - began
-        return asdict(
-            judged(found, footage, Run(self.source.name, name, strength, value, "harmless", seconds=seconds))
-        )
+            outcome: Outcome = "detected" if isinstance(error, OspcError) else "crashed"
+            return asdict(replace(run, outcome=outcome, said=(failure(error),), false_alarm=True))
+        return asdict(judged(found, footage, replace(run, seconds=process_time() - began)))
 
 
 def calibrated(footage: Footage) -> Calibration:
