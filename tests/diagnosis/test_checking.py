@@ -66,6 +66,7 @@ def test_a_slope_of_the_response_is_found_without_knowing_it(good: RecordingRepo
     assert np.median(good.exposures.lag.fit.slopes) == pytest.approx(1 / 2.2, rel=0.1)
 
 
+@pytest.mark.usefixtures("no_pairs")
 @pytest.mark.parametrize("lag", [-2, 3])
 def test_a_lag_is_found_and_said(lag: int) -> None:
     report = check(lag=lag, seed=lag + 3)
