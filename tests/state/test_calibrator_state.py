@@ -54,7 +54,7 @@ def uninterrupted(recording):
     return as_text(pushed(recording, OnlineCalibrator(QUICK)))
 
 
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(data=st.data())
 def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, uninterrupted, tmp_path_factory, data):
     place = tmp_path_factory.mktemp("state") / "state.ospc"
