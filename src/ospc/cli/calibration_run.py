@@ -25,21 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CalibrationRun:
-    """What to calibrate, and how it is watched and reported.
-
-    Attributes
-    ----------
-    recording, settings
-        The recording, and the settings of the method.
-    result
-        Where the result goes, and how it is reported.
-    checkpoints
-        Where states are saved, and whether to go on from one; None for nowhere.
-    correct_lag
-        What to do about a lag of the exposures.
-    watching
-        How the run is watched, where somebody looks at a terminal.
-    """
+    """What to calibrate, where the result and checkpoints go (None for no checkpoints), and how the run is watched."""
 
     recording: Recording
     settings: Settings

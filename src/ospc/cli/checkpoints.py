@@ -27,20 +27,9 @@ _SAME = ("frames", "size", "frames_sha256", "images_sha256")
 class Checkpoints:
     """Writes the state of one run into its output folder.
 
-    Attributes
-    ----------
-    folder
-        The output folder.
-    every_s
-        Shortest time between checkpoints in seconds; 0 for one after every frame.
-    resume
-        Whether to go on from the checkpoint in the folder, if there is one.
-    prior
-        An earlier calibration of the camera; None if there is none.
-    notes
-        What the user should know: where it went on, what could not be written.
-    saved
-        Whether the final state was saved.
+    It is written at most ``every_s`` seconds, or after every frame for 0; ``resume`` goes on from one that is there.
+    ``prior`` is an earlier calibration of the camera. ``notes`` are for the user; ``saved`` says whether the final state
+    was written.
     """
 
     folder: Path

@@ -172,13 +172,7 @@ correct_lag_option = click.option(
 
 
 def named(entries: Iterable[str], example: str) -> dict[str, str]:
-    """Return entries NAME=VALUE as a dictionary.
-
-    Raises
-    ------
-    click.UsageError
-        If an entry has another form.
-    """
+    """Return entries NAME=VALUE as a dictionary; a usage error names the example."""
     found: dict[str, str] = {}
     for entry in entries:
         name, equals, value = (part.strip() for part in entry.partition("="))

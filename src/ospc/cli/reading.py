@@ -32,21 +32,7 @@ _Opener = Callable[[], Recording]
 
 @dataclass(frozen=True)
 class Reading:
-    """What the user says about how a recording is read.
-
-    Attributes
-    ----------
-    options
-        What readers are told.
-    kind
-        Kind of recording; None to recognise it.
-    mask
-        File of a mask.
-    region
-        Part of the image that is used.
-    each_channel
-        Whether every channel is asked for.
-    """
+    """How the user wants a recording to be read; ``kind`` is None to recognise it, ``mask`` the file of a mask."""
 
     options: ReadingOptions
     kind: str | None = None
@@ -63,15 +49,7 @@ class Reading:
         return cls(taken_options(options), options.pop("kind"), options.pop("mask"), options.pop("roi"), each)
 
     def open(self, path: Path) -> Recording:
-        """Open a recording.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be read; an error for want of exposures names the option to go without them.
-        SettingError
-            If an option does not fit it.
-        """
+        """Open a recording; an error for want of exposures names the option to go without them."""
         if self.each_channel:
             raise click.UsageError("only 'ospc calibrate' takes --channel each; choose one channel")
         from ospc.recording import open_recording
@@ -134,12 +112,7 @@ def _parse_region(_ctx: click.Context, _param: click.Parameter, value: str | Non
 def stated_option(name: str, *, each: bool = False) -> Callable[[_Command], _Command]:
     """Make the command-line option for a field of :class:`~ospc.recording.options.ReadingOptions`.
 
-    Parameters
-    ----------
-    name
-        Name of the field.
-    each
-        Whether the option also takes :data:`EACH`.
+    With ``each``, it also takes :data:`EACH`.
     """
     option = declared_options()[name]
     choices = (*option.choices, EACH) if each else option.choices

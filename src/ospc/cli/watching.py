@@ -23,17 +23,7 @@ COMPARING = "comparing"
 
 @dataclass(frozen=True)
 class Watching:
-    """How a run is watched.
-
-    Attributes
-    ----------
-    visible
-        Whether somebody looks at a terminal.
-    viewer
-        Whether to open the Rerun viewer.
-    stream
-        File to stream to, for that viewer; None for none.
-    """
+    """How a run is watched: on a terminal, in the Rerun viewer, by a file for that viewer."""
 
     visible: bool = False
     viewer: bool = False
