@@ -88,7 +88,7 @@ class ResultFolder:
         return not (self.quiet or self.as_json)
 
     def take(self, outcome: Outcome, state: Written, notes: list[str]) -> dict[str, Any]:
-        """Write the folder (the state is there already), print the result, and return it as JSON-compatible values."""
+        """Write the folder, where the state is already, print the result, and return it as JSON-compatible values."""
         with self.interruption.held():
             with progress_line(quiet=self.quiet) as show_writing:
                 show_writing("writing", 0, 0)

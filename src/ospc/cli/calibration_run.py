@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CalibrationRun:
-    """What to calibrate, where the result and checkpoints go (None for no checkpoints), and how the run is watched."""
+    """What to calibrate, where the result and checkpoints (None for none) go, and how the run is watched."""
 
     recording: Recording
     settings: Settings

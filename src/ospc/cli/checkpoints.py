@@ -28,8 +28,8 @@ class Checkpoints:
     """Writes the state of one run into its output folder.
 
     It is written at most ``every_s`` seconds, or after every frame for 0; ``resume`` goes on from one that is there.
-    ``prior`` is an earlier calibration of the camera. ``notes`` are for the user; ``saved`` says whether the final state
-    was written.
+    ``prior`` is an earlier calibration of the camera. ``notes`` are for the user; ``saved`` says whether the final
+    state was written.
     """
 
     folder: Path

@@ -87,18 +87,10 @@ def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
 
 @dataclass(frozen=True)
 class SampledFrame:
-    """A frame with its features and what tells flat places.
+    """A frame with its SIFT features, and what tells flat places.
 
-    Attributes
-    ----------
-    exposure_ms
-        Its exposure.
-    points, descriptors
-        SIFT features, shapes (n, 2) and (n, 128).
-    grey
-        Smoothed grey levels in [0, 1], shape (height, width).
-    gradient
-        Their gradient per pixel, shape (height, width).
+    Points and descriptors have shapes (n, 2) and (n, 128); the smoothed grey levels, in [0, 1], and their gradient
+    per pixel have shape (height, width).
     """
 
     exposure_ms: float

@@ -198,10 +198,7 @@ class ChartInColour(ChartSource):
 def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:
     """Return simulated recordings, and of a folder of real data the video and the green channels of the charts.
 
-    Raises
-    ------
-    SettingError
-        If there are none.
+    There must be one.
     """
     found: list[Source] = [*_own_cameras(count, frames, size, data)] if count else []
     if data is not None and (data / VIDEO).is_dir():

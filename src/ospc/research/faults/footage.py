@@ -124,18 +124,9 @@ Change: TypeAlias = Callable[[Footage, float, np.random.Generator], Footage]
 
 @dataclass(frozen=True)
 class Fault:
-    """A kind of fault.
+    """A kind of fault: its name, what happens, with {} in place of the strength, and what puts it on a recording.
 
-    Attributes
-    ----------
-    name
-        Its name.
-    text
-        What happens, with {} in place of the strength.
-    strengths
-        A weak, a medium and a strong one, in the unit of the text.
-    change
-        Puts it on a recording.
+    The strengths, a weak, a medium and a strong one, are in the unit of the text.
     """
 
     name: str

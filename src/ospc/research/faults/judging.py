@@ -100,17 +100,7 @@ class Run:
 
 @dataclass(frozen=True)
 class FaultTask:
-    """A fault of one strength to be put on a recording, or none.
-
-    Attributes
-    ----------
-    source
-        The good recording.
-    fault
-        The fault; None for the recording as it is.
-    strength
-        Index of the strength.
-    """
+    """A fault of one strength, by its index, to be put on a good recording; None for the recording as it is."""
 
     source: GoodSource
     fault: Fault | None = None
@@ -146,13 +136,7 @@ class FaultTask:
 
 
 def calibrated(footage: Footage) -> Calibration:
-    """Calibrate a recording with default settings.
-
-    Raises
-    ------
-    OspcError
-        If it cannot be opened, or no frame can be used.
-    """
+    """Calibrate a recording with default settings."""
     if not footage.times:
         return calibrate(_frames(footage))
     with tempfile.TemporaryDirectory() as folder:
@@ -206,16 +190,10 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
 def outcome_of(
     states: dict[str, str], figures: Mapping[str, float | None], *, warned: bool, corrected: bool
 ) -> Outcome:
-    """Return how a run ended; its worst figure decides.
+    """Return how a run ended, by the verdicts on what the truth is known of; its worst figure decides.
 
-    Parameters
-    ----------
-    states
-        Verdicts on what the truth is known of.
-    figures
-        Errors and standard deviations by the names of :class:`Run`.
-    warned, corrected
-        Whether there are warnings, and whether notes tell of something that was done about a fault.
+    ``figures`` are errors and standard deviations by the names of :class:`Run`. ``corrected`` says whether notes tell
+    of something that was done about a fault.
     """
     if warned or "not identifiable" in states.values():
         return "detected"

@@ -109,13 +109,7 @@ def write_curves(curves: Photometry | Estimate, place: Path) -> None:
 
 
 def needed(place: Path, name: str) -> Path:
-    """Return the path of camera.txt or groundtruthSync.txt in a recording's folder.
-
-    Raises
-    ------
-    RecordingError
-        If there is none.
-    """
+    """Return the path of camera.txt or groundtruthSync.txt in a recording's folder."""
     if not (place / name).is_file():
         raise RecordingError(f"{place}: has no {name}; {_NEEDED_FOR[name]}")
     return place / name
@@ -125,11 +119,6 @@ def images_of(recording: Recording, cache: Path) -> Path:
     """Return a folder with a recording's images as odometry reads them, one file a frame.
 
     This is its own folder ``images`` if that holds exactly the frames; otherwise they are written below ``cache``.
-
-    Raises
-    ------
-    SettingError
-        If they cannot be written.
     """
     own = recording.path / "images"
     if own.is_dir() and recording.max_grey == 255:
