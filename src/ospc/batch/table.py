@@ -85,15 +85,7 @@ def write_csv(rows: Sequence[Row], path: Path) -> Path:
 
 
 def write_parquet(rows: Sequence[Row], path: Path) -> Path:
-    """Write the table as Parquet, whole or not at all, and return the path.
-
-    Raises
-    ------
-    MissingExtraError
-        Without pyarrow.
-    FormatError
-        If it cannot be written.
-    """
+    """Write the table as Parquet (extra ``parquet``), whole or not at all, and return the path."""
     try:
         import pyarrow as arrow
         from pyarrow import parquet

@@ -32,17 +32,7 @@ _MOST_FILES = 2_000_000
 
 @dataclass(frozen=True)
 class Task:
-    """A piece of work on one recording.
-
-    Attributes
-    ----------
-    number
-        Tells tasks apart.
-    entry
-        The recording.
-    what
-        Whether only to ``"identify"`` it, or to ``"calibrate"`` it.
-    """
+    """A piece of work on one recording: only to identify it, or to calibrate it. Numbers are unique."""
 
     number: int
     entry: Entry
@@ -51,22 +41,10 @@ class Task:
 
 @dataclass(frozen=True)
 class Answer:
-    """The outcome of a task.
+    """The outcome of the task of this number, and the host and process that did it.
 
-    Attributes
-    ----------
-    number
-        Number of the task.
-    key
-        Tells content and settings of the recording apart from all others; empty where that failed.
-    result
-        The file of the result; empty where there is none.
-    error
-        What went wrong, in one sentence; empty if nothing did.
-    seconds
-        How long it took.
-    worker
-        Host and process that did it.
+    ``key`` identifies content and settings of the recording, ``result`` is the file of the result, and ``error`` a
+    sentence on what went wrong; each is empty where there is none.
     """
 
     number: int

@@ -42,14 +42,7 @@ _STILL = 0.98
 class PicturePair:
     """Two frames of one scene at different exposures, and both corrected to the longer exposure without vignette.
 
-    Attributes
-    ----------
-    frames
-        Indices of the two frames; equal where there is only one.
-    exposures_ms
-        Their exposures.
-    recorded, corrected
-        Two images each, 8 bit, reduced to the width of a page.
+    Images are 8 bit, reduced to the width of a page. The two frames are equal where there is only one.
     """
 
     frames: tuple[int, int]
@@ -70,18 +63,9 @@ class PicturePair:
 
 @dataclass(frozen=True)
 class Examples:
-    """What was tried on the recording.
+    """What was tried on the recording: pairs of frames, and points tracked through an excerpt.
 
-    Attributes
-    ----------
-    pictures
-        Pairs of frames; a single frame, paired with itself, where no pairs were compared.
-    tracking
-        What the calibration does for tracking; None where that could not be tried.
-    tracked
-        First frame of the excerpt in which points were tracked, and the frame after the last.
-    notes
-        What could not be shown, and why.
+    ``tracked`` is the first frame of the excerpt and the one after its last; ``notes`` say what could not be shown.
     """
 
     pictures: tuple[PicturePair, ...] = ()
