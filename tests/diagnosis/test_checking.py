@@ -16,7 +16,7 @@ from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.recording import ArrayRecording
 from ospc.recording.masking import masked
 
-FRAMES = 60
+FRAMES = 50
 
 
 def check(**film) -> RecordingReport:
@@ -26,7 +26,7 @@ def check(**film) -> RecordingReport:
 
 @pytest.fixture(scope="module")
 def good() -> RecordingReport:
-    return check()
+    return check(log_exposure=wandering(60))
 
 
 @pytest.fixture(scope="module")

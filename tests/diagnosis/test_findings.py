@@ -8,7 +8,7 @@ from filmed import Film, found, wandering
 from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.recording import Frame
 
-FRAMES = 70
+FRAMES = 56
 LATE = Film(wandering(FRAMES), lag=2)
 
 

@@ -30,7 +30,7 @@ MOST_BYTES = 5_000_000
 @pytest.fixture(scope="module", params=["handheld", "static"])
 def recording(request):
     """A short recording, with a frame that cannot be read."""
-    simulated = list(frames(SimulationSettings(size=(160, 120), frames=48, motion=request.param, noise="low")))
+    simulated = list(frames(SimulationSettings(size=(128, 96), frames=48, motion=request.param, noise="low")))
 
     def fail():
         raise FrameError("frame 5: damaged")
