@@ -38,8 +38,8 @@ class OnlineCalibrator(Engine):
     saved_by
         Versions of the software that saved the state it goes on from; empty if it began anew.
     prior
-        What was known of the camera before. Calibrations start from it as long as it agrees with the frames; None for
-        nothing. It is not kept with states.
+        An earlier calibration of the camera. Calibrations start from it as long as it agrees with the frames; None
+        for none. It is not kept with states.
 
     Examples
     --------
@@ -54,6 +54,20 @@ class OnlineCalibrator(Engine):
         self.source: dict[str, Any] = {}
         self.saved_by: dict[str, Any] = {}
         self.prior: PriorCalibration | None = None
+
+    @classmethod
+    def of(
+        cls, recording: Recording, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto"
+    ) -> OnlineCalibrator:
+        """Return a calibrator for the frames of a recording, whose kind may say that no exposure can be late.
+
+        Raises
+        ------
+        SettingError
+            If the lag leaves nothing of the frames.
+        """
+        check_lag(correct_lag, len(recording))
+        return cls(settings, correct_lag=lag_choice_for(recording.kind, correct_lag))
 
     def calibration(self) -> Calibration:
         """Return what is known now; pushing may go on afterwards.
@@ -207,7 +221,7 @@ def calibrate(
         Settings of the method, or the name of a preset.
     correct_lag
         What to do where exposures are written beside other frames than their own: correct it where it is certain
-        (``"auto"``), ``"never"``, or by so many frames, positive if exposures come late.
+        (``"auto"``), ``"never"``, or by that many frames, positive if exposures come late.
     progress
         Called after every frame. It may raise ``KeyboardInterrupt`` (as Ctrl-C does at any time): the calibration
         from the frames up to then is returned, marked partial.
@@ -227,14 +241,15 @@ def calibrate(
         If none of its frames can be used.
     """
     source = open_recording(recording) if isinstance(recording, str | Path) else recording
+    frames: Iterable[Frame]
     if isinstance(source, Recording):
-        check_lag(correct_lag, len(source))
-        correct_lag = lag_choice_for(source.kind, correct_lag)
-    calibrator = OnlineCalibrator(settings, correct_lag=correct_lag)
-    calibrator.source = identity(source) if isinstance(source, Recording) else {"kind": "stream"}
+        calibrator, frames = OnlineCalibrator.of(source, settings, correct_lag=correct_lag), source
+        calibrator.source = identity(source)
+    else:
+        calibrator, frames = OnlineCalibrator(settings, correct_lag=correct_lag), frames_of(source)
+        calibrator.source = {"kind": "stream"}
     interrupted = False
     try:
-        frames = source if isinstance(source, Recording) else frames_of(source)
         drive(calibrator, frames, None if progress is None else lambda _frame, _used: progress(calibrator.status))
     except KeyboardInterrupt:
         interrupted = True

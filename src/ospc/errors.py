@@ -101,7 +101,7 @@ def needs_extra(feature: str, extra: str) -> Iterator[None]:
 
 
 def said_by(error: BaseException, most: int | None = None) -> str:
-    """Return the message of an error on one line, of at most so many characters."""
+    """Return the message of an error on one line, cut after ``most`` characters."""
     return " ".join(str(error).split())[:most]
 
 

@@ -23,7 +23,7 @@ from ospc.errors import MissingExtraError, SettingError
 
 distributed = pytest.importorskip("distributed")
 
-RECORDINGS, WORKERS = 100, 3
+RECORDINGS, WORKERS = 40, 3
 NO_FIT = (("min_points", "1000000"),)
 """Nothing is estimated, which takes most of the time; counts, noise and coverage are found all the same."""
 
@@ -75,31 +75,31 @@ def machines(tmp_path):
 
 @pytest.fixture(scope="module")
 def entries(tmp_path_factory):
-    """A hundred recordings of three cameras, the 40th corrupt and the 60th missing."""
+    """Forty recordings of three cameras, the 20th corrupt and the 30th missing."""
     place = tmp_path_factory.mktemp("recordings")
     originals = [simulated(place / f"original{seed}", seed) for seed in range(2)]
     found = []
     for number in range(RECORDINGS):
         recording = place / f"r{number:03}"
-        if number == 40:
+        if number == 20:
             shutil.copytree(originals[0], recording)
             (recording / "times.txt").write_text("0 0.0 none\n")
-        elif number != 60:
+        elif number != 30:
             variant(originals[number % 2], recording, 1 + number / 100)
         found.append(Entry(str(recording), f"camera {number % 3}", QUICK if number % 12 == 0 else NO_FIT))
     return found
 
 
-def test_a_hundred_recordings_three_workers_one_of_them_killed(machines, entries, tmp_path):
+def test_forty_recordings_three_workers_one_of_them_killed(machines, entries, tmp_path):
     workers = [machines.start_worker() for _ in range(WORKERS)]
 
     def kill_one(stage):
-        if stage.name == "calibrating" and stage.done == 30:
+        if stage.name == "calibrating" and stage.done == 12:
             os.kill(workers[1].pid, signal.SIGKILL)
 
     outcome = run_batch(entries, tmp_path / "out", Cluster(machines.address), progress=kill_one)
     assert workers[1].poll() is not None
-    assert [row.recording[-4:] for row in outcome.failed] == ["r040", "r060"]
+    assert [row.recording[-4:] for row in outcome.failed] == ["r020", "r030"]
     corrupt, missing = outcome.failed
     assert "times.txt" in corrupt.error
     assert "there is no such file or folder" in missing.error

@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc import OnlineCalibrator, open_recording, pace
 from ospc.cli import live as live_command
 from ospc.cli.live_marks import Canvas, bars, falling, filled
@@ -29,7 +29,6 @@ from ospc.errors import OspcError, RecordingError
 from ospc.live import LiveCalibrator
 from ospc.live.capture import Capture
 from ospc.live.knowledge import GOAL
-from ospc.output import OutputFolder, Written
 from ospc.pace import Pace
 from ospc.recording import Frame
 from ospc.simulation import SimulationSettings, simulate
@@ -130,8 +129,7 @@ def test_a_bar_is_as_full_as_its_share(share, most):
 
 
 def test_without_a_page_it_says_what_to_film_and_writes_what_calibrate_writes(recording, tmp_path, monkeypatch):
-    for name in ("draw", "report"):
-        monkeypatch.setattr(OutputFolder, name, lambda *_, **__: Written(()))
+    leave_out(monkeypatch, "draw", "report")
     done = ospc("live", recording.path, "-o", tmp_path / "live", "--no-page", "--pace", "0")
     assert done.exit_code in (0, 3), done.output
     assert "→ Film something with texture" in done.stderr
@@ -164,6 +162,7 @@ class FakeCamera:
 
 @pytest.mark.parametrize("failure", [None, RecordingError("the cable was pulled")])
 def test_of_a_camera_what_is_known_is_written_whatever_happens(recording, tmp_path, monkeypatch, failure):
+    leave_out(monkeypatch, "draw")
     monkeypatch.setattr("ospc.recording.live.open_camera", lambda *_: FakeCamera(recording, failure))
     done = ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "-q")
     known = json.loads((tmp_path / "out" / "calibration.json").read_text())

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.calibrator import OnlineCalibrator
 from ospc.cli.rerun_stream import RerunStream
 from ospc.errors import FormatError, MissingExtraError
@@ -82,8 +82,9 @@ def test_the_file_holds_images_matches_curves_and_exposures(tmp_path, bit_depth)
     assert len(found["/recorded/image", "EncodedImage:blob"]) >= 12
 
 
-def test_calibrate_streams_to_a_file(recording, tmp_path):
+def test_calibrate_streams_to_a_file(recording, tmp_path, monkeypatch):
     pytest.importorskip("rerun")
+    leave_out(monkeypatch, "draw", "report")
     done = ospc("calibrate", recording.path, "-o", tmp_path / "out", "-q", "--rerun-file", tmp_path / "run.rrd")
     assert done.exit_code in (0, 3)
     assert len(read_back(tmp_path / "run.rrd")["/exposure/stated", "Scalars:scalars"]) == FRAMES

@@ -99,8 +99,8 @@ def test_markdown_tables_keep_their_shape():
     assert "<" not in text
 
 
-@pytest.mark.parametrize("name", [b"walk\xff", b"\x1b[31m=1+1", b"$\\bad$ <b>"])
-def test_a_recording_of_any_name_goes_through_every_command(name, short_recording, tmp_path):
+def test_a_recording_of_any_name_goes_through_every_command(short_recording, tmp_path):
+    name = b"\x1b[31m=1+1 $\\bad$ <b> walk\xff"
     recording, out = tmp_path / os.fsdecode(name), tmp_path / os.fsdecode(b"out " + name)
     shutil.copytree(short_recording, recording)
     results = [

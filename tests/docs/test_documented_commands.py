@@ -55,10 +55,6 @@ def test_what_a_page_tells_to_type_works(
 ) -> None:
     to_run = [block for block in blocks(page) if not block.not_run]
     monkeypatch.chdir(tmp_path)
-    # Pictures and reports take most of the time, and have tests of their own.
-    leave_out(monkeypatch, "draw")
-    if not any(words[0] == "report" for block in to_run for words in block.commands):
-        leave_out(monkeypatch, "report")
     stage.set_for("\n".join(block.text for block in to_run), tmp_path)
     names: dict[str, object] = {"__name__": "page"}
     for block in to_run:
@@ -76,7 +72,10 @@ def _run(block: Block, names: dict[str, object]) -> None:
     commands = [] if block.page == README else block.commands
     for number, words in enumerate(commands):
         arguments, output = (words[:-2], words[-1]) if ">" in words else (words, "")
-        printed = run_command(arguments, block.exit_codes if number == len(commands) - 1 else (0, 3))
+        with pytest.MonkeyPatch.context() as patch:
+            # Pictures and reports take most of the time, and have tests of their own.
+            leave_out(patch, *(["draw"] if words[0] == "report" else ["draw", "report"]))
+            printed = run_command(arguments, block.exit_codes if number == len(commands) - 1 else (0, 3))
         if output:
             Path(output).write_text(printed, encoding="utf-8")
 

@@ -109,7 +109,7 @@ def test_an_unchanged_camera_is_known_and_stays_so(played):
 def changed(cameras):
     """A run during which the lens changes."""
     calibrator = OnlineCalibrator()
-    for frame in [*cameras.before, *cameras.before[::-1], *cameras.after, *cameras.after[::-1], *cameras.after]:
+    for frame in [*cameras.before, *cameras.before[::-1], *cameras.after, *cameras.after[::-1]]:
         calibrator.push(frame)
     return calibrator
 
@@ -149,16 +149,17 @@ def test_frames_may_come_from_another_thread_or_a_coroutine(cameras):
 
 def test_many_threads_may_push_into_one_calibrator(cameras):
     calibrator = OnlineCalibrator()
-    parts = [cameras.before[i::4] for i in range(4)]
+    frames = cameras.before[:40]
+    parts = [frames[i::4] for i in range(4)]
     threads = [threading.Thread(target=lambda part: [calibrator.push(f) for f in part], args=(p,)) for p in parts]
     for thread in threads:
         thread.start()
     asked = [calibrator.calibration() for _ in range(2) if calibrator.frames]
     for thread in threads:
         thread.join(60)
-    assert calibrator.frames == len(cameras.before)
+    assert calibrator.frames == len(frames)
     assert calibrator.calibration().counts["skipped"] == 0
-    assert all(c.counts["frames"] <= len(cameras.before) for c in asked)
+    assert all(c.counts["frames"] <= len(frames) for c in asked)
 
 
 def _in_child(calibrator, live, frames, answers):

@@ -10,8 +10,7 @@ import time
 import pytest
 
 from browser import CUT_OFF
-from command_line import ospc
-from ospc.output import OutputFolder, Written
+from command_line import leave_out, ospc
 from ospc.simulation import SimulationSettings, simulate
 
 pytest.importorskip("websockets")
@@ -35,8 +34,7 @@ def recording(tmp_path_factory):
 def live(monkeypatch, recording, tmp_path):
     """Return a function that starts the command, and returns its page's address and what ends with its outcome."""
     # Pictures and reports take most of the time, and have tests of their own.
-    for name in ("draw", "report"):
-        monkeypatch.setattr(OutputFolder, name, lambda *_, **__: Written(()))
+    leave_out(monkeypatch, "draw", "report")
     addresses = queue.Queue()
     monkeypatch.setattr("click.launch", addresses.put)
     outcomes = []

@@ -20,6 +20,7 @@ from ospc.recording import Frame
 from ospc.settings import DefaultSettings
 
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5)
+QUICK_FRAMES = 50
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def result(walk, calibrated):
 
 @pytest.fixture(scope="module")
 def quick(walk, calibrated):
-    return calibrated(walk.frames[:60], QUICK)
+    return calibrated(walk.frames[:QUICK_FRAMES], QUICK)
 
 
 def as_text(calibration):
@@ -112,13 +113,13 @@ def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
 
 
 def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated, quick):
-    asked = calibrated(walk.frames[:60], QUICK, ask_after=(1, 2, 20, 45))
+    asked = calibrated(walk.frames[:QUICK_FRAMES], QUICK, ask_after=(1, 2, 20, 45))
     assert as_text(asked) == as_text(quick)
 
 
 @pytest.mark.parametrize("factor", [2.0])
 def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calibrated, quick, factor):
-    scaled = calibrated([replace(f, exposure_ms=factor * f.exposure_ms) for f in walk.frames[:60]], QUICK)
+    scaled = calibrated([replace(f, exposure_ms=factor * f.exposure_ms) for f in walk.frames[:QUICK_FRAMES]], QUICK)
     # Rounding may make a round more or less of a fit, each of which then changes next to nothing.
     change = np.abs(scaled.response.inverse_table - quick.response.inverse_table)
     assert change.max() < 0.2 * quick.response.inverse_sigma.max()
@@ -129,7 +130,7 @@ def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calib
 
 
 def test_frames_that_cannot_be_used_spoil_nothing(walk, quick):
-    good = walk.frames[:60]
+    good = walk.frames[:QUICK_FRAMES]
 
     def unreadable():
         from ospc.errors import FrameError
@@ -145,10 +146,10 @@ def test_frames_that_cannot_be_used_spoil_nothing(walk, quick):
     calibrator = OnlineCalibrator(QUICK)
     for number, frame in enumerate(good):
         assert calibrator.push(frame)
-        if number % 15 == 7:
-            assert not calibrator.push(bad[number // 15])
+        if number % 12 == 7:
+            assert not calibrator.push(bad[number // 12])
     mixed, clean = calibrator.calibration(), quick
-    assert (mixed.counts["skipped"], mixed.counts["frames"]) == (4, 64)
+    assert (mixed.counts["skipped"], mixed.counts["frames"]) == (4, QUICK_FRAMES + 4)
     assert [v.state for v in mixed.verdicts.values()] == [v.state for v in clean.verdicts.values()]
     levels = np.linspace(0.2, 0.8, 13)
     steps = [np.diff(np.log(c.response.inverse(levels))) for c in (mixed, clean)]
@@ -183,10 +184,10 @@ def test_a_camera_that_stands_still_tells_nothing_of_the_vignette(calibrated, tm
 
 
 def test_exposures_that_do_not_belong_to_the_frames_are_noticed(walk, calibrated):
-    shuffled = np.random.default_rng(0).permutation(60)
+    shuffled = np.random.default_rng(0).permutation(QUICK_FRAMES)
     mixed_up = [
         replace(f, exposure_ms=f.exposure_ms * (0.5, 1.0, 2.0, 4.0)[i % 4])
-        for f, i in zip(walk.frames[:60], shuffled, strict=True)
+        for f, i in zip(walk.frames[:QUICK_FRAMES], shuffled, strict=True)
     ]
     result = calibrated(mixed_up, QUICK)
     assert result.response is None

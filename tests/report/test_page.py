@@ -17,6 +17,7 @@ from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
 from ospc.report.charts import Findings
 from ospc.report.examples import examples_of
+from ospc.report.html import Html
 from ospc.report.page import page, write_page
 from ospc.report.pdf import write_pdf
 from ospc.report.pictures import pictures_of
@@ -88,10 +89,17 @@ def test_the_verdict_comes_first_and_everything_else_after_it(report):
     assert "The response and the vignette of this camera are well determined." in report
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave out the charts, which take most of the time and say nothing in words."""
+    monkeypatch.setattr("ospc.report.page._drawn", lambda _chart: Html())
+
+
 def test_it_is_small(report):
     assert len(report) < 600_000
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_all_settings_and_versions_are_in_it():
     known = calibration(settings={"alpha": 0.125, "beta": [1, 2]}, versions={"numpy": "9.9"})
     text = Outline(page(Findings(known))).text
@@ -187,6 +195,7 @@ def test_what_is_missing_is_said():
     assert "stopped before the end of the recording" in page(Findings(CASES["interrupted"]))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_all_advice_is_that_of_the_calibration():
     known = replace(calibration(), advice=("film darker things", "pan"))
     text = Outline(page(Findings(known))).text
@@ -195,6 +204,7 @@ def test_all_advice_is_that_of_the_calibration():
     assert "nothing to improve" in Outline(page(Findings(replace(known, advice=())))).text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_check_of_the_recording_is_shown():
     check = {"verdicts": {"lag": {"state": "identifiable", "reason": "none seen", "remedy": ""}}, "notes": ["so"]}
     text = Outline(page(Findings(calibration(), check=check))).text
@@ -206,6 +216,7 @@ def test_the_same_gives_the_same_file(report):
     assert whole_report() == report
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_it_is_written_whole_or_not_at_all(tmp_path):
     place = write_page(Findings(calibration()), tmp_path / "report.html")
     assert place.read_text(encoding="utf-8").endswith("</html>\n")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -68,7 +70,7 @@ def test_systems_are_listed_measured_side_by_side_and_resumed(tmp_path, monkeypa
     assert "lin-2004: Lin, Gu, Yamazaki, Shum 2004" in listed.output
     assert listed.output.count("\n") == len(SYSTEMS)
     only = ["--only", "lin-zhang*,zheng-2008,fallback", "--count", 1, "--frames", 3, "--size", "96x72"]
-    first = run("systems", "-o", tmp_path, *only, "--jobs", 2)
+    first = run("systems", "-o", tmp_path, *only)
     assert first.exit_code == 0, first.output
     assert (tmp_path / "systems.png").is_file()
     table = (tmp_path / "table.md").read_text()
@@ -79,6 +81,11 @@ def test_systems_are_listed_measured_side_by_side_and_resumed(tmp_path, monkeypa
     assert run("systems", "-o", tmp_path, *only).exit_code == 0
     with pytest.raises(SettingError, match="no system"):
         raise run("systems", "-o", tmp_path, "--only", "nobody").exception
+
+
+def test_systems_can_be_handed_to_other_processes():
+    for system in SYSTEMS:
+        assert pickle.loads(pickle.dumps(system)) is system
 
 
 def test_every_simulated_recording_has_a_camera_of_its_own():

@@ -33,16 +33,15 @@ def test_default_metadata_are_true(default_truth):
     np.testing.assert_allclose(np.diff(default_truth.stamps_s), 1 / 20)
 
 
-def test_a_default_recording_uses_all_greys():
-    settings = SimulationSettings(size=(320, 240), frames=500)
-    known = truth(settings)
+def test_a_default_recording_uses_all_greys(default_truth):
+    settings = replace(default_truth.settings, size=(320, 240))
     kept = range(0, 500, 10)
     sampled = replace(
         settings,
         frames=len(kept),
         fps=settings.fps / 10,
         exposure="file",
-        exposures_ms=tuple(known.exposures_ms[kept]),
+        exposures_ms=tuple(default_truth.exposures_ms[kept]),
     )
     counts, means = np.zeros(256), []
     for frame in frames(sampled):

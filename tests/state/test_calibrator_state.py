@@ -30,7 +30,7 @@ MOST_BYTES = 5_000_000
 @pytest.fixture(scope="module", params=["handheld", "static"])
 def recording(request):
     """A short recording, with a frame that cannot be read."""
-    simulated = list(frames(SimulationSettings(size=(160, 120), frames=48, motion=request.param, noise="low")))
+    simulated = list(frames(SimulationSettings(size=(128, 96), frames=48, motion=request.param, noise="low")))
 
     def fail():
         raise FrameError("frame 5: damaged")
@@ -54,7 +54,7 @@ def uninterrupted(recording):
     return as_text(pushed(recording, OnlineCalibrator(QUICK)))
 
 
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(data=st.data())
 def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, uninterrupted, tmp_path_factory, data):
     place = tmp_path_factory.mktemp("state") / "state.ospc"

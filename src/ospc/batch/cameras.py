@@ -27,22 +27,10 @@ _LONGEST = 60
 
 @dataclass(frozen=True)
 class Camera:
-    """One camera.
+    """One camera of the manifest, and the calibration from all its recordings but those that failed.
 
-    Attributes
-    ----------
-    name
-        As in the manifest.
-    folder
-        Where its calibration is, relative to the batch's folder; empty where there is none.
-    recordings, failed
-        Number of its recordings, and of those that could not be calibrated.
-    calibration
-        Calibration from all others together; None where there is none.
-    differing
-        Recordings that contradict the others.
-    error
-        Why there is no calibration, or what could not be written; empty otherwise.
+    ``folder`` is relative to the batch's; empty where there is no calibration. ``differing`` are recordings that
+    contradict the others. ``error`` says why there is no calibration, or what could not be written.
     """
 
     name: str
@@ -64,8 +52,8 @@ def merged_cameras(
 ) -> tuple[list[Camera], list[Row]]:
     """Merge the results of each camera into its folder.
 
-    Returns the cameras in the order of the rows, and the rows with ``differs`` filled in; ``progress`` is told how
-    many cameras of how many are done.
+    Returns the cameras in the order of the rows, and the rows with ``differs`` filled in; ``progress`` is called
+    with the number of cameras done and of all.
     """
     by_name: dict[str, list[Row]] = {}
     for row in rows:

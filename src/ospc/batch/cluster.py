@@ -29,33 +29,18 @@ _LONGEST_REASON = 300
 
 @dataclass(frozen=True)
 class Cluster:
-    """Does tasks on the workers of a Dask scheduler.
+    """Does tasks on the workers of the Dask scheduler at an address such as ``tcp://10.0.0.1:8786``.
 
     Workers need the same version of this package, and read recordings under the same paths; a recording that only
     some of them can read goes to one of these. A task whose worker is lost is given to another; after three lost
-    workers it counts as failed.
-
-    Attributes
-    ----------
-    address
-        Address of the scheduler, such as ``tcp://10.0.0.1:8786``.
-    patience_s
-        How long to wait for a worker while there is none.
+    workers it counts as failed. While there is no worker, one is waited for ``patience_s``.
     """
 
     address: str
     patience_s: float = 300.0
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Give the answers as they come.
-
-        Raises
-        ------
-        MissingExtraError
-            Without Dask.
-        SettingError
-            If the scheduler cannot be reached, or its workers have another version of this package.
-        """
+        """Give the answers as they come."""
         distributed = _distributed()
         try:
             client = distributed.Client(self.address, timeout=_CONNECT_S, set_as_default=False)
@@ -70,13 +55,7 @@ class Cluster:
 
 @dataclass
 class _Run:
-    """One run over tasks.
-
-    Attributes
-    ----------
-    pending
-        Tasks that were handed out, by their future.
-    """
+    """One run over tasks; those handed out are pending, by their future."""
 
     distributed: Any
     client: Any
@@ -188,7 +167,7 @@ class _Run:
             answer: Answer = future.result()
         except self.distributed.KilledWorker as error:
             return Answer(task.number, error=f"the workers that were given it died, the last at {error.last_worker}")
-        except Exception as error:  # whatever it is, it concerns this recording alone
+        except Exception as error:  # any error concerns this recording only
             return Answer(task.number, error=f"{type(error).__name__}: {said_by(error, _LONGEST_REASON)}")
         return answer
 

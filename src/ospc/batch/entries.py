@@ -19,17 +19,10 @@ _READING = tuple(declared_options())
 
 @dataclass(frozen=True)
 class Entry:
-    """One recording.
+    """One recording, by its path or object-store address, and the name of its camera.
 
-    Attributes
-    ----------
-    recording
-        Path or object-store address.
-    camera
-        Name of its camera.
-    options
-        Names and values: settings of the default method, ``kind``, ``correct_lag``, and the fields of
-        :class:`~ospc.recording.options.ReadingOptions`.
+    Options are settings of the default method, ``kind``, ``correct_lag``, and the fields of
+    :class:`~ospc.recording.options.ReadingOptions`, by name.
     """
 
     recording: str
@@ -69,13 +62,7 @@ class Entry:
         return replace(self, options=tuple({**defaults, **dict(self.options)}.items()))
 
     def checked(self) -> Entry:
-        """Return the entry itself, after checking its options.
-
-        Raises
-        ------
-        SettingError
-            If an option is unknown or has a wrong value; the properties above raise the same.
-        """
+        """Return the entry itself, after checking its options."""
         try:
             _ = self.settings, self.reading, self.correct_lag
         except SettingError as error:
@@ -89,13 +76,7 @@ def is_address(text: str) -> bool:
 
 
 def options_of(text: str) -> tuple[tuple[str, str], ...]:
-    """Return the options in a text such as ``rounds=4 kind=euroc``.
-
-    Raises
-    ------
-    SettingError
-        If a part of it is not NAME=VALUE.
-    """
+    """Return the options in a text such as ``rounds=4 kind=euroc``."""
     found = {}
     for part in text.replace(";", " ").split():
         name, equals, value = part.partition("=")

@@ -43,13 +43,7 @@ class _Worker:
 
 @dataclass(frozen=True)
 class Processes:
-    """Does tasks in processes of this machine; one that dies takes only its own task with it.
-
-    Attributes
-    ----------
-    count
-        Number of processes.
-    """
+    """Does tasks in processes of this machine; one that dies takes only its own task with it."""
 
     count: int
 

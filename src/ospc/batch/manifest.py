@@ -44,7 +44,7 @@ def read_manifest(
     camera
         Name of the camera of all recordings, in place of what the manifest says.
     left_out
-        Told of each folder below the given one that holds no recording, and why.
+        Called with each folder below the given one that holds no recording, and why.
 
     Raises
     ------

@@ -25,15 +25,7 @@ _LONGEST_REASON = 200
 
 
 def matches(pattern: str) -> list[str]:
-    """Return the addresses that match a pattern.
-
-    Raises
-    ------
-    RecordingError
-        If the store cannot be reached, or its protocol is unknown.
-    MissingExtraError
-        Without fsspec.
-    """
+    """Return the addresses that match a pattern."""
     store, root = _store(pattern)
     with _one_error(pattern):
         return sorted(store.unstrip_protocol(name) for name in store.glob(root))
@@ -41,15 +33,7 @@ def matches(pattern: str) -> list[str]:
 
 @contextmanager
 def local_copy(address: str) -> Iterator[Path]:
-    """Give a copy of a recording on this machine, removed afterwards.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be copied.
-    MissingExtraError
-        Without fsspec.
-    """
+    """Give a copy of a recording on this machine, removed afterwards."""
     store, root = _store(address)
     top = PurePosixPath(root.rstrip("/"))
     with tempfile.TemporaryDirectory(prefix="ospc-") as folder:

@@ -5,24 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from ospc.arrays import FloatArray
 from ospc.batch.cameras import Camera
 from ospc.batch.table import Row
 from ospc.formats.files import write_bytes
-from ospc.photometry.calibration import PROFILE_RADII, Calibration
-from ospc.photometry.vignette import diagonal_profile
+from ospc.photometry.calibration import Calibration
 from ospc.report.html import Html, document, join, tag
 
 _MOST_CAMERAS, _MOST_FAILURES = 2000, 1000
 """Entries shown: more would make the page too large for a browser."""
-
-_WIDTH, _HEIGHT = 150, 100
-"""Size of a picture in CSS pixels."""
-
-_POINTS = 41
-"""Points of a drawn response: one every four pixels."""
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #222; --ground: #fff; --line: #ccc; --bad: #D55E00; --good: #009E73; }
@@ -32,23 +22,15 @@ body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var
 table { border-collapse: collapse; width: 100%; } th, td { text-align: left; vertical-align: top;
   padding: .25rem .6rem .25rem 0; border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }
 ul.cameras { list-style: none; padding: 0; display: grid; gap: 1rem;
-  grid-template-columns: repeat(auto-fill, minmax(20rem, 1fr)); }
+  grid-template-columns: repeat(auto-fill, minmax(min(31rem, 100%), 1fr)); }
 ul.cameras > li { border: 1px solid var(--line); border-left: .35rem solid var(--good); padding: .6rem .8rem; }
 ul.cameras > li.bad { border-left-color: var(--bad); } h3 { margin: 0 0 .3rem; font-size: 1rem; }
-p { margin: .3rem 0; } .bad strong { color: var(--bad); } svg { margin-right: .6rem; }
-svg path { fill: none; stroke-width: 1.6; } .frame { stroke: var(--line); } .g { stroke: #0072B2; }
-.v { stroke: #D55E00; } svg text { font-size: 10px; fill: var(--ink); }
+p { margin: .3rem 0; } .bad strong { color: var(--bad); }
 """
 
 
 def write_overview(cameras: Sequence[Camera], rows: Sequence[Row], path: Path) -> Path:
-    """Write the page, whole or not at all, and return the path.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Write the page, whole or not at all, and return the path."""
     return write_bytes(path, page(cameras, rows).encode("utf-8", "replace"))
 
 
@@ -106,26 +88,10 @@ def _item(camera: Camera) -> Html:
 
 
 def _calibration(calibration: Calibration) -> Html:
-    response, vignette = calibration.response, calibration.vignette
-    pictures = []
-    if response is not None:
-        grey = np.linspace(0, 1, _POINTS)
-        pictures.append(_picture("g(M), irradiance over grey level", "g", grey, response.inverse(grey)))
-    if vignette is not None:
-        profile = diagonal_profile(vignette, PROFILE_RADII)
-        pictures.append(_picture("V(R), vignette from centre to corner", "v", PROFILE_RADII, profile))
     verdicts = [
         tag("p", f"{name}: {verdict.state}")
         if verdict.state == "identifiable"
         else tag("p", f"{name}: ", tag("strong", verdict.state), f", {verdict.reason}")
         for name, verdict in calibration.verdicts.items()
     ]
-    return join(tag("p", *pictures), *verdicts)
-
-
-def _picture(title: str, style: str, x: FloatArray, y: FloatArray) -> Html:
-    points = zip(x * _WIDTH, (1 - np.clip(y, 0, 1.05)) * _HEIGHT, strict=True)
-    curve = "M" + "L".join(f"{px:.1f} {py:.1f}" for px, py in points)
-    box = {"width": f"{_WIDTH}", "height": f"{_HEIGHT}", "viewBox": f"-1 -1 {_WIDTH + 2} {_HEIGHT + 2}"}
-    frame = tag("path", class_="frame", d=f"M0 0V{_HEIGHT}H{_WIDTH}")
-    return tag("svg", tag("title", title), frame, tag("path", class_=style, d=curve), role="img", **box)
+    return join(tag("p", Html(calibration.curves_as_svg())), *verdicts)

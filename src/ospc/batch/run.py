@@ -33,17 +33,7 @@ _OWN_NAMES = {_RECORDINGS, "cameras", CSV_NAME, PARQUET_NAME, PAGE_NAME}
 
 @dataclass(frozen=True)
 class Stage:
-    """How far a batch has come.
-
-    Attributes
-    ----------
-    name
-        What is being done.
-    done, total
-        How many recordings, or cameras, of how many.
-    failed
-        How many of these failed.
-    """
+    """How far a batch has come: how many recordings, or cameras, of how many, and how many of these failed."""
 
     name: str
     done: int
@@ -53,20 +43,9 @@ class Stage:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a batch.
+    """What became of a batch: a row for each recording, in the order of the manifest, cameras, files and notes.
 
-    Attributes
-    ----------
-    rows
-        One per recording, in the order of the manifest.
-    cameras
-        The cameras.
-    files
-        What was written.
-    notes
-        What the user should know.
-    interrupted
-        Whether it was stopped before its end; running it again goes on.
+    If it was interrupted, running it again goes on.
     """
 
     rows: tuple[Row, ...]
@@ -95,30 +74,10 @@ def run_batch(
 ) -> Outcome:
     """Calibrate recordings and merge those of each camera; what an earlier run did is kept.
 
-    Parameters
-    ----------
-    entries
-        The recordings.
-    folder
-        A new or empty folder, or that of an earlier run. It gets ``batch.csv``, ``batch.parquet``, ``index.html``, a
-        folder per camera in ``cameras``, and a result per recording in ``recordings``.
-    runner
-        Does the work.
-    retries
-        How often a recording that failed is tried again, after all others.
-    force
-        Whether to use a folder that holds something else.
-    progress
-        Told how far the batch has come. It may raise ``KeyboardInterrupt``: what is done by then is written.
-
-    Raises
-    ------
-    SettingError
-        If the folder cannot be used.
-    FormatError
-        If results cannot be written.
-    OspcError
-        If the runner cannot go on at all; what is done by then is written.
+    The folder is new or empty, or that of an earlier run; with ``force``, it may hold something else. It gets
+    ``batch.csv``, ``batch.parquet``, ``index.html``, a folder per camera in ``cameras``, and a result per recording
+    in ``recordings``. A recording that fails is tried again after all others. ``progress`` may raise
+    ``KeyboardInterrupt``, and the runner an error if it cannot go on at all: what is done by then is written.
     """
     place = Path(folder)
     _check(place, force=force)
@@ -139,13 +98,7 @@ def run_batch(
 
 @dataclass
 class _Batch:
-    """A batch while it runs.
-
-    Attributes
-    ----------
-    rows
-        What is known of each entry.
-    """
+    """A batch while it runs; a row says what is known of each entry."""
 
     entries: Sequence[Entry]
     rows: list[Row]

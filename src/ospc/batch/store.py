@@ -20,18 +20,9 @@ KIND, VERSION = "batch-result", 3
 
 @dataclass(frozen=True)
 class Result:
-    """The calibration of one recording.
+    """The calibration of one recording, as ``calibration.json`` holds it.
 
-    Attributes
-    ----------
-    key
-        Tells content and settings apart from all others.
-    calibration
-        The content of ``calibration.json``.
-    summary
-        What it can be merged by; None where nothing was learned.
-    notes
-        What was found about its exposures, and why frames were skipped.
+    The key identifies content and settings. ``summary`` is what it can be merged by; None where nothing was learned.
     """
 
     key: str
@@ -47,13 +38,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Store:
-    """A folder of results.
-
-    Attributes
-    ----------
-    folder
-        The folder; it need not exist yet.
-    """
+    """A folder of results; it need not exist yet."""
 
     folder: Path
 
@@ -62,13 +47,7 @@ class Store:
         return {place.stem for place in self.folder.glob("??/*.ospc")}
 
     def put(self, key: str, data: bytes) -> Path:
-        """Keep a result, whole or not at all, and return its path.
-
-        Raises
-        ------
-        FormatError
-            If it cannot be written, or is not the result asked for; it may come over a network.
-        """
+        """Keep a result, whole or not at all, and return its path; it may come over a network, and is checked."""
         name = f"the result of {key[:12]}…"
         found = container.from_bytes(data, name)
         if (found.kind, found.version, found.content.get("key")) != (KIND, VERSION, key):
@@ -81,13 +60,7 @@ class Store:
         return write_bytes(place, data)
 
     def get(self, key: str) -> Result:
-        """Return a result.
-
-        Raises
-        ------
-        FormatError
-            If it is not there, damaged, or of another version.
-        """
+        """Return a result; a format error says if it is not there, damaged, or of another version."""
         place = self._place(key)
         found = container.load(place, KIND, VERSION)
         try:

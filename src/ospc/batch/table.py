@@ -80,25 +80,12 @@ def write_csv(rows: Sequence[Row], path: Path) -> Path:
     """Write the table as CSV, whole or not at all, and return the path.
 
     As :func:`~ospc.formats.files.csv_text` has it, no cell is a formula.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
     """
     return write_text(path, csv_text([_COLUMNS, *(_values(row).values() for row in rows)]))
 
 
 def write_parquet(rows: Sequence[Row], path: Path) -> Path:
-    """Write the table as Parquet, whole or not at all, and return the path.
-
-    Raises
-    ------
-    MissingExtraError
-        Without pyarrow.
-    FormatError
-        If it cannot be written.
-    """
+    """Write the table as Parquet (extra ``parquet``), whole or not at all, and return the path."""
     try:
         import pyarrow as arrow
         from pyarrow import parquet

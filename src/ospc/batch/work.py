@@ -23,7 +23,6 @@ from ospc.batch.object_store import local_copy
 from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.errors import RecordingError, one_line
-from ospc.exposures.findings import lag_choice_for
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
 
@@ -33,17 +32,7 @@ _MOST_FILES = 2_000_000
 
 @dataclass(frozen=True)
 class Task:
-    """A piece of work on one recording.
-
-    Attributes
-    ----------
-    number
-        Tells tasks apart.
-    entry
-        The recording.
-    what
-        Whether only to ``"identify"`` it, or to ``"calibrate"`` it.
-    """
+    """A piece of work on one recording: only to identify it, or to calibrate it. Numbers are unique."""
 
     number: int
     entry: Entry
@@ -52,22 +41,10 @@ class Task:
 
 @dataclass(frozen=True)
 class Answer:
-    """The outcome of a task.
+    """The outcome of the task of this number, and the host and process that did it.
 
-    Attributes
-    ----------
-    number
-        Number of the task.
-    key
-        Tells content and settings of the recording apart from all others; empty where that failed.
-    result
-        The file of the result; empty where there is none.
-    error
-        What went wrong, in one sentence; empty if nothing did.
-    seconds
-        How long it took.
-    worker
-        Host and process that did it.
+    ``key`` identifies content and settings of the recording, ``result`` is the file of the result, and ``error`` a
+    sentence on what went wrong; each is empty where there is none.
     """
 
     number: int
@@ -99,7 +76,7 @@ def work(task: Task) -> Answer:
 
 
 def _calibrated(recording: Recording, source: dict[str, object], key: str, entry: Entry) -> Result:
-    calibrator = OnlineCalibrator(entry.settings, correct_lag=lag_choice_for(recording.kind, entry.correct_lag))
+    calibrator = OnlineCalibrator.of(recording, entry.settings, correct_lag=entry.correct_lag)
     calibrator.source = source
     drive(calibrator, recording)
     calibration = calibrator.calibration()

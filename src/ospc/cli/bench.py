@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -18,10 +17,6 @@ from ospc.cli.studies import (
     study_out_option,
 )
 from ospc.cli.terminal import say
-
-if TYPE_CHECKING:
-    from ospc.research.measurement import Measurement
-    from ospc.research.runner import Finished
 
 
 @click.group()
@@ -52,13 +47,8 @@ def accuracy(
 
     sources, notes = accuracy_sources(data, frames)
     tasks = [MeasuringTask(source, PresetMethods(name)) for name in presets for source in select(sources, only)]
-    found: dict[str, list[Measurement]] = {}
-
-    def take(finished: Finished) -> None:
-        found[finished.task.name] = measured(finished.result)
-
-    complete = run_tasks(tasks, out / "cache", jobs, take)
-    rows = [row for task in tasks for row in found.get(task.name, [])]
+    results, complete = run_tasks(tasks, out / "cache", jobs)
+    rows = [row for result in results for row in measured(result)]
     written = write_accuracy(out, rows, presets, notes) if rows else []
     if not as_json:
         print_tables(accuracy_tables(rows))
@@ -117,13 +107,8 @@ def faults(
         return
     sources, notes = good_sources(recordings, frames, data)
     tasks = fault_tasks(sources, chosen, strengths or STRENGTHS)
-    found: dict[str, Run] = {}
-
-    def take(finished: Finished) -> None:
-        found[finished.task.name] = Run(**finished.result)
-
-    complete = run_tasks(tasks, out / "cache", jobs, take)
-    runs = [found[task.name] for task in tasks if task.name in found]
+    results, complete = run_tasks(tasks, out / "cache", jobs)
+    runs = [Run(**result) for result in results]
     written = write_faults(out, runs, notes) if runs else []
     if not as_json:
         print_tables(fault_tables(runs))

@@ -95,7 +95,7 @@ class _Request:
     epilog=exit_codes(
         {
             COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-            1: "error; what was known by then is written as partial if possible",
+            1: "error; a partial result is written if possible",
             UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the "
             "camera changed during the recording",
             INTERRUPTED: "interrupted; the partial result is written",
@@ -140,8 +140,8 @@ class _Request:
 @click.option(
     "--start-from",
     type=click.Path(path_type=Path),
-    help="What was known of the camera before: a state.ospc, a calibration.json, or a folder with one. It counts as "
-    "long as the recording agrees with it; a changed lens or focus is noticed.",
+    help="An earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used "
+    "as long as the recording agrees with it; a changed lens or focus is noticed.",
 )
 @force_option("Write into OUT even if it holds other files; those named as results go.")
 @quiet_option
@@ -199,7 +199,6 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     from ospc.cli.calibration_result import ResultFolder
     from ospc.cli.calibration_run import CalibrationRun
     from ospc.cli.checkpoints import Checkpoints
-    from ospc.exposures.findings import check_lag, lag_choice_for
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.pooling.prior_calibration import PriorCalibration
@@ -222,7 +221,6 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
         with progress_of("exposures", quiet=request.quiet, interruption=request.interruption) as step:
             recording = recover_exposures(recording, step)
-    check_lag(request.correct_lag, len(recording))
     if prior is not None:
         prior.check_size(recording.size)
     # A state does not hold an exponent: it must not be merged with states of known exposures.
@@ -236,7 +234,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         result,
         checkpoints=checkpoints,
         # Exposures that come from the images cannot disagree with them.
-        correct_lag="trusted" if exposures_unknown else lag_choice_for(recording.kind, request.correct_lag),
+        correct_lag="trusted" if exposures_unknown else request.correct_lag,
         watching=Watching(viewer=request.rerun, stream=request.rerun_file),
     ).calibrate()
 
@@ -286,7 +284,7 @@ def _calibrate_rig(request: _Request) -> int:
     if len(cameras) > 1 and not request.interruption.requested:
         try:
             scale = add_rig_scale(request.out, cameras, talkative=request.talkative)
-        except OspcError as error:  # the calibrations are worth more than the scale
+        except OspcError as error:  # the calibrations are kept even without the scale
             say(f"ospc: error: no relative irradiance scale: {error}", err=True)
             scale = {"error": str(error)}
     if request.as_json:

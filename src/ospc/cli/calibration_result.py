@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ospc.recording import Recording
 
 FAILED = 1
-"""Exit code of a run that failed, though what was known by then is written."""
+"""Exit code of a run that failed; a partial result is written."""
 
 
 @dataclass(frozen=True)
@@ -69,22 +69,8 @@ class Outcome:
 class ResultFolder:
     """Where a result goes, and how it is reported.
 
-    Attributes
-    ----------
-    folder
-        Where the files go.
-    recording
-        The recording; None for a camera, of which the report has no example pictures.
-    interruption
-        An interruption while files are written only leaves out pictures.
-    quiet, as_json
-        Whether to print only errors; whether somebody else prints the result as JSON.
-    truth
-        What to compare with.
-    pdf
-        Whether to write the report as PDF too.
-    times
-        When frames were taken, where there is no recording; None for nothing.
+    ``recording`` is None for a camera; ``times`` then says when frames were taken. With ``as_json``, somebody else
+    prints the result. An interruption while files are written only leaves out pictures.
     """
 
     folder: OutputFolder
@@ -102,17 +88,7 @@ class ResultFolder:
         return not (self.quiet or self.as_json)
 
     def take(self, outcome: Outcome, state: Written, notes: list[str]) -> dict[str, Any]:
-        """Write the folder, print the result, and return it as JSON-compatible values.
-
-        Parameters
-        ----------
-        outcome
-            How the calibration ended.
-        state
-            What was written already: the state of the run, where it has one.
-        notes
-            What the user should know of the run.
-        """
+        """Write the folder, where the state is already, print the result, and return it as JSON-compatible values."""
         with self.interruption.held():
             with progress_line(quiet=self.quiet) as show_writing:
                 show_writing("writing", 0, 0)

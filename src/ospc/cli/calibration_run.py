@@ -25,21 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CalibrationRun:
-    """What to calibrate, and how it is watched and reported.
-
-    Attributes
-    ----------
-    recording, settings
-        The recording, and the settings of the method.
-    result
-        Where the result goes, and how it is reported.
-    checkpoints
-        Where states are saved, and whether to go on from one; None for nowhere.
-    correct_lag
-        What to do about a lag of the exposures.
-    watching
-        How the run is watched, where somebody looks at a terminal.
-    """
+    """What to calibrate, where the result and checkpoints (None for none) go, and how the run is watched."""
 
     recording: Recording
     settings: Settings
@@ -56,12 +42,12 @@ class CalibrationRun:
     def calibrate(self) -> dict[str, Any]:
         """Calibrate, write the folder, print the result, and return it as JSON-compatible values.
 
-        The values ``exit_code`` and ``error`` say how it ended; what was known before a failure is written.
+        The values ``exit_code`` and ``error`` say how it ended; after a failure, a partial result is written.
 
         Raises
         ------
         OspcError
-            If nothing at all could be estimated.
+            If nothing could be estimated.
         KeyboardInterrupt
             If the user gave up before anything was written.
         """
@@ -84,7 +70,7 @@ class CalibrationRun:
 
         watching = replace(self.watching, visible=not self.result.quiet and sys.stderr.isatty())
         with watching.of(self.recording) as show, self.interruption.deferred():
-            calibrator = OnlineCalibrator(self.settings, correct_lag=self.correct_lag)
+            calibrator = OnlineCalibrator.of(self.recording, self.settings, correct_lag=self.correct_lag)
             calibrator.source = identification(self.recording)
             if self.checkpoints is not None:
                 calibrator = self.checkpoints.resumed(calibrator)
@@ -116,8 +102,8 @@ class CalibrationRun:
         try:
             drive(calibrator, self.recording, after)
         except KeyboardInterrupt:
-            pass  # what there is will be estimated
-        except Exception as error:  # whatever it is, the frames before it are worth an estimate
+            pass  # estimate from the frames so far
+        except Exception as error:  # the frames before any error still give an estimate
             return one_line(error)
         return ""
 
@@ -149,5 +135,5 @@ def identification(recording: Recording) -> dict[str, Any]:
 
     try:
         return identity(recording)
-    except Exception as error:  # the calibration is worth more than knowing what it was made of
+    except Exception as error:  # calibrate even if the recording cannot be identified
         return {"kind": recording.kind, "name": recording.path.name, "problem": one_line(error)}

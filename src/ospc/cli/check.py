@@ -44,7 +44,7 @@ _LABEL_COLUMNS = 14
 @path_argument
 @json_option
 @plot_option
-@click.option("--frames", type=click.IntRange(min=2), help="Take only so many frames from the beginning.")
+@click.option("--frames", type=click.IntRange(min=2), help="Use only this number of frames, from the beginning.")
 @correct_lag_option
 @reading_options
 @unknown_exposures_option

@@ -27,20 +27,9 @@ _SAME = ("frames", "size", "frames_sha256", "images_sha256")
 class Checkpoints:
     """Writes the state of one run into its output folder.
 
-    Attributes
-    ----------
-    folder
-        The output folder.
-    every_s
-        Shortest time between checkpoints in seconds; 0 for one after every frame.
-    resume
-        Whether to go on from the checkpoint in the folder, if there is one.
-    prior
-        What was known of the camera before; None for nothing.
-    notes
-        What the user should know: where it went on, what could not be written.
-    saved
-        Whether the final state was saved.
+    It is written at most ``every_s`` seconds, or after every frame for 0; ``resume`` goes on from one that is there.
+    ``prior`` is an earlier calibration of the camera. ``notes`` are for the user; ``saved`` says whether the final
+    state was written.
     """
 
     folder: Path
@@ -105,7 +94,7 @@ class Checkpoints:
         """Save the final state, with the summary that it can be merged by; or remove one of an earlier run."""
         difference = None if self.prior is None else self.prior.difference(calibrator.summary())
         if self.prior is not None and difference is not None:
-            self.notes.append(f"this is not the camera of {self.prior.name} as it was: {difference.text}")
+            self.notes.append(f"this is not the camera of {self.prior.name}: {difference.text}")
         if calibrator.settings.keeps_state:
             self._save(calibrator, complete=True)
             self.saved = not self._failed
@@ -118,7 +107,7 @@ class Checkpoints:
             self.folder.mkdir(parents=True, exist_ok=True)
             calibrator.save_state(self.place, complete=complete)
         except (OSError, FormatError) as error:
-            # The run is worth more than the possibility to go on from its middle.
+            # Go on: the result matters more than being able to resume.
             self._failed = True
             self.notes.append(f"no state was saved: {error}")
 

@@ -110,7 +110,7 @@ def _run_experiment(name: str, options: dict[str, Any]) -> None:
         written = write_experiment(experiment, [s for s in sources if s.name in done], rows, options["out"])
 
     tasks = [MeasuringTask(source, experiment) for source in sources]
-    complete = run_tasks(tasks, options["out"] / "cache", options["jobs"], take)
+    _, complete = run_tasks(tasks, options["out"] / "cache", options["jobs"], take)
     if rows:
         print_tables([median_table(rows)])
     problems = [f"{row.recording}, {row.method}: {row.problem}" for row in rows if row.problem]
@@ -170,7 +170,7 @@ def systems(
         if len({row.method for row in rows if row.recording == rows[-1].recording}) >= len(chosen):
             written[:] = write_systems(chosen, rows, counts, out)
 
-    complete = run_tasks(system_tasks(chosen, sources), out / "cache", jobs, take)
+    _, complete = run_tasks(system_tasks(chosen, sources), out / "cache", jobs, take)
     if rows:
         written[:] = write_systems(chosen, rows, counts, out)
         print_tables(system_tables(chosen, rows, counts))
@@ -180,14 +180,9 @@ def systems(
 def _run_ambiguity(options: dict[str, Any]) -> None:
     from ospc.research.experiments.ambiguity import Ambiguity, AmbiguityTask, write_ambiguity
 
-    written: list[Path] = []
-
-    def take(finished: Finished) -> None:
-        nonlocal written
-        written = write_ambiguity(Ambiguity(**finished.result), finished.task.source.name, options["out"])
-
     source, *_ = _sources(options, 1, _AMBIGUITY_FRAMES)
-    complete = run_tasks([AmbiguityTask(source)], options["out"] / "cache", 1, take)
+    results, complete = run_tasks([AmbiguityTask(source)], options["out"] / "cache", 1)
+    written = [file for found in results for file in write_ambiguity(Ambiguity(**found), source.name, options["out"])]
     finish_study(written, complete=complete)
 
 

@@ -53,7 +53,7 @@ class _Source:
     epilog=exit_codes(
         {
             COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-            1: "error; what was known by then is written as partial if possible",
+            1: "error; a partial result is written if possible",
             UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the "
             "camera changed meanwhile",
             INTERRUPTED: "interrupted before a recording's end; the partial result is written",
@@ -204,7 +204,7 @@ def _captured(
 
             try:
                 capture.run(interruption.until_requested(frames), stop, replayed=result.recording is not None)
-            except Exception as error:  # whatever it is, the frames before it are worth an estimate
+            except Exception as error:  # the frames before any error still give an estimate
                 failure = one_line(error)
         capture.stage = "estimating"
         try:

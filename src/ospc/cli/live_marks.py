@@ -39,13 +39,7 @@ def falling(values: list[float], most: int) -> str:
 
 
 class Canvas:
-    """Curves in a frame of characters, each of which is two dots wide and four dots high.
-
-    Parameters
-    ----------
-    columns, rows
-        Size in characters.
-    """
+    """Curves in a frame of characters, each of which is two dots wide and four dots high."""
 
     def __init__(self, columns: int, rows: int) -> None:
         self._shape = (rows, columns)
@@ -54,14 +48,9 @@ class Canvas:
         self._names: list[str] = []
 
     def line(self, y: FloatArray, style: str) -> None:
-        """Draw a curve from the left edge to the right one over what was drawn before.
+        """Draw a curve of even steps from the left edge to the right one over what was drawn before.
 
-        Parameters
-        ----------
-        y
-            Heights at even distances, 0 at the foot and 1 at the head; what is outside is not drawn.
-        style
-            As rich names them.
+        Heights are 0 at the foot and 1 at the head; what is outside is not drawn. The style is one of rich's.
         """
         rows, columns = self._shape
         self._names.append(style)

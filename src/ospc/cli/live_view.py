@@ -45,17 +45,7 @@ Shown = Callable[[], None]
 
 @contextmanager
 def shown(capture: Capture, *, quiet: bool, full: bool) -> Iterator[Shown]:
-    """Show a capture in the terminal for the time of the context.
-
-    Parameters
-    ----------
-    capture
-        What to show.
-    quiet
-        Whether to show nothing.
-    full
-        Whether to show the bars and curves that a page would show.
-    """
+    """Show a capture in the terminal for the time of the context; with ``full``, the bars and curves of the page."""
     if quiet:
         yield lambda: None
     elif sys.stderr.isatty() and full:
@@ -85,15 +75,7 @@ class Lines:
 
 @dataclass
 class LiveView:
-    """Instruction, bars and converging curves on standard error, some times a second.
-
-    Attributes
-    ----------
-    capture
-        What to show.
-    console
-        Where to; standard error where not given.
-    """
+    """Instruction, bars and converging curves, some times a second; on standard error if no console is given."""
 
     capture: Capture
     console: Console | None = None
@@ -118,7 +100,7 @@ class LiveView:
             yield show
 
     def picture(self, width: int) -> RenderableType:
-        """Return what to show, so many characters wide, and remember its curves."""
+        """Return what to show, at most ``width`` characters wide, and remember its curves."""
         from rich.console import Group
         from rich.text import Text
 

@@ -111,7 +111,7 @@ def _summaries(place: Path) -> Sequence[Summary]:
 
 
 def _named_apart(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:
-    """Tell recordings of one name apart by the places of their states, as briefly as possible."""
+    """Add the shortest distinct path of the state to the names of recordings that share one."""
     named = []
     for place, summary in found:
         others = {

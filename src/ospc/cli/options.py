@@ -129,7 +129,7 @@ def exit_codes(meanings: dict[int, str]) -> str:
 
 
 def force_option(help: str) -> Callable[[_Command], _Command]:  # noqa: A002 (as click names it)
-    """Return the option to write in spite of what is there."""
+    """Return the option to write into a folder that is in use."""
     return click.option("--force", is_flag=True, help=help)
 
 
@@ -172,13 +172,7 @@ correct_lag_option = click.option(
 
 
 def named(entries: Iterable[str], example: str) -> dict[str, str]:
-    """Return entries NAME=VALUE as a dictionary.
-
-    Raises
-    ------
-    click.UsageError
-        If an entry has another form.
-    """
+    """Return entries NAME=VALUE as a dictionary; a usage error names the example."""
     found: dict[str, str] = {}
     for entry in entries:
         name, equals, value = (part.strip() for part in entry.partition("="))

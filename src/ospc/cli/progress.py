@@ -15,13 +15,7 @@ if TYPE_CHECKING:
 
 
 class ProgressLine:
-    """A stage, a bar, how many steps of how many are done, further figures, and the time left.
-
-    Parameters
-    ----------
-    on
-        Where to show it; standard error if None.
-    """
+    """A stage, a bar, how many steps of how many are done, further figures, and the time left."""
 
     def __init__(self, on: Console | None = None) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -68,14 +62,7 @@ def progress_of(
 ) -> Iterator[Callable[[int, int], None]]:
     """Give a function to call with the number of steps done and of all; what follows the last is "finishing".
 
-    Parameters
-    ----------
-    stage
-        What is being done, in one word.
-    quiet
-        Whether to show nothing.
-    interruption
-        Its signals are deferred to the end of a step, which then raises ``KeyboardInterrupt``.
+    Signals of an ``interruption`` are deferred to the end of a step, which then raises ``KeyboardInterrupt``.
     """
     with progress_line(quiet=quiet) as show:
 

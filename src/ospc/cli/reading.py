@@ -32,21 +32,7 @@ _Opener = Callable[[], Recording]
 
 @dataclass(frozen=True)
 class Reading:
-    """What the user says about how a recording is read.
-
-    Attributes
-    ----------
-    options
-        What readers are told.
-    kind
-        Kind of recording; None to recognise it.
-    mask
-        File of a mask.
-    region
-        Part of the image that is used.
-    each_channel
-        Whether every channel is asked for.
-    """
+    """How the user wants a recording to be read; ``kind`` is None to recognise it, ``mask`` the file of a mask."""
 
     options: ReadingOptions
     kind: str | None = None
@@ -63,15 +49,7 @@ class Reading:
         return cls(taken_options(options), options.pop("kind"), options.pop("mask"), options.pop("roi"), each)
 
     def open(self, path: Path) -> Recording:
-        """Open a recording.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be read; an error for want of exposures names the option to go without them.
-        SettingError
-            If an option does not fit it.
-        """
+        """Open a recording; an error for want of exposures names the option to go without them."""
         if self.each_channel:
             raise click.UsageError("only 'ospc calibrate' takes --channel each; choose one channel")
         from ospc.recording import open_recording
@@ -79,13 +57,7 @@ class Reading:
         return self._opened(path, lambda options: open_recording(path, self.kind, options))
 
     def cameras(self, path: Path) -> dict[str, _Opener]:
-        """Return an opener for each camera of a rig by its name; if each channel is asked for, one for each of them.
-
-        Raises
-        ------
-        RecordingError
-            If the path cannot be read.
-        """
+        """Return an opener for each camera of a rig by its name, or for each of its channels if asked for."""
         if not self.each_channel:
             return {name: partial(self._camera, path, name) for name in cameras_of(path, self.kind, self.options)}
         of_channels = {name: self._of_channel(name).cameras(path) for name in ("red", "green", "blue")}
@@ -140,12 +112,7 @@ def _parse_region(_ctx: click.Context, _param: click.Parameter, value: str | Non
 def stated_option(name: str, *, each: bool = False) -> Callable[[_Command], _Command]:
     """Make the command-line option for a field of :class:`~ospc.recording.options.ReadingOptions`.
 
-    Parameters
-    ----------
-    name
-        Name of the field.
-    each
-        Whether the option also takes :data:`EACH`.
+    With ``each``, it also takes :data:`EACH`.
     """
     option = declared_options()[name]
     choices = (*option.choices, EACH) if each else option.choices
@@ -192,13 +159,7 @@ def reading_options(command: _Command) -> _Command:
 
 
 def print_topics(path: Path) -> None:
-    """Print the topics of a bag, and what each can be used for.
-
-    Raises
-    ------
-    RecordingError
-        If the path is not a bag, or it is damaged.
-    """
+    """Print the topics of a bag, and what each can be used for."""
     from rich.table import Table
     from rich.text import Text
 

@@ -42,15 +42,6 @@ class RerunStream:
     - ``exposure/stated``, ``exposure/from_images`` in milliseconds, both logarithmic to base 2;
     - ``response``, ``vignette``: the curves, with ±2σ; ``spread/response``, ``spread/vignette``: their σ;
     - ``coverage``: grey level × exposure.
-
-    Parameters
-    ----------
-    rerun
-        The module of that name.
-    stream
-        Its recording stream.
-    pace
-        How often to look at estimates.
     """
 
     def __init__(self, rerun: Any, stream: Any, pace: Pace | None = None) -> None:
@@ -64,17 +55,7 @@ class RerunStream:
     def opened(
         cls, recording: Recording, file: Path | None, *, spawn: bool, pace: Pace | None = None
     ) -> Iterator[Watcher]:
-        """Open a stream to a file, to a viewer that is started, or both, and close it at the end.
-
-        Raises
-        ------
-        MissingExtraError
-            Without the package.
-        SettingError
-            If the viewer cannot be started.
-        FormatError
-            If the file cannot be written.
-        """
+        """Open a stream to a file, to a viewer that is started, or both, and close it at the end."""
         try:
             import rerun as rr
             import rerun.blueprint as rrb

@@ -97,14 +97,26 @@ def study_progress(total: int) -> Iterator[tuple[OnStep, Callable[[], None]]]:
         yield lambda what, share: show(what, done + share, total), finish
 
 
-def run_tasks(tasks: Sequence[Task], cache: Path, jobs: int, take: Callable[[Finished], None]) -> bool:
-    """Run tasks with a progress bar and take their results; return whether that was not interrupted."""
+def run_tasks(
+    tasks: Sequence[Task], cache: Path, jobs: int, take: Callable[[Finished], None] = lambda _finished: None
+) -> tuple[list[Any], bool]:
+    """Run tasks with a progress bar, and take each as it finishes.
+
+    Returns the results in the order of the tasks, and whether the run was not interrupted.
+    """
     from ospc.research.runner import run
     from ospc.research.store import ResultStore
 
+    found: dict[str, Any] = {}
+
+    def keep(finished: Finished) -> None:
+        found[finished.task.name] = finished.result
+        take(finished)
+
     with study_progress(len(tasks)) as (on_step, finish):
         results = run(tasks, ResultStore(cache), jobs, lambda task, share: on_step(task.name, share))
-        return until_interrupted(results, finish, take)
+        complete = until_interrupted(results, finish, keep)
+    return [found[task.name] for task in tasks if task.name in found], complete
 
 
 def until_interrupted(items: Iterable[_Item], finish: Callable[[], None], take: Callable[[_Item], None]) -> bool:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ospc.recording import Frame, Recording
 
 Watcher = Callable[["OnlineCalibrator", str, "Frame | None"], None]
-"""Is told where a run stands: the calibrator, the stage in one word, and the frame just used, None where none was."""
+"""Called with the calibrator, the stage in one word, and the frame just used; None if none was."""
 
 COMPARING = "comparing"
 """The stage of which it is known how far it is."""
@@ -23,17 +23,7 @@ COMPARING = "comparing"
 
 @dataclass(frozen=True)
 class Watching:
-    """How a run is watched.
-
-    Attributes
-    ----------
-    visible
-        Whether somebody looks at a terminal.
-    viewer
-        Whether to open the Rerun viewer.
-    stream
-        File to stream to, for that viewer; None for none.
-    """
+    """How a run is watched: on a terminal, in the Rerun viewer, by a file for that viewer."""
 
     visible: bool = False
     viewer: bool = False
@@ -41,15 +31,7 @@ class Watching:
 
     @contextmanager
     def of(self, recording: Recording) -> Iterator[Watcher]:
-        """Give what is to be told of every frame.
-
-        Raises
-        ------
-        MissingExtraError
-            If the Rerun viewer is asked for, but not installed.
-        FormatError
-            If the file cannot be written.
-        """
+        """Yield the function to call after every frame."""
         with ExitStack() as stack:
             watchers: list[Watcher] = []
             if self.viewer or self.stream is not None:

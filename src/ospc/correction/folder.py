@@ -59,11 +59,6 @@ class CorrectedFolder:
     """A folder for corrected images; make one with :meth:`at`.
 
     A folder whose note says that it is unfinished has no ``times.txt``, and nothing opens it as a recording.
-
-    Attributes
-    ----------
-    path
-        The folder.
     """
 
     path: Path
@@ -101,22 +96,8 @@ class CorrectedFolder:
     def begin(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> dict[int, Counts]:
         """Prepare the folder: go on with an unfinished one of the same note, otherwise replace what was written.
 
-        Parameters
-        ----------
-        note
-            Everything that the images depend on, as JSON-compatible values.
-        files
-            Names of the images that will be written.
-
-        Returns
-        -------
-        dict
-            The images that an interrupted correction finished, by their index.
-
-        Raises
-        ------
-        SettingError
-            If that fails.
+        The note holds everything that the images depend on, as JSON-compatible values; ``files`` are the images that
+        will be written. Returns those that an interrupted correction finished, by their index.
         """
         planned = {"schema": SCHEMA, "finished": False, "files": [str(name) for name in files], **note}
         before = json_object(self.path / NOTE)
@@ -142,23 +123,9 @@ class CorrectedFolder:
         original: bytes = b"",
         modified_ns: int | None = None,
     ) -> None:
-        """Write an image in the format of its name; safe to call from several threads.
+        """Write an image in the format of its name, with the metadata of its original; threads may share this folder.
 
-        Parameters
-        ----------
-        name
-            Name of the file.
-        image
-            The pixels.
-        original
-            The file it was made from, whose metadata are kept.
-        modified_ns
-            The file's time of modification; None for now.
-
-        Raises
-        ------
-        SettingError
-            If that fails, as on a full disk.
+        ``modified_ns`` is the file's time of modification; None for now.
         """
         place = self._place(name)
         suffix = name.suffix.lower()

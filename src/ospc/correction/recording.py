@@ -214,7 +214,7 @@ def _output_names(source: Source, settings: CorrectionSettings) -> list[PurePosi
     names = [name if name.suffix.lower() in kept else name.with_suffix(other) for name in originals]
     if len(set(names)) == len(names):
         return names
-    # Such as a photograph beside its raw conversion: only the whole name tells them apart.
+    # Such as a photograph beside its raw conversion: only the whole names differ.
     return [
         name if name == original else original.with_name(original.name + other)
         for name, original in zip(names, originals, strict=True)

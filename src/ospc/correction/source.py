@@ -23,14 +23,9 @@ _DIGITS = 5
 
 @dataclass(frozen=True)
 class Source:
-    """Images to correct.
+    """Images to correct; each has 1 ms if their exposures are unknown.
 
-    Attributes
-    ----------
-    recording
-        The images; if their exposures are unknown, each has 1 ms.
-    unexposed
-        Why the exposures are unknown; None if they are known.
+    ``unexposed`` says why they are unknown; it is None if they are known.
     """
 
     recording: Recording

@@ -23,23 +23,11 @@ def default_workers() -> int:
 def mapped(
     work: Callable[[Item], Result], items: Iterable[Item], workers: int | None = None, ahead: int = 2
 ) -> Iterator[Result]:
-    """Yield the results of ``work`` in the order of the items, which only the calling thread draws.
+    """Yield the results of ``work``, called in other threads, in the order of the items.
 
-    Parameters
-    ----------
-    work
-        Called in other threads.
-    items
-        At most ``workers + ahead`` are drawn before their results are yielded, which bounds the memory.
-    workers
-        Number of threads; :func:`default_workers` if None.
-    ahead
-        Number of items that may wait for a thread.
-
-    Raises
-    ------
-    BaseException
-        Whatever drawing or processing an item raised, after the work in progress is finished; the rest is dropped.
+    Only the calling thread draws items, at most ``workers + ahead`` before their results are yielded, which bounds
+    the memory. An error of the work or of the items is raised after the work in progress is finished; the rest is
+    dropped.
     """
     count = workers or default_workers()
     pending: deque[Future[Result]] = deque()

@@ -11,7 +11,7 @@ from ospc.diagnosis.notes import notes
 from ospc.diagnosis.report import RecordingReport
 from ospc.diagnosis.timing import timing
 from ospc.errors import RecordingError
-from ospc.exposures.findings import LagChoice, lag_choice_for
+from ospc.exposures.findings import LagChoice
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 from ospc.unknown_exposures import labelled
@@ -34,7 +34,7 @@ def check_recording(
     recording
         The recording.
     frames
-        Only so many frames from the beginning; None for all.
+        Number of frames used, from the beginning; None for all.
     correct_lag
         What to do about a lag of the exposures, as in :func:`~ospc.calibrator.calibrate`.
     progress
@@ -51,7 +51,7 @@ def check_recording(
         If none of the frames can be used.
     """
     total = min(frames or len(recording), len(recording))
-    calibrator = OnlineCalibrator(correct_lag=lag_choice_for(recording.kind, correct_lag))
+    calibrator = OnlineCalibrator.of(recording, correct_lag=correct_lag)
 
     def count(_frame: Frame, _used: bool) -> None:
         if progress is not None:

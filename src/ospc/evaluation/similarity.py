@@ -18,17 +18,7 @@ _DEGENERATE = 1e-9
 
 @dataclass(frozen=True)
 class Similarity:
-    """x ↦ s·R·x + t.
-
-    Attributes
-    ----------
-    scale
-        s, positive.
-    rotation
-        R, shape (3, 3).
-    translation
-        t, shape (3,).
-    """
+    """x ↦ s·R·x + t, with s positive, R of shape (3, 3) and t of shape (3,)."""
 
     scale: float
     rotation: FloatArray

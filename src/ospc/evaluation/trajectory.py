@@ -104,17 +104,7 @@ class AlignmentError:
 
 @dataclass(frozen=True)
 class RelativeError:
-    """Root mean square errors of relative motions.
-
-    Attributes
-    ----------
-    translation
-        In units of the truth.
-    rotation_deg
-        In degrees.
-    pairs
-        Number of pairs of poses.
-    """
+    """Root mean square errors of relative motions over pairs of poses, in units of the truth and in degrees."""
 
     translation: float
     rotation_deg: float

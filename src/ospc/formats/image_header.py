@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from ospc.errors import FrameError
@@ -58,7 +58,7 @@ def read_header(data: bytes, name: str) -> ImageHeader:
                 header = parse(data)
             except (struct.error, IndexError):
                 raise FrameError(f"{name}: the image is truncated; copy or download it again") from None
-            except _DamagedError as error:
+            except DamagedError as error:
                 raise FrameError(f"{name}: {error}; copy or download it again") from None
             if header.width <= 0 or header.height <= 0:
                 raise FrameError(f"{name}: its header states a size of {header.width}x{header.height} pixels")
@@ -67,7 +67,7 @@ def read_header(data: bytes, name: str) -> ImageHeader:
     raise FrameError(f"{name}: {what}; convert it to PNG or remove it from the recording")
 
 
-class _DamagedError(Exception):
+class DamagedError(Exception):
     """The bytes break the rules of the format."""
 
 
@@ -79,16 +79,23 @@ _PNG_BITS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8
 def _png(data: bytes) -> ImageHeader:
     width, height, bits, colour = struct.unpack_from(">IIBB", data, 16)
     if data[12:16] != b"IHDR" or bits not in _PNG_BITS.get(colour, ()):
-        raise _DamagedError("its PNG header is damaged")
+        raise DamagedError("its PNG header is damaged")
+    for _chunk in png_chunks(data):
+        pass  # to the last one, each with its checksum
+    return ImageHeader(width, height, _PNG_CHANNELS[colour], bits)
+
+
+def png_chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
+    """Yield kind and content of every chunk of a PNG file; struct.error or DamagedError where it ends early."""
     place = 8
-    while True:
+    kind = b""
+    while kind != b"IEND":
         length, kind = struct.unpack_from(">I4s", data, place)
         end = place + 8 + length
         (checksum,) = struct.unpack_from(">I", data, end)
         if zlib.crc32(memoryview(data)[place + 4 : end]) != checksum:
-            raise _DamagedError(f"a checksum of its PNG data is wrong at byte {place}")
-        if kind == b"IEND":
-            return ImageHeader(width, height, _PNG_CHANNELS[colour], bits)
+            raise DamagedError(f"a checksum of its PNG data is wrong at byte {place}")
+        yield kind, memoryview(data)[place + 8 : end]
         place = end + 4
 
 
@@ -99,23 +106,32 @@ _JPEG_END = 0xD9
 
 
 def _jpeg(data: bytes) -> ImageHeader:
-    """Follow the segments: the end marker of a thumbnail inside a segment does not end the picture."""
     header = None
+    for kind, content in jpeg_segments(data):
+        if kind in _JPEG_SIZES and header is None:
+            bits, height, width, channels = struct.unpack_from(">BHHB", content)
+            header = ImageHeader(width, height, channels, bits)
+    if header is None:
+        raise DamagedError("its JPEG header states no size")
+    return header
+
+
+def jpeg_segments(data: bytes) -> Iterator[tuple[int, memoryview]]:
+    """Yield marker and content of every segment of a JPEG file; struct.error or DamagedError where it ends early.
+
+    The lengths of the segments are followed: the end marker of a thumbnail inside one does not end the picture.
+    """
     place = 2
     while marker := _JPEG_MARKER.search(data, place):
         kind, place = data[marker.end() - 1], marker.end()
         if kind == _JPEG_END:
-            break
+            return
         (length,) = struct.unpack_from(">H", data, place)
-        if kind in _JPEG_SIZES and header is None:
-            bits, height, width, channels = struct.unpack_from(">BHHB", data, place + 2)
-            header = ImageHeader(width, height, channels, bits)
+        if place + length > len(data):
+            break
+        yield kind, memoryview(data)[place + 2 : place + length]
         place += length
-    else:
-        raise _DamagedError("the image is truncated: it has no end marker")
-    if header is None:
-        raise _DamagedError("its JPEG header states no size")
-    return header
+    raise DamagedError("the image is truncated: it has no end marker")
 
 
 _PNM_GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
@@ -127,11 +143,11 @@ _PNM_HEADER_BYTES = 4096
 def _pnm(data: bytes) -> ImageHeader:
     found = _PNM_HEADER.match(data[:_PNM_HEADER_BYTES])
     if found is None:
-        raise _DamagedError("its PGM or PPM header is damaged")
+        raise DamagedError("its PGM or PPM header is damaged")
     width, height, limit = (int(group) for group in found.groups())
     header = ImageHeader(width, height, 3 if data[1:2] == b"6" else 1, 16 if limit > 255 else 8)
     if len(data) - found.end() < width * height * header.channels * header.bits // 8:
-        raise _DamagedError("the image is truncated")
+        raise DamagedError("the image is truncated")
     return header
 
 
@@ -144,7 +160,7 @@ def _bmp(data: bytes) -> ImageHeader:
         width, height, _, bits, compression = struct.unpack_from("<iiHHI", data, 18)
     height = abs(height)
     if compression == 0 and len(data) < start + (width * bits + 31) // 32 * 4 * height:
-        raise _DamagedError("the image is truncated")
+        raise DamagedError("the image is truncated")
     return ImageHeader(width, height, 1 if bits <= 8 else 3, 8)
 
 
@@ -174,7 +190,7 @@ def _tiff(data: bytes) -> ImageHeader:
         if tag not in _TIFF_TAGS or tag in tags:
             continue
         if kind not in _TIFF_FORMATS or not 0 < number <= _TIFF_MAX_VALUES:
-            raise _DamagedError("its TIFF directory is damaged")
+            raise DamagedError("its TIFF directory is damaged")
         layout = f"{order}{number}{_TIFF_FORMATS[kind]}"
         inline = struct.calcsize(layout) <= 4
         where = place + 8 if inline else struct.unpack_from(order + "I", data, place + 8)[0]
@@ -182,9 +198,9 @@ def _tiff(data: bytes) -> ImageHeader:
     for places, sizes in ((_TIFF_STRIPS, _TIFF_STRIP_BYTES), (_TIFF_TILES, _TIFF_TILE_BYTES)):
         for offset, length in zip(tags.get(places, ()), tags.get(sizes, ()), strict=False):
             if offset + length > len(data):
-                raise _DamagedError("the image is truncated")
+                raise DamagedError("the image is truncated")
     if _TIFF_WIDTH not in tags or _TIFF_HEIGHT not in tags:
-        raise _DamagedError("its TIFF directory states no size")
+        raise DamagedError("its TIFF directory states no size")
     width = max(tags[_TIFF_WIDTH][0], tags.get(_TIFF_TILE_WIDTH, (0,))[0])
     height = max(tags[_TIFF_HEIGHT][0], tags.get(_TIFF_TILE_HEIGHT, (0,))[0])
     return ImageHeader(width, height, tags.get(_TIFF_CHANNELS, (1,))[0], max(tags.get(_TIFF_BITS, (1,))))

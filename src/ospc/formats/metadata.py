@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
+from itertools import takewhile
 
+from ospc.formats.image_header import DamagedError, jpeg_segments, png_chunks
 from ospc.formats.png import HEADER_END, chunk
 
 WITH_METADATA = frozenset({".png", ".jpg", ".jpeg"})
@@ -40,42 +43,28 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
         count as none.
     """
     if image.startswith(_JPEG) and original.startswith(_JPEG):
-        segments = b"".join(segment for segment in _jpeg_segments(original) if segment[4:].startswith(_COPIED))
-        return _JPEG + segments + image[2:]
-    exif = _exif(original)
+        kept = (_segment(kind, content) for kind, content in _segments(original) if content.startswith(_COPIED))
+        return _JPEG + b"".join(kept) + image[2:]
+    blocks = (content for _, content in _segments(original) if content.startswith(_EXIF))
+    exif = original if original.startswith(_EXIF) else next(blocks, None)
     if exif is None:
         return image
-    if image.startswith(_JPEG) and len(exif) + len(_EXIF) <= _LARGEST_SEGMENT:
-        return _JPEG + struct.pack(">BBH", 0xFF, _APP1, 2 + len(_EXIF) + len(exif)) + _EXIF + exif + image[2:]
+    if image.startswith(_JPEG) and len(exif) <= _LARGEST_SEGMENT:
+        return _JPEG + _segment(_APP1, exif) + image[2:]
     if image.startswith(_PNG):
-        return image[:HEADER_END] + chunk(b"eXIf", exif) + image[HEADER_END:]
+        return image[:HEADER_END] + chunk(b"eXIf", exif[len(_EXIF) :]) + image[HEADER_END:]
     return image
 
 
-def _exif(data: bytes) -> bytes | None:
-    """Return the EXIF block of a JPEG or PNG, or of itself; None if there is none."""
-    if data.startswith(_EXIF):
-        return data[len(_EXIF) :]
-    if data.startswith(_JPEG):
-        segments = (s for s in _jpeg_segments(data) if s[1] == _APP1 and s[4:].startswith(_EXIF))
-        return next((segment[4 + len(_EXIF) :] for segment in segments), None)
-    return next((content for kind, content in _png_chunks(data) if kind == b"eXIf"), None)
+def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield marker and content of application segments before the picture; a PNG has EXIF as a JPEG would."""
+    with suppress(struct.error, DamagedError):
+        if data.startswith(_JPEG):
+            before = takewhile(lambda segment: segment[0] != _START_OF_SCAN, jpeg_segments(data))
+            yield from ((marker, bytes(content)) for marker, content in before if marker in (_APP1, _APP2))
+        elif data.startswith(_PNG):
+            yield from ((_APP1, _EXIF + content) for kind, content in png_chunks(data) if kind == b"eXIf")
 
 
-def _jpeg_segments(data: bytes) -> Iterator[bytes]:
-    """Yield the application segments, with marker and length, up to the picture."""
-    place = 2
-    while place + 4 <= len(data) and data[place] == 0xFF and data[place + 1] != _START_OF_SCAN:
-        end = place + 2 + int.from_bytes(data[place + 2 : place + 4])
-        if data[place + 1] in (_APP1, _APP2) and end <= len(data):
-            yield data[place:end]
-        place = end
-
-
-def _png_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    place = len(_PNG) if data.startswith(_PNG) else len(data)
-    while place + 8 <= len(data):
-        length, kind = struct.unpack_from(">I4s", data, place)
-        place += 12 + length
-        if place <= len(data):
-            yield kind, data[place - 4 - length : place - 4]
+def _segment(marker: int, content: bytes) -> bytes:
+    return struct.pack(">BBH", 0xFF, marker, 2 + len(content)) + content

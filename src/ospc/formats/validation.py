@@ -171,7 +171,7 @@ def _context(file: ParameterFile, program: Program, size: ImageSize | None) -> C
 def _image_names(folder: Path) -> tuple[str, ...] | None:
     """Return the names of all entries in a folder's images or images.zip, sorted; None if it has neither.
 
-    DSO takes every entry for an image, whatever it is.
+    DSO takes every entry of the folder for an image.
     """
     if (folder / "images").is_dir():
         return tuple(sorted(entry.name for entry in (folder / "images").iterdir()))

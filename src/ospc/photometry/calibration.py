@@ -145,9 +145,10 @@ class Calibration:
             f"<tr><th>{escape(name)}</th><td>{escape(verdict.state)}</td><td>{escape(verdict.reason)}</td></tr>"
             for name, verdict in self.verdicts.items()
         )
-        return f"<table><caption>Calibration of {escape(self._basis)}</caption>{rows}</table>{self._curves()}"
+        return f"<table><caption>Calibration of {escape(self._basis)}</caption>{rows}</table>{self.curves_as_svg()}"
 
-    def _curves(self) -> str:
+    def curves_as_svg(self) -> str:
+        """Return small pictures of the known curves with their bands, for notebooks and pages."""
         shown = ""
         if self.response is not None:
             grey = np.linspace(0, 1, len(PROFILE_RADII))

@@ -16,7 +16,7 @@ class EffectEstimate:
     value, sigma
         Its size and the standard deviation of that, in the unit that :doc:`/theory/effects` gives.
     corrected
-        Whether response and vignette are those without it. Otherwise it is too small to be told from zero, and its
+        Whether response and vignette are those without it. Otherwise it cannot be distinguished from zero, and its
         standard deviation is part of theirs.
     contradicts
         Whether it is something that no camera with one response and one vignette does.

@@ -63,18 +63,9 @@ information."""
 
 @dataclass(frozen=True)
 class Difference:
-    """How a recording differs from the others.
+    """How the recording of a key and name differs from the others: in response, vignette or both.
 
-    Attributes
-    ----------
-    key, name
-        Of the recording.
-    parts
-        What differs: response, vignette or both.
-    sigmas
-        The largest difference in standard deviations.
-    text
-        What differs by how much, and the usual cause, as one sentence.
+    ``sigmas`` is the largest difference in standard deviations; ``text`` is a sentence with the usual cause.
     """
 
     key: str

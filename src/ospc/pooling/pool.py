@@ -25,13 +25,7 @@ KIND, VERSION = "pool", 1
 
 @dataclass(frozen=True)
 class Pool:
-    """Summaries of different recordings of one camera; make one with :meth:`of`.
-
-    Attributes
-    ----------
-    summaries
-        One of each recording, in the order of their keys.
-    """
+    """Summaries of different recordings of one camera, in the order of their keys; make one with :meth:`of`."""
 
     summaries: tuple[Summary, ...] = ()
 
@@ -55,13 +49,7 @@ class Pool:
         return cls(ordered)
 
     def __add__(self, other: Pool) -> Pool:
-        """Return the union of both.
-
-        Raises
-        ------
-        SettingError
-            If their frames differ in size or bit depth.
-        """
+        """Return the union of both."""
         return Pool.of((*self.summaries, *other.summaries))
 
     def __len__(self) -> int:

@@ -138,5 +138,5 @@ def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) ->
         )
     reason = f"{verdict.reason}, from {recordings - len(differing)} of {recordings} recordings"
     if differing:
-        reason += f"; {names} left out, for it differs" if len(differing) == 1 else f"; {names} left out"
+        reason += f"; {names} left out, because it differs" if len(differing) == 1 else f"; {names} left out"
     return replace(verdict, reason=reason)

@@ -45,14 +45,14 @@ _USUAL_NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
 
 @dataclass(frozen=True)
 class PriorCalibration:
-    """What was known of a camera before; make one with :meth:`open`.
+    """An earlier calibration of a camera; make one with :meth:`open`.
 
     Attributes
     ----------
     name
         What to call it in messages.
     pool
-        What was known.
+        Its recordings.
     """
 
     name: str
@@ -60,7 +60,7 @@ class PriorCalibration:
 
     @classmethod
     def open(cls, path: str | Path) -> PriorCalibration:
-        """Read what was known of a camera from a state, of one recording or merged, or from a calibration.
+        """Read an earlier calibration from a state, of one recording or merged, or from a calibration.json.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class PriorCalibration:
         Raises
         ------
         SettingError
-            If they are of another size than what was known before.
+            If their size differs from that of the earlier calibration.
         """
         if size != self.pool.size:
             raise SettingError(
@@ -140,7 +140,7 @@ class PriorCalibration:
         Raises
         ------
         SettingError
-            If the frames are of another size than what was known before.
+            If the size of the frames differs from that of the earlier calibration.
         """
         self.check_size(own.size)
         difference = self.difference(today)

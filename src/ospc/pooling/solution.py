@@ -71,7 +71,7 @@ class Information:
         )
 
     def weakened(self, factor: float) -> Information:
-        """Return the information when all variances are so many times larger."""
+        """Return the information with all variances multiplied by a factor."""
         return Information(self.matrix / factor, self.vector / factor, self.points, self.groups)
 
 

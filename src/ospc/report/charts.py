@@ -26,20 +26,10 @@ _HEIGHT_IN, _HEIGHT_WITH_PANELS_IN = 3.2, 4.6
 
 @dataclass(frozen=True)
 class Findings:
-    """All that a report shows.
+    """All that a report shows; None for what is not known.
 
-    Attributes
-    ----------
-    calibration
-        The calibration.
-    exposures_ms
-        Exposure of every frame according to the metadata, shape (frames,); None where unknown.
-    examples
-        What the calibration does to its own recording.
-    truth
-        A reference to draw it against.
-    check
-        Result of a check of the recording, as ``ospc check --json`` prints it; None where there was none.
+    ``exposures_ms`` are those of the metadata, shape (frames,), ``truth`` a reference to draw the calibration
+    against, and ``check`` the result of a check as ``ospc check --json`` prints it.
     """
 
     calibration: Calibration
@@ -51,20 +41,10 @@ class Findings:
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart that can be drawn into any figure.
+    """A chart that can be drawn into any figure: ``draw`` takes a cell of a grid and returns the topmost axes.
 
-    Attributes
-    ----------
-    title
-        What it shows.
-    caption
-        How to read it.
-    draw
-        Draws it into a cell of a grid and returns the topmost axes.
-    height_in
-        Height in inches at a width of :data:`WIDTH_IN`.
-    unknown
-        Why there is nothing to draw, which the drawing says too; empty where there is.
+    The height is for a width of :data:`WIDTH_IN`. ``unknown`` says why there is nothing to draw; it is empty where
+    there is.
     """
 
     title: str

@@ -23,13 +23,7 @@ _DECIDING = 10
 
 
 def plot_report(report: RecordingReport, path: str | Path) -> Path:
-    """Draw brightness against exposure, the score of each lag, and the coverage; return the path of the picture.
-
-    Raises
-    ------
-    FormatError
-        If the picture cannot be written, or its suffix names no kind of picture.
-    """
+    """Draw brightness against exposure, the score of each lag, and the coverage; return the path of the picture."""
     lag = report.exposure_lag_frames
     title = (
         f"{report.name}: {report.processed} of {report.frames} frames, exposure lag "

@@ -16,13 +16,7 @@ _STYLES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (BLACK, ":"))
 
 
 def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> Path:
-    """Draw inverse responses and radial profiles of vignettes, and return the path of the picture.
-
-    Raises
-    ------
-    FormatError
-        If the picture cannot be written, or its suffix names no kind of picture.
-    """
+    """Draw inverse responses and radial profiles of vignettes, and return the path of the picture."""
     with rules():
         figure = new_figure(9.6, 4.4)
         left, right = figure.subplots(1, 2)

@@ -42,14 +42,7 @@ _STILL = 0.98
 class PicturePair:
     """Two frames of one scene at different exposures, and both corrected to the longer exposure without vignette.
 
-    Attributes
-    ----------
-    frames
-        Indices of the two frames; equal where there is only one.
-    exposures_ms
-        Their exposures.
-    recorded, corrected
-        Two images each, 8 bit, reduced to the width of a page.
+    Images are 8 bit, reduced to the width of a page. The two frames are equal where there is only one.
     """
 
     frames: tuple[int, int]
@@ -70,18 +63,9 @@ class PicturePair:
 
 @dataclass(frozen=True)
 class Examples:
-    """What was tried on the recording.
+    """What was tried on the recording: pairs of frames, and points tracked through an excerpt.
 
-    Attributes
-    ----------
-    pictures
-        Pairs of frames; a single frame, paired with itself, where no pairs were compared.
-    tracking
-        What the calibration does for tracking; None where that could not be tried.
-    tracked
-        First frame of the excerpt in which points were tracked, and the frame after the last.
-    notes
-        What could not be shown, and why.
+    ``tracked`` is the first frame of the excerpt and the one after its last; ``notes`` say what could not be shown.
     """
 
     pictures: tuple[PicturePair, ...] = ()
@@ -93,7 +77,7 @@ class Examples:
 def examples_of(calibration: Calibration, recording: Recording, tracked_frames: int = TRACKED_FRAMES) -> Examples:
     """Try a calibration on a recording of its camera; an unknown response or vignette is taken to be the identity.
 
-    Points are tracked through an excerpt of so many frames where the exposure changes most; through none if it is 0.
+    Points are tracked through the ``tracked_frames`` frames where the exposure changes most; none if that is 0.
     """
     if calibration.size != recording.size:
         return Examples(notes=("no pictures: the recording has another image size than the calibration",))

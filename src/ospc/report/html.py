@@ -20,17 +20,10 @@ class Html(str):
 
 
 def tag(name: str, /, *content: str, **attributes: str) -> Html:
-    """Return an element.
+    """Return an element around content: :class:`Html` as it is, any other text escaped.
 
-    Parameters
-    ----------
-    name
-        Its name.
-    content
-        What is in it: :class:`Html` as it is, any other text escaped.
-    attributes
-        Their values, escaped; a trailing underscore of a name is dropped (``class_``), other underscores become
-        hyphens, and attributes without a value are left out.
+    A trailing underscore of an attribute's name is dropped (``class_``), others become hyphens; attributes without a
+    value are left out.
     """
     given = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{_safe(value)}"' for key, value in attributes.items() if value
@@ -50,17 +43,7 @@ def _safe(text: str) -> str:
 
 
 def document(title: str, style: str, *content: str) -> str:
-    """Return a whole page that needs neither network nor scripts.
-
-    Parameters
-    ----------
-    title
-        What a browser calls it.
-    style
-        Its style sheet.
-    content
-        What it shows, within ``<main>``, as for :func:`tag`.
-    """
+    """Return a whole page that needs neither network nor scripts; the content is as for :func:`tag`."""
     head = tag(
         "head",
         tag("meta", charset="utf-8"),

@@ -27,13 +27,7 @@ _MARGINS_IN = {"left": 0.78, "right": 0.12, "top": 0.28, "bottom": 0.48}
 
 
 def write_page(findings: Findings, path: Path) -> Path:
-    """Write the report, whole or not at all, and return its path.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Write the report, whole or not at all, and return its path."""
     # A file name or a JSON text may hold half a surrogate pair, which UTF-8 cannot express.
     return write_bytes(path, page(findings).encode("utf-8", "replace"))
 

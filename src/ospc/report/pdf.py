@@ -43,13 +43,7 @@ _ROOM_POINTS = (_RIGHT - _LEFT) * _A4_IN[0] * _POINTS_PER_INCH
 
 
 def write_pdf(findings: Findings, path: Path) -> Path:
-    """Write the report as PDF, whole or not at all, and return its path.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written.
-    """
+    """Write the report as PDF, whole or not at all, and return its path."""
     from matplotlib.backends.backend_pdf import PdfPages
 
     content = io.BytesIO()

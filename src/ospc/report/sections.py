@@ -31,24 +31,8 @@ _ABOUT_PICTURES = (
 class Section:
     """A section of the report; what is empty is left out.
 
-    Attributes
-    ----------
-    heading
-        Its heading.
-    text
-        Paragraphs at its beginning.
-    items
-        Entries of a list.
-    verdicts
-        Verdicts by the names of what they are on.
-    charts, pictures
-        Charts, and pairs of frames before and after.
-    figures
-        Rows of a table: label, figure as recorded, figure corrected, and unit.
-    remark
-        A paragraph in small print after that.
-    tables
-        Names and values, by the heading of the table.
+    It begins with paragraphs of text and a list of items. ``figures`` are rows of a table (label, as recorded,
+    corrected, unit), followed by ``remark`` in small print; ``tables`` are names and values by their heading.
     """
 
     heading: str

@@ -43,12 +43,8 @@ _ONE_AT_A_TIME = RLock()
 def new_figure(width_in: float, height_in: float, margins_in: Mapping[str, float] | None = None) -> Any:
     """Return an empty matplotlib figure that needs no display and no global state.
 
-    Parameters
-    ----------
-    width_in, height_in
-        Size in inches.
-    margins_in
-        Room left, right, top and bottom of all axes in inches; None to let matplotlib find it, in twice the time.
+    ``margins_in`` is the room left, right, top and bottom of all axes; None to let matplotlib find it, in twice the
+    time.
     """
     from matplotlib.figure import Figure
 
@@ -108,15 +104,7 @@ def as_image(figure: Any) -> Image:
 
 
 def as_svg(figure: Any, title: str) -> str:
-    """Return a figure as an SVG element that can be embedded in HTML; equal figures give equal text.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    title
-        What it shows, for readers who cannot see it.
-    """
+    """Return a figure as an SVG element for HTML, titled for readers who cannot see it; equal figures, equal text."""
     drawn = io.StringIO()
     figure.savefig(drawn, format="svg", metadata=_UNDATED)
     # Groups have the same identifiers in every figure; in a page, identifiers must be unique.

@@ -131,16 +131,9 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure of a method over recordings.
+    """A figure of a method over recordings, typical and worst as :class:`Metric` defines them.
 
-    Attributes
-    ----------
-    typical, worst
-        As :class:`Metric` defines them.
-    worst_case
-        The recording with the worst figure.
-    known, cases
-        Number of recordings with this figure, and of all that the method was run on.
+    ``known`` of ``cases`` recordings have the figure; ``worst_case`` is the recording with the worst.
     """
 
     typical: float
@@ -152,16 +145,9 @@ class Spread:
 
 @dataclass(frozen=True)
 class Contest:
-    """Which of two methods came nearer to the truth.
+    """On how many of ``both`` recordings the first of two methods was nearer to the truth.
 
-    Attributes
-    ----------
-    nearer
-        Recordings on which the first was nearer, of those with figures of both.
-    both
-        The number of those.
-    only_first, only_second
-        Recordings with a figure of one of them only.
+    On ``only_first`` and ``only_second``, one of them has no figure.
     """
 
     nearer: int

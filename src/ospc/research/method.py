@@ -68,7 +68,7 @@ class Result:
 def run_methods(
     methods: dict[str, Method], frames: Iterable[Frame], count: int, progress: OnProgress
 ) -> list[Result]:
-    """Run new methods over a recording of so many frames in one pass, and tell the progress after each frame.
+    """Run new methods over a recording of ``count`` frames in one pass; report the progress after each frame.
 
     Errors of a method are outcomes. Where it breaks down, its name stands for all of its variants.
     """

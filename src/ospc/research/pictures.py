@@ -26,18 +26,10 @@ _PANEL_IN = (7.5, 4.6)
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a picture of errors compares.
+    """A picture of errors with a panel for each metric.
 
-    Attributes
-    ----------
-    title
-        Its title.
-    metrics
-        One panel each.
-    varied
-        The value of a setting that is varied, by the name of the method; empty where the methods differ in kind.
-    axis
-        Label of that setting.
+    ``varied`` is the value of the setting on the ``axis``, by the name of the method; empty where methods differ in
+    kind.
     """
 
     title: str

@@ -52,16 +52,8 @@ def run(
     """Give the result of every task: first the stored ones, then the others as they finish.
 
     Each result is stored before it is given, so an interruption loses only what is under way. Ending the iteration
-    early ends all processes, and the programs they started.
-
-    Parameters
-    ----------
-    tasks, store
-        The tasks, and where results are stored.
-    jobs
-        Number of processes; with 1 everything runs in this one.
-    on_share
-        Called while a task runs, with one job only.
+    early ends all processes, and the programs they started. With one job everything runs in this process, and
+    ``on_share`` is called while a task runs.
     """
     missing: list[tuple[Task, dict[str, Any]]] = []
     for task in tasks:

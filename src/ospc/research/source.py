@@ -38,16 +38,9 @@ SWEEP = SimulationSettings(motion="static", exposure="sweep", exposure_min_ms=1.
 
 @dataclass(frozen=True)
 class Source(ABC):
-    """A recording with known truth.
+    """A recording with known truth, by a name that is unique among those measured together.
 
-    Attributes
-    ----------
-    name
-        Its name, unique among those measured together.
-    group
-        The group of recordings it is summarised with.
-    factors
-        Its level of each factor that varies within the group.
+    It is summarised with its group; ``factors`` is its level of each factor that varies within the group.
     """
 
     name: str
@@ -138,15 +131,7 @@ def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
 
 @dataclass(frozen=True)
 class SimulatedSource(Source):
-    """A simulated recording.
-
-    Attributes
-    ----------
-    settings
-        What is simulated.
-    with_pairs
-        Whether exposure ratios are predicted for pairs of another scene.
-    """
+    """A simulated recording; with pairs, exposure ratios of another scene are predicted."""
 
     settings: SimulationSettings
     with_pairs: bool = False
@@ -184,12 +169,7 @@ class SimulatedSource(Source):
 class GivenSource(Source):
     """A folder in the layout of the TUM monocular data set, whose pcalib.txt and vignette.png are the truth.
 
-    Attributes
-    ----------
-    path
-        The folder.
-    most_frames
-        Number of frames used at most; all where None.
+    At most ``most_frames`` are used; all where None.
     """
 
     path: Path
@@ -199,13 +179,7 @@ class GivenSource(Source):
 
     @classmethod
     def of(cls, path: Path, most_frames: int | None = None) -> GivenSource:
-        """Return a folder by its name, opened once so that mistakes show before hours are spent.
-
-        Raises
-        ------
-        OspcError
-            If it cannot be opened or has no truth.
-        """
+        """Return a folder by its name, opened once so that mistakes show before hours are spent."""
         true_curves(open_recording(path))
         return cls(escaped(path.resolve().name), path, most_frames)
 
@@ -229,13 +203,7 @@ class GivenSource(Source):
 
 
 def true_curves(recording: Recording) -> tuple[Response, Vignette]:
-    """Return the true response and vignette in a recording's folder.
-
-    Raises
-    ------
-    FormatError
-        If there are none, or they cannot be read.
-    """
+    """Return the true response and vignette in a recording's folder."""
     table, picture = recording.path / PCALIB, recording.path / VIGNETTE
     if not table.is_file() or not picture.is_file():
         raise FormatError(f"{recording.path}: has no {PCALIB} and {VIGNETTE}, which hold the truth; add them")

@@ -41,13 +41,7 @@ class ResultStore:
             return None
 
     def put(self, name: str, description: dict[str, Any], result: Any) -> Path:
-        """Store a result and return the path of its file.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
-        """
+        """Store a result and return the path of its file."""
         place = self._place(name, description)
         content = {"schema": _SCHEMA, "name": name, "depends_on": description, "result": result}
         try:

@@ -18,18 +18,9 @@ from ospc.versions import versions
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text.
+    """A table of text; the first ``names`` columns hold names, the others figures.
 
-    Attributes
-    ----------
-    title, header
-        Its heading, and those of its columns.
-    rows
-        The cells, of the columns of names first.
-    names
-        Number of columns of names; the others hold figures.
-    best
-        Row and column of the cells to be marked.
+    ``best`` are row and column of the cells to be marked.
     """
 
     title: str

@@ -24,13 +24,7 @@ _DEFAULT = SimulationSettings()
 
 @dataclass(frozen=True)
 class SimulatedRecording(Truth):
-    """A simulated recording on disk, in the layout of the TUM monocular dataset, with its truth.
-
-    Attributes
-    ----------
-    path
-        Its folder.
-    """
+    """A simulated recording in a folder, in the layout of the TUM monocular dataset, with its truth."""
 
     path: Path
 

@@ -29,13 +29,7 @@ _FILES = (
 
 @contextmanager
 def image_writer(folder: Path, settings: SimulationSettings) -> Iterator[Callable[[int, Image], None]]:
-    """Give a function that writes numbered images into ``images/`` or ``images.zip``.
-
-    Raises
-    ------
-    OSError
-        Also by that function, if an image cannot be encoded or written.
-    """
+    """Give a function that writes numbered images into ``images/`` or ``images.zip``."""
     suffix = f".{settings.image_format}"
     jpg = [cv2.IMWRITE_JPEG_QUALITY, settings.jpg_quality]
     parameters = jpg if settings.image_format == "jpg" else [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION]

@@ -36,16 +36,9 @@ _SMALLEST_LEVEL = 12
 
 @dataclass(frozen=True)
 class Rectangle:
-    """A rectangle in space.
+    """A rectangle in space: its first corner in the world, and unit vectors along the rows and columns of a texture.
 
-    Attributes
-    ----------
-    corner_m
-        World position of the first corner, shape (3,).
-    across, down
-        Unit vectors along the rows and the columns of a texture on it, shape (3,).
-    size_m
-        Extent along both.
+    ``size_m`` is its extent along both.
     """
 
     corner_m: FloatArray
@@ -73,15 +66,7 @@ class Rectangle:
 
 @dataclass(frozen=True)
 class Face:
-    """A rectangle with its radiance.
-
-    Attributes
-    ----------
-    place
-        Where it is.
-    mips
-        Radiance, stretched over the rectangle; each level has half the size of the one before.
-    """
+    """A rectangle with its radiance, stretched over it; each level has half the size of the one before."""
 
     place: Rectangle
     mips: tuple[Float32Array, ...]
@@ -89,15 +74,7 @@ class Face:
 
 @dataclass(frozen=True)
 class Solid:
-    """The faces of a convex body.
-
-    Attributes
-    ----------
-    faces
-        Its faces; those that face away from the camera are not drawn.
-    centre_m, radius_m
-        Its bounding sphere.
-    """
+    """The faces of a convex body, of which those that face away are not drawn, and its bounding sphere."""
 
     faces: tuple[Face, ...]
     centre_m: FloatArray

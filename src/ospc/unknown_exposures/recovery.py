@@ -45,10 +45,7 @@ _REMEDY = "give the exposure of every frame, or of a second recording of the sam
 class RecoveredRecording(DerivedRecording):
     """A recording whose exposures are estimated from its images, relative to the median, up to an exponent.
 
-    Attributes
-    ----------
-    exponent_sigma
-        Standard deviation of ln γ.
+    ``exponent_sigma`` is the standard deviation of its ln.
     """
 
     exponent_sigma: float = EXPONENT_SIGMA

@@ -50,8 +50,7 @@ _KNEES = ((0.05, 0.3), (0.1, 0.45), (0.3, 0.6), (0.5, 0.8), (0.6, 0.75))
 """Irradiance and grey level of the knee of curves of two straight lines."""
 
 _EVERY_WITH_KNEE = 5
-"""One in so many of the curves without a knee is averaged with each of these: all of them would outweigh the
-others."""
+"""Every n-th curve without a knee is averaged with each of these; all of them would outweigh the others."""
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ _GAIN_DARKEST, _GAIN_BRIGHTEST = 3, 245
 """Grey levels, of 255, between which these means are used: beyond, part of their pixels is clipped."""
 
 _MEDIAN_STEP = 4
-"""One in so many rows and columns is enough for the median of an image."""
+"""The median of an image is taken over every n-th row and column."""
 
 _GRADIENT_SCALE = 12.0
 """Gradient, in grey levels per pixel, at which a sample has half its weight: there, displacement errors dominate."""

@@ -18,7 +18,7 @@ def invoke(*arguments: object):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("faults")
-    options = ("-o", out, "--frames", 45, "--recordings", 1, "--only", "reciprocal", "--strength", "medium")
+    options = ("-o", out, "--frames", 30, "--recordings", 1, "--only", "reciprocal", "--strength", "medium")
     return options, out, invoke(*options)
 
 

@@ -97,17 +97,7 @@ class ChartSeries:
 
 @dataclass(frozen=True)
 class TrueResponse:
-    """The response of one channel.
-
-    Attributes
-    ----------
-    response
-        The response.
-    greys
-        Lowest and highest grey value between which it was measured, within 5 to 250.
-    scatter
-        Root mean square of ln of the measured irradiances about it.
-    """
+    """The response of one channel, the greys between which it was measured, and the RMS of ln irradiance about it."""
 
     response: Response
     greys: tuple[int, int]
@@ -115,13 +105,7 @@ class TrueResponse:
 
 
 def read_series(folder: Path, illuminant: int) -> ChartSeries:
-    """Read the photographs of one camera under one illuminant; ``tags.json`` beside the folder names the patches.
-
-    Raises
-    ------
-    FormatError
-        If one is missing, cannot be read, or differs in size.
-    """
+    """Read the photographs of one camera under one illuminant; ``tags.json`` beside the folder names the patches."""
     jpeg, raw = (
         [_read(folder / f"wb1i{illuminant}e{e + 1}-{kind}.png") for e in range(EXPOSURES)] for kind in ("jpg", "raw")
     )
@@ -135,11 +119,6 @@ def true_response(series: ChartSeries, channel: int) -> TrueResponse:
     """Return the response that JPEG against RAW shows.
 
     The curve increases, and joins the measured points through the logarithm of the irradiance.
-
-    Raises
-    ------
-    FormatError
-        If too few patches are exposed.
     """
     grey, light = series.neutral_points(channel)
     if len(grey) < _NEUTRAL:

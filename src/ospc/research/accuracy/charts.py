@@ -130,13 +130,7 @@ def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> H
 
 
 def chart_sources(folder: Path) -> list[ChartSource]:
-    """Return every channel of the cameras in a folder.
-
-    Raises
-    ------
-    FormatError
-        If it holds no camera.
-    """
+    """Return every channel of the cameras in a folder; there must be one."""
     cameras = sorted(p for p in folder.iterdir() if (p / "wb1i1e1-jpg.png").is_file())
     if not cameras:
         raise FormatError(f"{folder}: holds no folder with wb1i1e1-jpg.png; give the folder of real data as it came")

@@ -97,17 +97,8 @@ class PresetMethods(Methods):
 def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Source], list[str]]:
     """Return all recordings, and notes on what is left out or replaced.
 
-    Parameters
-    ----------
-    data
-        Folder of real data; None for none.
-    frames
-        Frames of a simulated recording with the camera in motion; one at rest has three tenths of them.
-
-    Raises
-    ------
-    OspcError
-        If a file of the folder does not hold what it should.
+    ``data`` is the folder of real data. Recordings with the camera in motion have ``frames`` frames; those at rest
+    have three tenths of them.
     """
     database, no_database = _given(data, FILE, "gamma curves take the place of measured responses")
     video, no_video = _given(data, VIDEO, "no real video")
@@ -129,13 +120,7 @@ def _given(data: Path | None, part: str, otherwise: str) -> tuple[Path | None, s
 
 
 def select(items: Sequence[_Item], pattern: str | None, what: str = "recording") -> list[_Item]:
-    """Return the items with a name, or whose name matches a pattern of shell wildcards, or contains a word.
-
-    Raises
-    ------
-    SettingError
-        If none matches; it calls them by ``what`` they are.
-    """
+    """Return the items with a name, or, if there is none, whose name matches a shell pattern or contains a word."""
     if pattern is None:
         return list(items)
     wild = pattern if any(c in pattern for c in "*?[") else f"*{pattern}*"

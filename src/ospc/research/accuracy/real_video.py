@@ -87,18 +87,10 @@ def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
 
 @dataclass(frozen=True)
 class SampledFrame:
-    """A frame with its features and what tells flat places.
+    """A frame with its SIFT features, and what tells flat places.
 
-    Attributes
-    ----------
-    exposure_ms
-        Its exposure.
-    points, descriptors
-        SIFT features, shapes (n, 2) and (n, 128).
-    grey
-        Smoothed grey levels in [0, 1], shape (height, width).
-    gradient
-        Their gradient per pixel, shape (height, width).
+    Points and descriptors have shapes (n, 2) and (n, 128); the smoothed grey levels, in [0, 1], and their gradient
+    per pixel have shape (height, width).
     """
 
     exposure_ms: float
@@ -109,13 +101,7 @@ class SampledFrame:
 
     @classmethod
     def of(cls, frame: Frame) -> SampledFrame:
-        """Find the features and flat places of a frame.
-
-        Raises
-        ------
-        FrameError
-            If its image cannot be read.
-        """
+        """Find the features and flat places of a frame."""
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         equalised = cv2.equalizeHist(np.rint(grey * 255).astype(np.uint8))
         key_points, descriptors = cv2.SIFT_create(nfeatures=_FEATURES).detectAndCompute(equalised, None)

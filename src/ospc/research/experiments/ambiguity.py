@@ -81,15 +81,7 @@ class AmbiguityTask:
 
 
 def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None) -> Ambiguity:
-    """Measure the ambiguity on a recording.
-
-    Raises
-    ------
-    FormatError
-        If the truth lacks the response or the vignette.
-    NotObservableError
-        If too little can be tracked.
-    """
+    """Measure the ambiguity on a recording with known response and vignette."""
     truth = source.truth()
     if truth.response is None or truth.vignette is None:
         raise FormatError(f"{source.name}: the ambiguity is shown with the true response and vignette; give both")

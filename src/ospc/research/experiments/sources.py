@@ -41,13 +41,6 @@ def stand_ins(
 
     ``data`` is the folder of reference data, ``speed`` a factor of the speed of the camera's motion, and ``seed``
     that of the first recording.
-
-    Raises
-    ------
-    SettingError
-        If none are asked for.
-    FormatError
-        If a file of the folder does not hold what it should.
     """
     if count < 1 or frames < 2:
         raise SettingError("an experiment needs at least one recording, of two frames or more")
@@ -76,13 +69,7 @@ def sweeps(count: int, frames: int, size: ImageSize) -> list[SimulatedSource]:
 
 
 def read_exposures(path: str | Path) -> dict[int, float]:
-    """Read exposures by frame: the last number of each line, one line a frame; ``#`` begins a comment.
-
-    Raises
-    ------
-    FormatError
-        If a line does not end with a number.
-    """
+    """Read exposures by frame: the last number of each line, one line a frame; ``#`` begins a comment."""
     lines = [line for line in read_text(path, _MOST_BYTES).splitlines() if line.strip() and line.lstrip()[0] != "#"]
     try:
         return dict(enumerate(float(line.replace(",", " ").split()[-1]) for line in lines))

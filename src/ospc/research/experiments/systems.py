@@ -175,13 +175,7 @@ SYSTEMS = (
 
 
 def chosen_systems(patterns: Sequence[str]) -> list[System]:
-    """Return the systems whose names match one of the patterns; all if there is none.
-
-    Raises
-    ------
-    SettingError
-        If a pattern matches none.
-    """
+    """Return the systems whose names match one of the patterns; all if there is none."""
     names = {system.name for pattern in patterns for system in select(SYSTEMS, pattern, "system")}
     return [system for system in SYSTEMS if not patterns or system.name in names]
 
@@ -204,10 +198,7 @@ class ChartInColour(ChartSource):
 def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:
     """Return simulated recordings, and of a folder of real data the video and the green channels of the charts.
 
-    Raises
-    ------
-    SettingError
-        If there are none.
+    There must be one.
     """
     found: list[Source] = [*_own_cameras(count, frames, size, data)] if count else []
     if data is not None and (data / VIDEO).is_dir():

@@ -124,18 +124,9 @@ Change: TypeAlias = Callable[[Footage, float, np.random.Generator], Footage]
 
 @dataclass(frozen=True)
 class Fault:
-    """A kind of fault.
+    """A kind of fault: its name, what happens, with {} in place of the strength, and what puts it on a recording.
 
-    Attributes
-    ----------
-    name
-        Its name.
-    text
-        What happens, with {} in place of the strength.
-    strengths
-        A weak, a medium and a strong one, in the unit of the text.
-    change
-        Puts it on a recording.
+    The strengths, a weak, a medium and a strong one, are in the unit of the text.
     """
 
     name: str
@@ -174,10 +165,10 @@ def half(footage: Footage) -> int:
 
 
 def wave(count: int, cycles: float) -> FloatArray:
-    """Return a sine of so many cycles over the recording, shape (count,)."""
+    """Return a sine with this number of cycles over the recording, shape (count,)."""
     return np.sin(2 * np.pi * cycles * np.arange(count) / count)
 
 
 def blocks(count: int, length: int, random: np.random.Generator) -> FloatArray:
-    """Return +1 or −1 for each block of so many frames, drawn at random, shape (count,)."""
+    """Return +1 or −1, drawn at random for each block of ``length`` frames, shape (count,)."""
     return np.repeat(random.choice([-1.0, 1.0], count // length + 1), length)[:count]

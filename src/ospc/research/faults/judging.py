@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from time import process_time
 from typing import Any, Literal
@@ -99,17 +99,7 @@ class Run:
 
 @dataclass(frozen=True)
 class FaultTask:
-    """A fault of one strength to be put on a recording, or none.
-
-    Attributes
-    ----------
-    source
-        The good recording.
-    fault
-        The fault; None for the recording as it is.
-    strength
-        Index of the strength.
-    """
+    """A fault of one strength, by its index, to be put on a good recording; None for the recording as it is."""
 
     source: GoodSource
     fault: Fault | None = None
@@ -134,30 +124,18 @@ class FaultTask:
             footage = self.fault.put_on(footage, value)
         progress(0.5)
         name, strength = (CLEAN, "") if self.fault is None else (self.fault.name, STRENGTHS[self.strength])
+        run = Run(self.source.name, name, strength, value, "harmless")
         began = process_time()
         try:
             found = calibrated(footage)
-        except OspcError as error:
-            return asdict(
-                Run(self.source.name, name, strength, value, "detected", said=(str(error),), false_alarm=True)
-            )
         except Exception as error:  # a breakdown is an outcome too
-            said = (failure(error),)
-            return asdict(Run(self.source.name, name, strength, value, "crashed", said=said, false_alarm=True))
-        seconds = process_time() - began
-        return asdict(
-            judged(found, footage, Run(self.source.name, name, strength, value, "harmless", seconds=seconds))
-        )
+            outcome: Outcome = "detected" if isinstance(error, OspcError) else "crashed"
+            return asdict(replace(run, outcome=outcome, said=(failure(error),), false_alarm=True))
+        return asdict(judged(found, footage, replace(run, seconds=process_time() - began)))
 
 
 def calibrated(footage: Footage) -> Calibration:
-    """Calibrate a recording with default settings.
-
-    Raises
-    ------
-    OspcError
-        If it cannot be opened, or no frame can be used.
-    """
+    """Calibrate a recording with default settings."""
     if not footage.times:
         return calibrate(_frames(footage))
     with tempfile.TemporaryDirectory() as folder:
@@ -211,16 +189,10 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
 def outcome_of(
     states: dict[str, str], figures: Mapping[str, float | None], *, warned: bool, corrected: bool
 ) -> Outcome:
-    """Return how a run ended; its worst figure decides.
+    """Return how a run ended, by the verdicts on what the truth is known of; its worst figure decides.
 
-    Parameters
-    ----------
-    states
-        Verdicts on what the truth is known of.
-    figures
-        Errors and standard deviations by the names of :class:`Run`.
-    warned, corrected
-        Whether there are warnings, and whether notes tell of something that was done about a fault.
+    ``figures`` are errors and standard deviations by the names of :class:`Run`. ``corrected`` says whether notes tell
+    of something that was done about a fault.
     """
     if warned or "not identifiable" in states.values():
         return "detected"

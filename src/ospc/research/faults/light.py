@@ -227,7 +227,7 @@ def _standing_still(footage: Footage, share: float, _random: np.random.Generator
 
 
 def _roll_only(footage: Footage, degrees: float, _random: np.random.Generator) -> Footage:
-    """Turn the camera about its axis over one view, back and forth by so many degrees."""
+    """Turn the camera about its axis over one view, by up to this angle either way."""
     first = footage.camera.radiance(0)
     height, width = first.shape
     angle = degrees * wave(len(footage), 6)

@@ -31,22 +31,7 @@ GoodSource = SimulatedSource | VideoSource
 
 
 def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[list[GoodSource], list[str]]:
-    """Return so many simulated recordings, the real video where there is one, and notes on what is left out.
-
-    Parameters
-    ----------
-    count
-        Number of simulated recordings.
-    frames
-        Frames of each.
-    data
-        Folder of real data; None for none.
-
-    Raises
-    ------
-    OspcError
-        If a file of the folder does not hold what it should.
-    """
+    """Return ``count`` simulated recordings, the real video if there is one, and notes on what is left out."""
     simulated = [source for source in accuracy_sources(None, frames)[0] if isinstance(source, SimulatedSource)]
     moving = [source for source in simulated if source.group == "simulated"]
     chosen = (moving[(_FIRST + _STEP * i) % len(moving)] for i in range(count))

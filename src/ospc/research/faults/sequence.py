@@ -66,7 +66,7 @@ def _short(footage: Footage, share: float, _random: np.random.Generator) -> Foot
 
 
 def _cuts(footage: Footage, length: float, random: np.random.Generator) -> Footage:
-    """Put pieces of so many frames into another order, with their exposures."""
+    """Shuffle pieces of ``length`` frames, with their exposures."""
     pieces = np.array_split(np.arange(len(footage)), max(2, len(footage) // int(length)))
     order = np.concatenate([pieces[i] for i in random.permutation(len(pieces))])
     return footage.with_images(footage.images[i] for i in order).with_exposures(footage.exposures_ms[order])

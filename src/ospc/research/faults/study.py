@@ -37,13 +37,7 @@ _NOTE = (
 
 
 def chosen_faults(pattern: str | None) -> list[Fault]:
-    """Return the faults with a name, or whose name matches a pattern of shell wildcards, or contains a word.
-
-    Raises
-    ------
-    SettingError
-        If none matches.
-    """
+    """Return the faults with a name, or whose name matches a pattern of shell wildcards, or contains a word."""
     return select([fault for faults in KINDS.values() for fault in faults], pattern, "fault")
 
 

@@ -31,16 +31,8 @@ OnEstimate = Callable[[str, float], None]
 class Calibrations:
     """Finds or estimates calibrations, and keeps the estimates in a folder.
 
-    Attributes
-    ----------
-    folder
-        Made when needed.
-    given
-        Calibrations of other programs, by the name of their condition; they are preferred to everything else.
-    online
-        Whether joint estimation is the online variant that the paper compares with, or the batch variant.
-    progress
-        Called while an estimate is made.
+    Those ``given``, by the name of their condition, are preferred to everything else. Joint estimation is ``online``,
+    as in the paper's comparison, or from the whole recording.
     """
 
     folder: Path
@@ -49,13 +41,7 @@ class Calibrations:
     progress: OnEstimate = lambda _what, _share: None
 
     def of(self, recording: Recording, condition: Condition) -> Photometry:
-        """Return the calibration of a recording under a condition; an empty one where the condition has none.
-
-        Raises
-        ------
-        OspcError
-            If it cannot be read or estimated.
-        """
+        """Return the calibration of a recording under a condition; an empty one where the condition has none."""
         if not condition.calibrated:
             return Photometry("none", None, None)
         if condition.name in self.given:

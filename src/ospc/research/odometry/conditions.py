@@ -24,15 +24,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 
 @dataclass(frozen=True)
 class Condition:
-    """What odometry is given.
-
-    Attributes
-    ----------
-    name, title
-        Its name on the command line and in the results, and the heading of its column.
-    mode
-        DSO's mode.
-    """
+    """What odometry is given: its name in commands and results, the heading of its column, and DSO's mode."""
 
     name: str
     title: str
@@ -66,13 +58,7 @@ _KNOWN = {condition.name: condition for condition in (*STANDARD, AFFINE)}
 
 
 def external(name: str) -> Condition:
-    """Return a condition for calibration files of another program.
-
-    Raises
-    ------
-    SettingError
-        If the name is one of the standard conditions, or not a word of letters, digits and ``_ . + -``.
-    """
+    """Return a condition for calibration files of another program, under a name that is not taken."""
     if not _NAME.fullmatch(name) or name in _KNOWN:
         raise SettingError(
             f"'{name}' cannot name a further calibration; choose another word of letters, digits and _ . + -"
@@ -81,13 +67,7 @@ def external(name: str) -> Condition:
 
 
 def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
-    """Return standard conditions by their names, in the order of the paper's table.
-
-    Raises
-    ------
-    SettingError
-        If one is unknown.
-    """
+    """Return standard conditions by their names, in the order of the paper's table."""
     unknown = [name for name in names if name not in _KNOWN]
     if unknown:
         raise SettingError(f"no condition is called '{unknown[0]}'; known: {', '.join(_KNOWN)}")

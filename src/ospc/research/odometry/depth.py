@@ -30,13 +30,7 @@ class SceneDepth:
 
     @classmethod
     def of(cls, folder: Path) -> SceneDepth:
-        """Build the scene of a simulated recording.
-
-        Raises
-        ------
-        RecordingError
-            If the folder is not a simulated recording.
-        """
+        """Build the scene of a simulated recording."""
         place = folder / _TRUTH
         try:
             if place.stat().st_size > _MOST_BYTES:

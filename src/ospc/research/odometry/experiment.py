@@ -25,23 +25,10 @@ _FEWEST_POSES = 3
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is to be run.
+    """Recordings by name, each with camera.txt and groundtruthSync.txt, to be run under conditions.
 
-    Attributes
-    ----------
-    recordings
-        By name: the recordings; each folder has a camera.txt and a groundtruthSync.txt.
-    conditions
-        The columns of the table.
-    runs
-        Runs of each recording under each condition.
-    calibrations
-        Where calibrations come from.
-    folder
-        Where everything is kept.
-    end_share
-        Share of the true trajectory that is used at either end, where the data set's own truth is known; None to use
-        all of it.
+    ``end_share`` is the share of the true trajectory used at either end, where the data set knows no more; None for
+    all.
     """
 
     recordings: dict[str, Recording]
@@ -62,13 +49,7 @@ class Experiment:
             self.truth_of(recording)
 
     def truth_of(self, recording: Recording) -> Trajectory:
-        """Return the true trajectory of a recording.
-
-        Raises
-        ------
-        RecordingError
-            If its folder has none.
-        """
+        """Return the true trajectory of a recording."""
         known = read_trajectory(needed(recording.path, TRUTH))
         return known if self.end_share is None else end_segments(known, self.end_share)
 
@@ -98,15 +79,7 @@ class RunTask:
 
 @dataclass
 class Outcome:
-    """The results of an experiment, complete when all runs have been given.
-
-    Attributes
-    ----------
-    results
-        All runs by recording, condition and number.
-    notes
-        Why conditions could not be run.
-    """
+    """All runs by recording, condition and number, and notes on why conditions could not be run."""
 
     results: dict[tuple[str, str, int], RunResult] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)

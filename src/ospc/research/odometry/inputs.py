@@ -44,7 +44,7 @@ class OdometryInput:
     images
         Folder that holds its images and nothing else, one file a frame, in temporal order by name.
     stamps_s, exposures_ms
-        Stamps, and exposures as odometry is told, shape (frames,).
+        Time stamps, and the exposures given to odometry, shape (frames,).
     condition
         The condition.
     photometry
@@ -63,13 +63,7 @@ class OdometryInput:
 
     @classmethod
     def of(cls, recording: Recording, images: Path, condition: Condition, photometry: Photometry) -> OdometryInput:
-        """Return a recording under a condition.
-
-        Raises
-        ------
-        RecordingError
-            If it has no camera.txt.
-        """
+        """Return a recording under a condition."""
         needed(recording.path, CAMERA)
         exposures = np.asarray(recording.exposures_ms, dtype=np.float64)
         return cls(
@@ -115,13 +109,7 @@ def write_curves(curves: Photometry | Estimate, place: Path) -> None:
 
 
 def needed(place: Path, name: str) -> Path:
-    """Return the path of camera.txt or groundtruthSync.txt in a recording's folder.
-
-    Raises
-    ------
-    RecordingError
-        If there is none.
-    """
+    """Return the path of camera.txt or groundtruthSync.txt in a recording's folder."""
     if not (place / name).is_file():
         raise RecordingError(f"{place}: has no {name}; {_NEEDED_FOR[name]}")
     return place / name
@@ -131,11 +119,6 @@ def images_of(recording: Recording, cache: Path) -> Path:
     """Return a folder with a recording's images as odometry reads them, one file a frame.
 
     This is its own folder ``images`` if that holds exactly the frames; otherwise they are written below ``cache``.
-
-    Raises
-    ------
-    SettingError
-        If they cannot be written.
     """
     own = recording.path / "images"
     if own.is_dir() and recording.max_grey == 255:

@@ -40,20 +40,9 @@ class Odometry(Protocol):
 
 @dataclass(frozen=True)
 class Tracked:
-    """What a run of odometry gave.
+    """What a run of odometry gave: the poses, None where there are none, and the end of its output.
 
-    Attributes
-    ----------
-    trajectory
-        The poses; None where there are none.
-    failure
-        Why there are none, or why they end early; empty if all went well.
-    timeout
-        Whether it exceeded its time limit.
-    log
-        The end of its output.
-    seconds
-        Its duration.
+    ``failure`` says why there are none, or why they end early; it is empty if all went well.
     """
 
     trajectory: Trajectory | None
@@ -81,20 +70,8 @@ class Tracked:
 class RunResult:
     """A run, compared with the truth.
 
-    Attributes
-    ----------
-    recording, condition
-        Names.
-    run
-        Number of the run, from 0.
-    tracked
-        What it gave.
-    ending, reason
-        How it ended, and why it did not finish.
-    errors
-        Errors of the trajectory; None where they cannot be computed.
-    covered
-        Share of the recording's duration that the poses span.
+    ``errors`` is None where they cannot be computed; ``covered`` is the share of the recording's duration that the
+    poses span.
     """
 
     recording: str

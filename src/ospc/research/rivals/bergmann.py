@@ -52,13 +52,7 @@ class Bergmann:
             self._latest = self._estimated(_ITERATIONS_ONLINE)
 
     def estimate(self) -> JointEstimate:
-        """Return the latest online estimate, or one from all frames, without any point of the truth.
-
-        Raises
-        ------
-        NotObservableError
-            If too little could be tracked.
-        """
+        """Return the latest online estimate, or one from all frames, without any point of the truth."""
         return self._latest or self._estimated(_ITERATIONS)
 
     def found(self) -> dict[str, Outcome]:

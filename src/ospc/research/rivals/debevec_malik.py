@@ -17,7 +17,7 @@ _SMOOTHNESS = 10.0
 
 
 def debevec_malik(series: ExposureSeries, samples: int = 200) -> Response:
-    """Return the response from so many pixels of the images."""
+    """Return the response from this number of pixels."""
     chosen = series.sampled(samples)
     columns = [np.ascontiguousarray(row[None, :, None].repeat(3, axis=2)) for row in chosen]
     method = cv2.createCalibrateDebevec(chosen.shape[1], _SMOOTHNESS, False)

@@ -14,7 +14,7 @@ from ospc.research.rivals.camera_at_rest import LEVELS, ExposureSeries, response
 
 
 def engel_response(series: ExposureSeries, iterations: int = 20) -> Response:
-    """Return the response after so many turns."""
+    """Return the response after this number of iterations."""
     t = series.relative_exposures[:, None]
     grey = series.images.reshape(len(series.images), -1)
     used = grey < LEVELS - 1

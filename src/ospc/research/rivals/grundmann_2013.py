@@ -47,13 +47,7 @@ _MOST_PAIRS, _FEWEST_PAIRS = 100_000, 200
 def mixture_responses(
     tracks: TrackObservations, truth: Response | None = None, apart: int = KEY_FRAMES_APART
 ) -> tuple[FloatArray, dict[int, float]]:
-    """Return c of every key frame, shape (keys, 5), and exposures by frame, up to a factor.
-
-    Raises
-    ------
-    NotObservableError
-        If too few points are seen in successive frames.
-    """
+    """Return c of every key frame, shape (keys, 5), and exposures by frame, up to a factor."""
     model, greys = LogModel.learned(), np.arange(256)
     grey = 255 * tracks.grey
     first, second = _pairs(tracks)

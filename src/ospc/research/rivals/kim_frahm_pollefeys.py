@@ -206,13 +206,7 @@ def reduced_system(pair: TrackedPair, model: LogModel, coefficients: FloatArray)
 
 
 class KimFrahmPollefeys:
-    """The method, with one point of the true response and without.
-
-    Parameters
-    ----------
-    truth
-        The true response, of which one point is used; None for the variant without only.
-    """
+    """The method, with one point of the true response, if that is known, and without."""
 
     def __init__(self, truth: Response | None) -> None:
         self._truth, self._model = truth, LogModel.learned()

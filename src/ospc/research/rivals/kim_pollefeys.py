@@ -37,7 +37,7 @@ _FEWEST, _FEWEST_LEVELS = 400, 60
 """Points of a pair, and grey levels of its transfer function, that it needs."""
 
 _RINGS, _FEWEST_IN_CELL = 25, 10
-"""Radii are binned into so many rings; cells of two rings with fewer points are left out."""
+"""Number of rings that radii are binned into, and the fewest points of a cell of two rings that counts."""
 
 _PULL = 3.0
 """Weight of the mean curve: the errors of the grey levels of one pair are correlated, so their number misleads."""

@@ -70,7 +70,7 @@ class LogModel:
     def solved(self, matrix: FloatArray, vector: FloatArray, truth: Response | None, curves: int = 1) -> FloatArray:
         """Return the c of A c = b, with ln g known at one grey level; without a truth, it is that of g₀.
 
-        The first unknowns are the coefficients of so many curves in a row.
+        The first unknowns are the coefficients of the curves, one curve after another.
         """
         size = len(vector)
         wanted = 0.0 if truth is None else float(np.log(truth.inverse(ANCHOR / 255)) - self.mean[ANCHOR])

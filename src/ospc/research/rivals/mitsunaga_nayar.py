@@ -27,15 +27,7 @@ _PIXELS, _FEWEST_PIXELS = 2000, 50
 
 @dataclass(frozen=True)
 class MitsunagaNayar:
-    """The result of radiometric self calibration.
-
-    Attributes
-    ----------
-    coefficients
-        c₀ … c_N of g(M) = Σ cₙMⁿ.
-    error
-        Root mean square of g(M₀) − R·g(M₁).
-    """
+    """c₀ … c_N of g(M) = Σ cₙMⁿ, and the root mean square of g(M₀) − R·g(M₁)."""
 
     coefficients: FloatArray
     error: float
@@ -49,15 +41,7 @@ class MitsunagaNayar:
 
 
 def mitsunaga_nayar(series: ExposureSeries, degree: int | None = None) -> MitsunagaNayar:
-    """Return the polynomial of a degree from 1 to 10; of the one with the least error where None.
-
-    Raises
-    ------
-    SettingError
-        If there is no such degree.
-    NotObservableError
-        If too few pixels are exposed in two successive images.
-    """
+    """Return the polynomial of a degree from 1 to 10; of the one with the least error where None."""
     if degree is not None and not 1 <= degree <= _MOST_DEGREES:
         raise SettingError(f"the degree of the polynomial is {degree}; choose one from 1 to {_MOST_DEGREES}")
     grey = series.sampled(_PIXELS).astype(np.float64)

@@ -128,13 +128,7 @@ class Mo:
             self._best = max(self._best, (change, grey), key=lambda one: one[0])
 
     def found(self) -> dict[str, Outcome]:
-        """Return the variants that are possible.
-
-        Raises
-        ------
-        NotObservableError
-            If no points are seen in enough images.
-        """
+        """Return the variants that are possible."""
         if not self._best[1].size:
             raise NotObservableError(f"no {_FEWEST_POINTS} points are seen and exposed in {_IMAGES} images")
         free = rank_one_response(self._best[1])

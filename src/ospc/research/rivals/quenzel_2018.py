@@ -90,13 +90,7 @@ class SplineEstimate:
 def estimate_splines(
     points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bending: float = _BENDING
 ) -> SplineEstimate:
-    """Return the estimate for a γ, which fixes the exponent, and a weight of bending.
-
-    Raises
-    ------
-    NotObservableError
-        If too few points are seen in several key frames.
-    """
+    """Return the estimate for a γ, which fixes the exponent, and a weight of bending."""
     used = (points.grey > _DARKEST) & (points.grey < _BRIGHTEST)
     used &= np.bincount(points.point[used], minlength=points.point.max(initial=0) + 1)[points.point] > 1
     if np.count_nonzero(used) < _FEWEST:
