@@ -10,8 +10,9 @@ from threading import RLock
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from ospc.arrays import Image, ImageSize
+from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
@@ -201,9 +202,7 @@ class Engine:
             raise OspcError("no frame could be used, so nothing is known about the exposures")
         key = (len(self._exposures), len(self._evidence))
         if self._findings is None or self._findings[0] != key:
-            written = self._exposures.written
-            found = assess_exposures(self._evidence, written, self._correct_lag, since=self._first_of_epoch)
-            self._findings = (key, found)
+            self._findings = (key, self._assessed(self._evidence, self._exposures.written))
         return self._findings[1]
 
     @_one_thread_at_a_time
@@ -358,8 +357,7 @@ class Engine:
     ) -> tuple[ExposureEvidence, Method]:
         """End the epoch with the calibration before a change of the camera, and go on with what came after it."""
         later_evidence, later_method = evidence.split(change.frame), method.split(change.frame)
-        written = self._exposures.written[: change.frame]
-        found = assess_exposures(evidence, written, self._correct_lag, since=self._first_of_epoch)
+        found = self._assessed(evidence, self._exposures.written[: change.frame])
         exposures = self._exposures.until(change.frame).with_lag(found.corrected_frames)
         known = method.calibration(exposures, self._pixels.grey_range)
         self._epochs.append(Epoch(self._first_of_epoch, change.frame - 1, self._judged(known, found), change))
@@ -403,6 +401,11 @@ class Engine:
             self._exposures.lag_frames = found.corrected_frames
             self._lag_is_known = found.lag.correction(found.course.cycle_frames) is not None
             self._exposures.trusted = self._lag_is_known and not found.warnings
+
+    def _assessed(self, evidence: ExposureEvidence, log_exposure: FloatArray) -> ExposureFindings:
+        # Its matrices are small: further threads of the linear algebra would only wait for each other.
+        with threadpool_limits(1, user_api="blas"):
+            return assess_exposures(evidence, log_exposure, self._correct_lag, since=self._first_of_epoch)
 
     @property
     def _lag_is_open(self) -> bool:
