@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -183,7 +184,9 @@ def drive(
     # Its matrices are small: further threads of the linear algebra would only wait, and take the cores to do so.
     with threadpool_limits(1, user_api="blas"):
         for frame in decoded_ahead(
-            remaining(calibrator, frames), lambda places: calibrator.foresees(calibrator.frames + places - 1)
+            remaining(calibrator, frames),
+            lambda places: calibrator.foresees(calibrator.frames + places - 1),
+            lambda places: partial(calibrator.prepare, calibrator.frames + places - 1),
         ):
             used = calibrator.push(frame)
             if after_frame is not None:

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
 from ospc.errors import ExposureError, FrameError, OspcError
@@ -25,6 +26,7 @@ from ospc.methods.inputs import FitInputs
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
@@ -107,6 +109,7 @@ class Engine:
         self._sampler = self._settings.sampler()
         self._foresight = (False, replace(self._sampler))
         self._preprocess = self._settings.preprocessor()
+        self._prepared_ahead: dict[int, tuple[Image, GreyRange, PreprocessedFrame]] = {}
         self._pixels = PixelStatistics()
         self._second = SecondThread()
         self._size: ImageSize = (0, 0)
@@ -136,6 +139,7 @@ class Engine:
             self._skip(str(error))
             return False
         finally:
+            self._prepared_ahead.pop(number, None)
             if self._sampler.number == number:  # the frame was not taken
                 self._sampler.skip()
             self._foresee()
@@ -152,7 +156,7 @@ class Engine:
         evidence, method = self._started(frame)
         change = None
         if self._sampler.processes_next:
-            prepared = self._preprocess(frame, self._pixels.grey_range)
+            prepared = self._prepared(frame)
             counting = self._second.submit(self._pixels.observe, frame, prepared.thumbnail)
             comparing = self._second.submit(evidence.observe, prepared.thumbnail)
             try:
@@ -227,7 +231,15 @@ class Engine:
     def foresees(self, number: int) -> bool:
         """Whether the image of the frame with this number will most likely be needed; waits for no other thread."""
         every, sampler = self._foresight
-        return every or sampler.wants(number)
+        return every or sampler.foreseen(number).compares_next
+
+    def prepare(self, number: int, frame: Frame) -> None:
+        """Prepare a frame that will be pushed with this number; any thread may call it, and waits for no other."""
+        every, sampler = self._foresight
+        if (every or sampler.foreseen(number).processes_next) and frame.image.shape == self._size[::-1]:
+            grey_range = self._pixels.grey_range
+            prepared = self._preprocess(replace(frame, index=number), grey_range)
+            self._prepared_ahead[number] = (frame.image, grey_range, prepared)
 
     def may_need(self, number: int) -> bool:
         """Whether the image of the frame with this number can be needed at all; waits for no other thread."""
@@ -351,6 +363,14 @@ class Engine:
             self._evidence.recall(prepared.thumbnail)
 
     # The steps of push.
+
+    def _prepared(self, frame: Frame) -> PreprocessedFrame:
+        """Return a frame prepared: ahead of time, where black and white have not moved since."""
+        grey_range = self._pixels.grey_range
+        image, expected, prepared = self._prepared_ahead.get(frame.index, (None, None, None))
+        if prepared is not None and image is frame.image and expected == grey_range:
+            return prepared
+        return self._preprocess(frame, grey_range)
 
     def _begin_epoch(
         self, evidence: ExposureEvidence, method: Method, change: Change

@@ -106,20 +106,24 @@ def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRo
     OspcError
         If the recording cannot be calibrated.
     """
-    from ospc.calibrator import OnlineCalibrator
-    from ospc.recording.ahead import decoded_ahead
+    from ospc.calibrator import OnlineCalibrator, drive
     from ospc.research.speed.stages import clocks, with_rest
 
     count = min(count, SLOW_FRAMES) if preset == "paper" else count
     decoding = reel.decoding_s(count)
     pushes: list[float] = []
+
+    class Clocked(OnlineCalibrator):
+        def push(self, frame: Frame) -> bool:
+            before = time.perf_counter()
+            used = super().push(frame)
+            pushes.append(time.perf_counter() - before)
+            return used
+
     with clocks() as stages:
         begun, cpu = time.perf_counter(), time.process_time()
-        calibrator = OnlineCalibrator(preset)
-        for frame in decoded_ahead(reel.frames(count), calibrator.foresees):
-            before = time.perf_counter()
-            calibrator.push(frame)
-            pushes.append(time.perf_counter() - before)
+        calibrator = Clocked(preset)
+        drive(calibrator, reel.frames(count))
         calibrator.calibration()
         seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
     return SpeedRow(
