@@ -96,6 +96,22 @@ def in_colour(index):
 # One frame after the other.
 
 
+def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypatch):
+    made = []
+    plain = Preprocessor.__call__
+    monkeypatch.setattr(Preprocessor, "__call__", lambda *given: made.append(given[1].index) or plain(*given))
+    calibrator = OnlineCalibrator(NotingSettings())
+    frames = [Frame.of_array(IMAGE + i, 1.0 + i) for i in range(4)]
+    calibrator.push(frames[0])
+    calibrator.prepare(1, frames[1])
+    calibrator.prepare(2, Frame.of_array(IMAGE, 1.0))  # not the frame that comes
+    calibrator.prepare(3, Frame.of_array(IMAGE[:3], 1.0))  # of another size
+    assert made == [0, 1, 2]
+    for frame in frames[1:]:
+        assert calibrator.push(frame)
+    assert made == [0, 1, 2, 2, 3]
+
+
 def test_good_frames_reach_the_method_in_their_order():
     settings = NotingSettings()
     calibrator = OnlineCalibrator(settings)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-from threadpoolctl import threadpool_limits
 
 from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, SettingError
 from ospc.exposures.findings import LagChoice, check_lag, lag_choice, lag_choice_for
+from ospc.library_threads import one_library_thread
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
@@ -194,10 +194,11 @@ def drive(
     after_frame
         Called after every frame with the frame and whether it could be used. It ends the run early by raising.
     """
-    # Its matrices are small: further threads of the linear algebra would only wait, and take the cores to do so.
-    with threadpool_limits(1, user_api="blas"):
+    with one_library_thread():
         for frame in decoded_ahead(
-            remaining(calibrator, frames), lambda places: calibrator.foresees(calibrator.frames + places - 1)
+            remaining(calibrator, frames),
+            lambda places: calibrator.foresees(calibrator.frames + places - 1),
+            lambda places: partial(calibrator.prepare, calibrator.frames + places - 1),
         ):
             used = calibrator.push(frame)
             if after_frame is not None:

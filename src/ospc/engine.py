@@ -10,9 +10,11 @@ from threading import RLock
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from ospc.arrays import Image, ImageSize
+from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
 from ospc.errors import ExposureError, FrameError, OspcError
@@ -24,6 +26,7 @@ from ospc.methods.inputs import FitInputs
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
@@ -106,6 +109,7 @@ class Engine:
         self._sampler = self._settings.sampler()
         self._foresight = (False, replace(self._sampler))
         self._preprocess = self._settings.preprocessor()
+        self._prepared_ahead: dict[int, tuple[Image, GreyRange, PreprocessedFrame]] = {}
         self._pixels = PixelStatistics()
         self._second = SecondThread()
         self._size: ImageSize = (0, 0)
@@ -135,6 +139,7 @@ class Engine:
             self._skip(str(error))
             return False
         finally:
+            self._prepared_ahead.pop(number, None)
             if self._sampler.number == number:  # the frame was not taken
                 self._sampler.skip()
             self._foresee()
@@ -151,7 +156,7 @@ class Engine:
         evidence, method = self._started(frame)
         change = None
         if self._sampler.processes_next:
-            prepared = self._preprocess(frame, self._pixels.grey_range)
+            prepared = self._prepared(frame)
             counting = self._second.submit(self._pixels.observe, frame, prepared.thumbnail)
             comparing = self._second.submit(evidence.observe, prepared.thumbnail)
             try:
@@ -201,9 +206,7 @@ class Engine:
             raise OspcError("no frame could be used, so nothing is known about the exposures")
         key = (len(self._exposures), len(self._evidence))
         if self._findings is None or self._findings[0] != key:
-            written = self._exposures.written
-            found = assess_exposures(self._evidence, written, self._correct_lag, since=self._first_of_epoch)
-            self._findings = (key, found)
+            self._findings = (key, self._assessed(self._evidence, self._exposures.written))
         return self._findings[1]
 
     @_one_thread_at_a_time
@@ -228,7 +231,15 @@ class Engine:
     def foresees(self, number: int) -> bool:
         """Whether the image of the frame with this number will most likely be needed; waits for no other thread."""
         every, sampler = self._foresight
-        return every or sampler.wants(number)
+        return every or sampler.foreseen(number).compares_next
+
+    def prepare(self, number: int, frame: Frame) -> None:
+        """Prepare a frame that will be pushed with this number; any thread may call it, and waits for no other."""
+        every, sampler = self._foresight
+        if (every or sampler.foreseen(number).processes_next) and frame.image.shape == self._size[::-1]:
+            grey_range = self._pixels.grey_range
+            prepared = self._preprocess(replace(frame, index=number), grey_range)
+            self._prepared_ahead[number] = (frame.image, grey_range, prepared)
 
     def may_need(self, number: int) -> bool:
         """Whether the image of the frame with this number can be needed at all; waits for no other thread."""
@@ -353,13 +364,20 @@ class Engine:
 
     # The steps of push.
 
+    def _prepared(self, frame: Frame) -> PreprocessedFrame:
+        """Return a frame prepared: ahead of time, where black and white have not moved since."""
+        grey_range = self._pixels.grey_range
+        image, expected, prepared = self._prepared_ahead.get(frame.index, (None, None, None))
+        if prepared is not None and image is frame.image and expected == grey_range:
+            return prepared
+        return self._preprocess(frame, grey_range)
+
     def _begin_epoch(
         self, evidence: ExposureEvidence, method: Method, change: Change
     ) -> tuple[ExposureEvidence, Method]:
         """End the epoch with the calibration before a change of the camera, and go on with what came after it."""
         later_evidence, later_method = evidence.split(change.frame), method.split(change.frame)
-        written = self._exposures.written[: change.frame]
-        found = assess_exposures(evidence, written, self._correct_lag, since=self._first_of_epoch)
+        found = self._assessed(evidence, self._exposures.written[: change.frame])
         exposures = self._exposures.until(change.frame).with_lag(found.corrected_frames)
         known = method.calibration(exposures, self._pixels.grey_range)
         self._epochs.append(Epoch(self._first_of_epoch, change.frame - 1, self._judged(known, found), change))
@@ -403,6 +421,11 @@ class Engine:
             self._exposures.lag_frames = found.corrected_frames
             self._lag_is_known = found.lag.correction(found.course.cycle_frames) is not None
             self._exposures.trusted = self._lag_is_known and not found.warnings
+
+    def _assessed(self, evidence: ExposureEvidence, log_exposure: FloatArray) -> ExposureFindings:
+        # Its matrices are small: further threads of the linear algebra would only wait for each other.
+        with threadpool_limits(1, user_api="blas"):
+            return assess_exposures(evidence, log_exposure, self._correct_lag, since=self._first_of_epoch)
 
     @property
     def _lag_is_open(self) -> bool:

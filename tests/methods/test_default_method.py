@@ -243,7 +243,7 @@ def test_pauses_grow_faster_up_to_a_limit_and_are_foreseen(slowdown, dense, long
     numbers = processed(limited, frames)
     assert len(numbers) <= max(len(processed(sampler(slowdown), frames)), frames // (longest + 1) + dense + slowdown)
     assert max(np.diff(numbers), default=0) <= longest + 1
-    foreseen = [limited.wants(frames + place) for place in range(ahead)]
+    foreseen = [limited.foreseen(frames + place).compares_next for place in range(ahead)]
     happened = []
     for _ in range(ahead):
         happened.append(limited.compares_next)

@@ -63,6 +63,7 @@ PARSERS = {
     "research/odometry/inputs.py": SAFE,
     "research/odometry/program.py": "what a program said that its user runs",
     "research/speed/measuring.py": OURS,
+    "research/speed/reel.py": OURS,
     "research/store.py": OURS,
     "simulation/files.py": OURS,
     "simulation/texture.py": OURS,

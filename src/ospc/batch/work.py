@@ -7,15 +7,12 @@ import os
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
 from typing import Literal
-
-import cv2
-from threadpoolctl import threadpool_limits
 
 import ospc
 from ospc.batch.entries import Entry, is_address
@@ -23,6 +20,7 @@ from ospc.batch.object_store import local_copy
 from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.errors import RecordingError, one_line
+from ospc.library_threads import one_library_thread
 from ospc.recording import Recording, open_recording
 from ospc.recording.identity import identity
 
@@ -60,7 +58,7 @@ def work(task: Task) -> Answer:
     begun_s = time.monotonic()
     answer = Answer(task.number)
     try:
-        with _on_one_core(), _here(task.entry.recording) as place:
+        with one_library_thread(), _here(task.entry.recording) as place:
             recording = open_recording(place, task.entry.kind, task.entry.reading)
             source = identity(recording) | {"name": Path(task.entry.recording.rstrip("/")).name}
             key = _key(place, source, task.entry)
@@ -121,15 +119,3 @@ def _listed(folder: Path) -> Iterator[tuple[str, int]]:
 def _here(recording: str) -> AbstractContextManager[Path]:
     """Give the recording as a path on this machine."""
     return local_copy(recording) if is_address(recording) else nullcontext(Path(recording))
-
-
-@contextmanager
-def _on_one_core() -> Iterator[None]:
-    """Keep libraries from using threads: each core works on a recording of its own."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        cv2.setNumThreads(before)

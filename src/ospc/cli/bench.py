@@ -126,10 +126,10 @@ def faults(
     metavar="WxH",
     help="Size of the frames; repeatable. [640x480, 1280x1024]",
 )
-@click.option("--frames", type=click.IntRange(2, 1_000_000), default=1500, show_default=True, help="Frames pushed.")
-@click.option("--live", "live_s", type=click.FloatRange(0, 3600), default=10, show_default=True, help="Seconds live.")
+@click.option("--frames", type=click.IntRange(2, 1_000_000), default=1500, show_default=True, help="Frames at most.")
+@click.option("--live", "live_s", type=click.FloatRange(0, 3600), default=30, show_default=True, help="Seconds live.")
 @click.option(
-    "--rate", "rate_hz", type=click.FloatRange(0.1, 1000), default=50, show_default=True, help="Frames/s live."
+    "--rate", "rate_hz", type=click.FloatRange(0.1, 1000), default=30, show_default=True, help="Frames/s live."
 )
 @json_option
 def speed(
@@ -142,16 +142,24 @@ def speed(
     rate_hz: float,
     as_json: bool,
 ) -> None:
-    """Measure the speed of the presets against decoding the same frames.
+    """Measure speed: of whole commands, presets, a live camera, and corrections, with the goals of this project.
 
-    Simulated JPEG frames are first decoded, then calibrated, in the same process. Afterwards a camera is simulated
-    live. OUT gets speed.json and speed.png, which shows the time of each stage. Preset "paper" gets 30 frames.
+    Simulated JPEG frames are decoded, or copied, in the same run just before. OUT gets speed.json, speed.md and
+    speed.png, which shows the time of each stage. Finished measurements are kept in OUT/cache: the same command
+    continues an interrupted run; remove it to measure again. Preset "paper" gets 30 frames.
     """
-    from ospc.research.speed.measuring import SIZES, SLOW_FRAMES, measured
+    from ospc.research.speed.lines import SIZES, row_of, speed_tasks
     from ospc.research.speed.report import content_of, table_of, write_speed
 
-    rows = list(measured(presets, sizes or SIZES, frames, live_s, rate_hz))
-    notes = [f"× decoding: time over that of decoding the same frames in one thread; paper: {SLOW_FRAMES} frames"]
+    tasks = speed_tasks(presets, sizes or SIZES, frames, live_s, rate_hz)
+    found = {}
+
+    def take(finished: Finished) -> None:
+        found[finished.task.name] = row_of(finished.result)
+
+    complete = run_tasks(tasks, out / "cache", 1, take)
+    rows = [found[task.name] for task in tasks if task.name in found]
     if not as_json:
         print_tables([table_of(rows)])
-    finish_study(write_speed(out, rows), notes, as_json=content_of(rows) if as_json else None)
+    written = write_speed(out, rows) if rows else []
+    finish_study(written, as_json=content_of(rows) if as_json else None, complete=complete)

@@ -54,12 +54,12 @@ class FrameSampler:
         """Whether the brightness of the next frame is to be compared with that of the one before."""
         return self.processes_next or self.number % self.comparison_period_frames < self.comparison_run_frames
 
-    def wants(self, number: int) -> bool:
-        """Whether the image of the frame with this number, a later one, will be needed."""
+    def foreseen(self, number: int) -> FrameSampler:
+        """Return the sampler as it will be before the frame with this number, a later one."""
         ahead = replace(self)
         while ahead.number < number:
             ahead.advance()
-        return ahead.compares_next
+        return ahead
 
     def skip(self) -> None:
         """Go on by one frame that could not be processed: where it was to be, the next one is."""

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy.optimize
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
@@ -60,8 +59,10 @@ class EmorBasis:
         coefficients = np.linalg.lstsq(self.components.T, target, rcond=None)[0]
         mean_steps, steps = np.diff(self.mean), np.diff(self.components, axis=1)
         if np.any(mean_steps + coefficients @ steps <= _LEAST_STEP):
+            from scipy.optimize import minimize  # slow to import and rarely needed
+
             normal, moment = self.components @ self.components.T, self.components @ target
-            coefficients = scipy.optimize.minimize(
+            coefficients = minimize(
                 lambda c: c @ normal @ c / 2 - moment @ c,
                 np.zeros(COMPONENTS),  # feasible: the mean response increases
                 jac=lambda c: normal @ c - moment,

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
-import scipy.optimize
 
 from ospc.arrays import Float32Array
 from ospc.errors import FormatError
@@ -166,12 +165,14 @@ def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText
 
 def _make_increasing(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     """Replace the table by the increasing one nearest to it in the least-squares sense."""
+    from scipy.optimize import isotonic_regression  # slow to import and rarely needed
+
     values = table.scanned[0]
     if values[-1] <= values[0]:
         raise FormatError(
             f"falls from {values[0]:g} to {values[-1]:g}, so it is no inverse response; calibrate again"
         )
-    monotone = np.asarray(scipy.optimize.isotonic_regression(values).x)
+    monotone = np.asarray(isotonic_regression(values).x)
     span = float(monotone[-1] - monotone[0])
     moved = np.abs(monotone - values)
     falls = int(np.count_nonzero(np.diff(values) < 0))

@@ -1,4 +1,4 @@
-"""Decoding ahead: while one frame is processed, a thread decodes the next ones."""
+"""Decoding ahead: while one frame is processed, a thread decodes and prepares the next ones."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+from ospc.arrays import Image
 from ospc.recording.frame import Frame
 
 _DECODED = 3
@@ -16,9 +17,14 @@ _VERIFIED = 64
 """Frames taken and verified ahead; without their images they are small."""
 
 
+def _nothing(_frame: Frame) -> None:
+    """Prepare nothing."""
+
+
 def decoded_ahead(
     frames: Iterable[Frame],
     wanted: Callable[[int], bool],
+    prepare: Callable[[int], Callable[[Frame], None]] = lambda _places: _nothing,
     *,
     decoded: int = _DECODED,
     verified: int = _VERIFIED,
@@ -35,6 +41,8 @@ def decoded_ahead(
     wanted
         Called with how far a frame is ahead of the last one yielded, 1 for the next; returns whether its image will
         probably be read. A wrong answer only costs time.
+    prepare
+        Called with the same; returns what the thread does with the frame once its image is decoded.
     decoded
         Largest number of images decoded ahead.
     verified
@@ -54,18 +62,25 @@ def decoded_ahead(
             while queue:
                 in_progress = sum(decoding for _, decoding in queue)
                 while in_progress < decoded and len(queue) < verified and (frame := next(source, None)) is not None:
-                    decode = frame.threads and wanted(len(queue) + 1)
-                    queue.append((_decoding(frame, worker) if decode else _verifying(frame, worker), decode))
+                    places = len(queue) + 1
+                    decode = frame.threads and wanted(places)
+                    ahead = _decoding(frame, worker, prepare(places)) if decode else _verifying(frame, worker)
+                    queue.append((ahead, decode))
                     in_progress += decode
                 yield queue.popleft()[0]
         finally:
             worker.shutdown(wait=True, cancel_futures=True)
 
 
-def _decoding(frame: Frame, worker: ThreadPoolExecutor) -> Frame:
+def _decoding(frame: Frame, worker: ThreadPoolExecutor, prepare: Callable[[Frame], None]) -> Frame:
     """Return a frame whose image the worker decodes."""
-    # Not through the cached property, which in Python 3.11 holds a lock shared by all frames.
-    job = worker.submit(frame.load)
+
+    def load() -> Image:
+        image = frame.load()
+        prepare(replace(frame, load=lambda: image))
+        return image
+
+    job = worker.submit(load)
 
     def verify() -> None:
         # Decoding verifies the image too, so nothing is read twice.

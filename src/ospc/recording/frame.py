@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
@@ -82,7 +81,7 @@ class Frame:
         limit = max_grey or (255 if checked.dtype == np.uint8 else 65535)
         return cls(index, float(stamp_s), float(exposure_ms), name, lambda: checked, limit)
 
-    @cached_property
+    @property
     def image(self) -> Image:
         """Grey image, shape (height, width), uint8 or uint16; (height, width, 3) if :attr:`colour` allows it.
 
@@ -91,7 +90,11 @@ class Frame:
         FrameError
             If the image cannot be read.
         """
-        return check_image(self.load(), self.name, colour=self.colour)
+        # Not functools.cached_property: in Python 3.11, its lock is shared by all frames, and threads would deadlock.
+        if "_decoded" not in self.__dict__:
+            self.__dict__["_decoded"] = check_image(self.load(), self.name, colour=self.colour)
+        decoded: Image = self.__dict__["_decoded"]
+        return decoded
 
     @property
     def image_8_bit(self) -> Image:

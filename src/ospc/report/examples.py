@@ -14,7 +14,6 @@ from ospc.evaluation.tracking import TrackingComparison, compare_tracking
 from ospc.photometry.calibration import Calibration, ExposureRatios
 from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage
-from ospc.photometry.response import Response
 from ospc.recording import Frame, Recording
 from ospc.recording.derived import DerivedRecording
 
@@ -175,11 +174,7 @@ def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int,
 
 def corrected_picture(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
     """Return what the camera would have recorded without vignette at another exposure, in 8 bit."""
-    light = corrector.correct(frame.image, frame.exposure_ms, mark_saturated=False)
-    irradiance = np.clip(np.nan_to_num(np.asarray(light, np.float64)) * exposure_ms, 0.0, 1.0)
-    response = corrector.response
-    grey = response(irradiance) if isinstance(response, Response) else irradiance
-    return np.rint(255 * grey).astype(np.uint8)
+    return corrector.without_vignette(frame.image, frame.exposure_ms, white=1 / exposure_ms, mark_saturated=False)
 
 
 def _reduced(images: tuple[Image, Image]) -> tuple[Image, Image]:

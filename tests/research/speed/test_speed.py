@@ -1,13 +1,17 @@
 """Measurements of speed: everything measured is there and adds up; how fast it is, a test cannot say."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
 
 from ospc.cli.main import cli
 from ospc.correspondence.preprocessing import Preprocessor
-from ospc.research.speed.measuring import Reel, run, run_live
+from ospc.recording import open_recording
+from ospc.research.speed.lines import LARGE, VGA, row_of, speed_tasks
+from ospc.research.speed.measuring import calibrate_command, calibrating, correct_command, correcting, live
+from ospc.research.speed.reel import Reel
 from ospc.research.speed.report import content_of, table_of, write_speed
 from ospc.research.speed.stages import OTHER, clocks
 
@@ -20,8 +24,18 @@ def reel():
 
 
 @pytest.fixture(scope="module")
-def rows(reel):
-    return [run("default", SIZE, reel, 20), run("fast", SIZE, reel, 20), run_live(SIZE, reel, 0.2, 50)]
+def pushed(reel):
+    return [calibrating(SIZE, reel, name, 20) for name in ("default", "fast")] + [live(SIZE, reel, 0.2, 50)]
+
+
+@pytest.fixture(scope="module")
+def rows(pushed, reel):
+    return [
+        *pushed,
+        calibrate_command(SIZE, reel, 20),
+        correct_command(SIZE, reel, 5),
+        correcting(SIZE, reel, "uint8"),
+    ]
 
 
 def test_frames_go_forth_and_back(reel):
@@ -32,8 +46,15 @@ def test_frames_go_forth_and_back(reel):
     assert shown[23].exposure_ms == shown[1].exposure_ms
 
 
-def test_stages_add_up_to_the_whole(rows):
-    for row in rows[:2]:
+def test_a_reel_is_written_as_the_recording_that_it_shows(reel, tmp_path):
+    written = list(open_recording(reel.write(tmp_path / "recording", 30)))
+    for frame, shown in zip(written, reel.frames(30), strict=True):
+        assert (frame.image == shown.image).all()
+        assert frame.exposure_ms == pytest.approx(shown.exposure_ms)
+
+
+def test_stages_add_up_to_the_whole(pushed):
+    for row in pushed[:2]:
         assert sum(row.stages.values()) == pytest.approx(row.seconds, rel=1e-6)
         assert {"preparing", "registering", "sampling", OTHER} <= set(row.stages)
         assert all(seconds >= 0 for seconds in row.stages.values())
@@ -41,11 +62,12 @@ def test_stages_add_up_to_the_whole(rows):
 
 def test_figures_are_those_of_the_run(rows):
     for row in rows:
-        assert row.push_ms[0] <= row.push_ms[1] <= row.push_ms[2]
+        assert row.push_ms is None or row.push_ms[0] <= row.push_ms[1] <= row.push_ms[2]
         assert row.frames_per_second == pytest.approx(row.frames / row.seconds)
-        assert row.peak_mb > 10
-    assert [row.frames for row in rows] == [20, 20, 10]
+        assert min(row.cpu_s, row.against_s, row.against_cpu_s) > 0
+    assert [row.frames for row in rows] == [20, 20, 10, 20, 5, 40]
     assert "processed" in rows[2].notes
+    assert all(row.peak_mb > 10 for row in rows[:5])
 
 
 def test_clocks_are_taken_away_again():
@@ -57,13 +79,51 @@ def test_clocks_are_taken_away_again():
 
 def test_table_json_and_picture_hold_every_row(rows, tmp_path):
     table = table_of(rows)
-    assert [row[0] for row in table.rows] == ["default", "fast", "live"]
+    assert [row[0] for row in table.rows] == [row.what for row in rows]
     assert all(len(row) == len(table.header) for row in table.rows)
     written = write_speed(tmp_path, rows)
-    assert [path.name for path in written] == ["speed.json", "speed.png"]
+    assert [path.name for path in written] == ["speed.json", "speed.md", "speed.png"]
     content = json.loads(written[0].read_text())
     assert content == json.loads(json.dumps(content_of(rows)))
-    assert content["rows"][0]["over_decoding"] == pytest.approx(rows[0].seconds / rows[0].decoding_s)
+    assert content["rows"][0]["ratio"] == pytest.approx(rows[0].seconds / rows[0].against_s)
+
+
+def test_a_row_comes_back_from_the_store_as_it_was(rows):
+    for row in rows:
+        assert row_of(json.loads(json.dumps(vars(row)))) == row
+
+
+def test_goals_are_judged_only_at_the_size_and_length_they_are_for(rows):
+    tasks = {task.name: task for task in speed_tasks(("default",), (VGA, LARGE), 1500, 30.0, 30.0)}
+    assert [name for name in tasks if name.startswith("ospc calibrate")] == [
+        "ospc calibrate, 100 frames, 640×480",
+        "ospc calibrate, 500 frames, 640×480",
+        "ospc calibrate, 600 frames, 1280×1024",
+        "ospc calibrate, 1500 frames, 1280×1024",
+    ]
+    quick = tasks["ospc calibrate, 500 frames, 640×480"].judged
+    assert quick(replace(rows[3], seconds=2.9)).met
+    assert not quick(replace(rows[3], seconds=3.1)).met
+    long = tasks["ospc calibrate, 1500 frames, 1280×1024"].judged
+    assert long(replace(rows[3], seconds=6.0, against_s=10.0)).met
+    assert not long(replace(rows[3], seconds=8.0, against_s=10.0)).met
+    easy = tasks["live, 30 s at 30 frames/s, 640×480"].judged
+    assert easy(replace(rows[2], seconds=10.0, cpu_s=2.4, peak_mb=140.0)).met
+    assert not easy(replace(rows[2], seconds=10.0, cpu_s=2.4, peak_mb=160.0)).met
+    short = speed_tasks((), (VGA,), 50, 0.0, 30.0)
+    assert all(task.judged(rows[3]).met is None for task in short)
+
+
+def test_the_command_goes_on_where_it_stopped(tmp_path):
+    arguments = ["bench", "speed", "-o", str(tmp_path), "--size", "64x48", "--frames", "3", "--presets", "fast"]
+    first = CliRunner().invoke(cli, [*arguments, "--live", "0"])
+    assert first.exit_code == 0, first.output
+    before = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "cache").iterdir()}
+    again = CliRunner().invoke(cli, [*arguments, "--live", "0.1"])
+    after = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "cache").iterdir()}
+    assert again.exit_code == 0, again.output
+    assert before.items() < after.items()
+    assert len(after) == len(before) + 1
 
 
 @pytest.mark.parametrize("arguments", [["--size", "7x7"], ["--size", "huge"], ["--presets", "hasty"]])

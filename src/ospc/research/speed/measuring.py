@@ -1,237 +1,272 @@
-"""The speed of a preset against decoding the same frames, in the same process, just before."""
+"""How long things take against the least they could, decoding or copying, measured in the same run just before."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.errors import FrameError
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.correction import Corrector
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import Frame
-from ospc.recording.decoding import decode_grey
-from ospc.simulation import SimulationSettings, frames
+from ospc.research.speed.reel import Reel
 
-SIZES: tuple[ImageSize, ...] = ((640, 480), (1280, 1024))
 SLOW_FRAMES = 30
 """Frames that preset "paper" is measured with: it takes the same time for each."""
 
-_DISTINCT = 150
-"""Frames that are simulated and then shown again and again: more would take long, and memory."""
+_CORRECTIONS = 40
+"""Times that one image is corrected, and copied, in turns."""
 
-_QUALITY = 92
-"""JPEG quality of the frames, that of usual cameras."""
-
-_FRAMES_PER_SECOND = 20
-_SEED = 7
+_COMMAND = (sys.executable, "-c", "from ospc.cli.main import main; main()")
 
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """The speed of one preset at one size.
+    """What one measurement gave.
 
     Attributes
     ----------
-    preset
-        Name of the preset; "live" for the default one in the background of a camera.
+    what
+        What was measured.
     size
         Width and height of the frames.
-    frames, seconds
-        Frames pushed, and the time of all of them and of the final calibration; of a live run, its length.
-    decoding_s, decoding_cpu_s
-        Time, and processor time, of decoding the same frames in one thread just before.
-    cpu_s
-        Processor time of all threads together.
+    frames, seconds, cpu_s
+        Frames, the time of all of them with all that belongs to it, and the processor time of all threads.
+    against
+        What it is compared with: ``"decoding"`` the same frames in one thread, or ``"copying"`` the same data.
+    against_s, against_cpu_s
+        Time, and processor time, of that.
     push_ms
-        Median, 99th percentile and maximum of the time of one push.
+        Median, 99th percentile and maximum of the time of one push; None where nothing is pushed.
     peak_mb
-        Largest resident memory of the process; None where the system does not say.
+        Largest resident memory, without that of the frames shown; None where the system does not say.
     stages
-        Seconds by stage; the last, "other", is the rest.
+        Seconds by stage; the last, "other", is the rest. Empty where they are not known.
+    goal, met
+        What it should reach, and whether it does; None where there is no goal.
     notes
         Remarks.
     """
 
-    preset: str
+    what: str
     size: ImageSize
     frames: int
     seconds: float
-    decoding_s: float
-    decoding_cpu_s: float
     cpu_s: float
-    push_ms: tuple[float, float, float]
-    peak_mb: float | None
+    against: str
+    against_s: float
+    against_cpu_s: float
+    push_ms: tuple[float, float, float] | None = None
+    peak_mb: float | None = None
     stages: dict[str, float] = field(default_factory=dict)
+    goal: str = ""
+    met: bool | None = None
     notes: str = ""
 
     @property
     def frames_per_second(self) -> float:
-        """Frames per second, the final calibration included."""
+        """Frames per second, everything included."""
         return self.frames / self.seconds
 
     @property
-    def over_decoding(self) -> float:
-        """Time divided by that of decoding the same frames."""
-        return self.seconds / self.decoding_s
+    def ratio(self) -> float:
+        """Time divided by that of decoding or copying."""
+        return self.seconds / self.against_s
+
+    @property
+    def cpu_ratio(self) -> float:
+        """Processor time divided by that of decoding or copying."""
+        return self.cpu_s / self.against_cpu_s
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as JSON-compatible values."""
-        derived = {"frames_per_second": self.frames_per_second, "over_decoding": self.over_decoding}
+        derived = {name: getattr(self, name) for name in ("frames_per_second", "ratio", "cpu_ratio")}
         return asdict(self) | derived
 
 
-@dataclass(frozen=True)
-class Reel:
-    """Encoded frames of a simulated walk, which can be played forward and backward for any length of time.
-
-    Attributes
-    ----------
-    images, exposures_ms
-        Grey JPEG files, and the exposure of each in milliseconds.
-    """
-
-    images: tuple[bytes, ...]
-    exposures_ms: tuple[float, ...]
-
-    @classmethod
-    def simulated(cls, size: ImageSize, distinct: int = _DISTINCT) -> Reel:
-        """Simulate a walk of this many frames."""
-        settings = SimulationSettings(size=size, frames=distinct, seed=_SEED, response="srgb", moving_objects=4)
-        images, exposures_ms = [], []
-        for frame in frames(settings):
-            done, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-            if not done:
-                raise FrameError(f"{frame.name}: cannot be encoded as JPEG by this OpenCV")
-            images.append(data.tobytes())
-            exposures_ms.append(frame.exposure_ms)
-        return cls(tuple(images), tuple(exposures_ms))
-
-    def place(self, index: int) -> int:
-        """Return the image of a frame: forward, backward, and forward again."""
-        period = max(1, 2 * len(self.images) - 2)
-        turn = index % period
-        return min(turn, period - turn)
-
-    def frames(self, count: int) -> Iterator[Frame]:
-        """Give this many frames, decoded when they are used."""
-        for index in range(count):
-            place = self.place(index)
-            name = f"frame {index}"
-            load = partial(decode_grey, self.images[place], name)
-            yield Frame(
-                index, index / _FRAMES_PER_SECOND, self.exposures_ms[place], name, load, verify=_nothing, threads=True
-            )
-
-    def decoding_s(self, count: int) -> tuple[float, float]:
-        """Return the time, and processor time, of decoding this many frames in one thread."""
-        begun, cpu = time.perf_counter(), time.thread_time()
-        for index in range(count):
-            cv2.imdecode(np.frombuffer(self.images[self.place(index)], np.uint8), cv2.IMREAD_GRAYSCALE)
-        return time.perf_counter() - begun, time.thread_time() - cpu
-
-
-def _nothing() -> None:
-    """Nothing to verify: the images are in memory."""
-
-
-def measured(
-    presets: tuple[str, ...], sizes: tuple[ImageSize, ...], count: int, live_s: float, rate_hz: float
-) -> Iterator[SpeedRow]:
-    """Measure each preset at each size in a process of its own, so that peak memory is its own too.
-
-    Parameters
-    ----------
-    presets, sizes
-        Names of presets, and sizes of the frames.
-    count
-        Frames; of preset "paper" at most :data:`SLOW_FRAMES`.
-    live_s, rate_hz
-        Seconds that a camera is simulated live, 0 for none, and its frames per second.
-    """
-    for size in sizes:
-        reel = Reel.simulated(size, min(_DISTINCT, count))
-        jobs: list[Callable[[], SpeedRow]] = [partial(run, name, size, reel, count) for name in presets]
-        if live_s > 0:
-            jobs.append(partial(run_live, size, reel, live_s, rate_hz))
-        for job in jobs:
-            with get_context("spawn").Pool(1) as pool:
-                yield pool.apply(job)
-
-
-def run(preset: str, size: ImageSize, reel: Reel, count: int) -> SpeedRow:
-    """Measure a preset in this process, with clocks in its steps.
+def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRow:
+    """Measure pushing frames and the final calibration with a preset in this process, with clocks in its steps.
 
     Raises
     ------
     OspcError
         If the recording cannot be calibrated.
     """
-    from ospc.calibrator import OnlineCalibrator
-    from ospc.recording.ahead import decoded_ahead
+    from ospc.calibrator import OnlineCalibrator, drive
     from ospc.research.speed.stages import clocks, with_rest
 
     count = min(count, SLOW_FRAMES) if preset == "paper" else count
     decoding = reel.decoding_s(count)
     pushes: list[float] = []
+
+    class Clocked(OnlineCalibrator):
+        def push(self, frame: Frame) -> bool:
+            before = time.perf_counter()
+            used = super().push(frame)
+            pushes.append(time.perf_counter() - before)
+            return used
+
     with clocks() as stages:
         begun, cpu = time.perf_counter(), time.process_time()
-        calibrator = OnlineCalibrator(preset)
-        for frame in decoded_ahead(reel.frames(count), calibrator.foresees):
-            before = time.perf_counter()
-            calibrator.push(frame)
-            pushes.append(time.perf_counter() - before)
+        calibrator = Clocked(preset)
+        drive(calibrator, reel.frames(count))
         calibrator.calibration()
         seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
     return SpeedRow(
-        preset, size, count, seconds, *decoding, cpu, _spread(np.array(pushes)), peak_mb(), with_rest(stages, seconds)
+        f"preset {preset}",
+        size,
+        count,
+        seconds,
+        cpu,
+        "decoding",
+        *decoding,
+        push_ms=_spread(pushes),
+        peak_mb=_peak_mb(reel.megabytes),
+        stages=with_rest(stages, seconds),
     )
 
 
-def run_live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> SpeedRow:
+def live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> SpeedRow:
     """Push frames to a live calibrator in this process, at the pace of a camera."""
     from ospc.live import LiveCalibrator
 
     count = max(1, round(seconds * rate_hz))
     decoding = reel.decoding_s(count)
-    decoded = [cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) for data in reel.images]
+    decoded = [reel.decoded(index) for index in range(min(count, len(reel.images)))]
+    shown_mb = reel.megabytes + sum(image.nbytes for image in decoded) / 2**20
     pushes, known_s = [], None
     cpu, begun = time.process_time(), time.perf_counter()
-    with LiveCalibrator() as live:
+    with LiveCalibrator() as calibrator:
         for index in range(count):
             time.sleep(max(0.0, begun + index / rate_hz - time.perf_counter()))
             place = reel.place(index)
             frame = Frame.of_array(decoded[place], reel.exposures_ms[place], index=index)
             before = time.perf_counter()
-            live.push(frame)
+            calibrator.push(frame)
             pushes.append(time.perf_counter() - before)
-            if known_s is None and live.status.converged:
+            if known_s is None and calibrator.status.converged:
                 known_s = time.perf_counter() - begun
-        status = live.status
-    known = "not converged" if known_s is None else f"converged after {known_s:.0f} s"
-    notes = f"{rate_hz:g} frames/s; {status.processed} processed, {status.unusable} unusable; {known}"
+        status = calibrator.status
     whole, cpu = time.perf_counter() - begun, time.process_time() - cpu
-    return SpeedRow("live", size, count, whole, *decoding, cpu, _spread(np.array(pushes)), peak_mb(), notes=notes)
+    known = "not converged" if known_s is None else f"converged after {known_s:.0f} s"
+    return SpeedRow(
+        f"live, {rate_hz:g} frames/s",
+        size,
+        count,
+        whole,
+        cpu,
+        "decoding",
+        *decoding,
+        push_ms=_spread(pushes),
+        peak_mb=_peak_mb(shown_mb),
+        notes=f"{cpu / whole:.0%} of a core; {status.processed} processed, {status.unusable} unusable; {known}",
+    )
 
 
-def peak_mb() -> float | None:
-    """Return the largest resident memory of this process so far in megabytes; None where unknown."""
+def calibrate_command(size: ImageSize, reel: Reel, count: int) -> SpeedRow:
+    """Measure all of ``ospc calibrate``, from the start of the program to the report and the pictures."""
+    with tempfile.TemporaryDirectory() as place:
+        recording = reel.write(Path(place, "recording"), count)
+        decoding = reel.decoding_s(count)
+        seconds, cpu_s, peak_mb = _called("calibrate", str(recording), "-o", str(Path(place, "out")))
+    return SpeedRow("ospc calibrate", size, count, seconds, cpu_s, "decoding", *decoding, peak_mb=peak_mb)
+
+
+def correct_command(size: ImageSize, reel: Reel, count: int) -> SpeedRow:
+    """Measure all of ``ospc correct`` to 8 bit against reading its input and writing as much as its output."""
+    with tempfile.TemporaryDirectory() as place:
+        recording, out = reel.write(Path(place, "recording"), count), Path(place, "out")
+        calibration = Path(place, "calibration.json")
+        _known_camera(size).save(calibration)
+        arguments = (str(recording), str(calibration), "-o", str(out), "--output", "grey8")
+        seconds, cpu_s, peak_mb = _called("correct", *arguments)
+        begun, cpu = time.perf_counter(), time.process_time()
+        for before, after in zip(
+            sorted((recording / "images").iterdir()), sorted((out / "images").iterdir()), strict=True
+        ):
+            before.read_bytes()
+            Path(place, after.name).write_bytes(bytes(after.stat().st_size))
+        copying = time.perf_counter() - begun, time.process_time() - cpu
+    return SpeedRow("ospc correct, 8 bit → 8 bit", size, count, seconds, cpu_s, "copying", *copying, peak_mb=peak_mb)
+
+
+def correcting(size: ImageSize, reel: Reel, dtype: npt.DTypeLike) -> SpeedRow:
+    """Measure the correction of an image in memory, in one thread, against copying the corrected image."""
+    known = _known_camera(size)
+    corrector, image = Corrector(known.response, known.vignette), reel.decoded(0)
+    corrected = np.asarray(corrector.correct(image, dtype=dtype))
+    target = np.empty_like(corrected)
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        seconds, copying = _in_turns(
+            partial(corrector.correct, image, dtype=dtype), partial(np.copyto, target, corrected), times=_CORRECTIONS
+        )
+    finally:
+        cv2.setNumThreads(threads)
+    what = f"correcting in memory, 8 bit → {np.dtype(dtype).name}"
+    return SpeedRow(what, size, _CORRECTIONS, *seconds, "copying", *copying)
+
+
+def _known_camera(size: ImageSize) -> Calibration:
+    vignette = PolynomialVignette(size, (-0.35, 0.05, -0.15))
+    return Calibration(size, Response.gamma(2.2), vignette)
+
+
+def _called(*arguments: str) -> tuple[float, float, float | None]:
+    """Call a command of this program; return its time, processor time, and peak memory in megabytes."""
+    begun, before = time.perf_counter(), os.times()
+    quiet = subprocess.DEVNULL
+    subprocess.run([*_COMMAND, *arguments], stdout=quiet, stderr=quiet, check=False)  # noqa: S603 - this program
+    seconds, after = time.perf_counter() - begun, os.times()
+    cpu_s = after.children_user + after.children_system - before.children_user - before.children_system
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return seconds, cpu_s, None
+    return seconds, cpu_s, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+
+
+def _in_turns(
+    first: Callable[[], object], second: Callable[[], object], times: int
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the median time, and processor time, of so many calls of each, called in turns."""
+    found = np.empty((2, times, 2))
+    for turn in range(times):
+        for number, call in enumerate((first, second)):
+            begun, cpu = time.perf_counter(), time.process_time()
+            call()
+            found[number, turn] = time.perf_counter() - begun, time.process_time() - cpu
+    one, other = times * np.median(found, axis=1)
+    return (float(one[0]), float(one[1])), (float(other[0]), float(other[1]))
+
+
+def _peak_mb(shown_mb: float) -> float | None:
+    """Return the largest resident memory of this process so far without the frames shown; None where unknown."""
     try:
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
-                return int(line.split()[1]) / 1024
+                return int(line.split()[1]) / 1024 - shown_mb
     except OSError:
         pass
     return None
 
 
-def _spread(seconds: FloatArray) -> tuple[float, float, float]:
-    milliseconds = 1e3 * seconds
+def _spread(seconds: list[float]) -> tuple[float, float, float]:
+    milliseconds: FloatArray = 1e3 * np.array(seconds)
     median, rare = np.quantile(milliseconds, [0.5, 0.99])
     return float(median), float(rare), float(milliseconds.max())

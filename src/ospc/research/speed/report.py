@@ -16,7 +16,7 @@ from ospc.research.tables import Table, as_json, write
 from ospc.versions import versions
 
 _HEADER = (
-    "preset", "size", "frames", "frames/s", "× decoding", "× decoding, CPU", "push 50 %", "99 %", "memory", "notes",
+    "", "size", "frames", "seconds", "CPU s", "against", "×", "×, CPU", "goal", "push 50 %", "99 %", "memory", "notes"
 )  # fmt: skip
 _LEAST_NAMED = 0.06
 """Share of the time from which a stage's name fits into its bar."""
@@ -28,16 +28,21 @@ def table_of(rows: Sequence[SpeedRow]) -> Table:
 
 
 def _cells(row: SpeedRow) -> tuple[str, ...]:
+    at_a_pace = row.what.startswith("live")
+    push = ("", "") if row.push_ms is None else tuple(f"{ms:.2g} ms" for ms in row.push_ms[:2])
+    verdict = {True: "reached", False: "missed", None: ""}[row.met]
     return (
-        row.preset,
+        row.what,
         f"{row.size[0]}×{row.size[1]}",
         str(row.frames),
-        f"{row.frames_per_second:.3g}",
-        "–" if row.preset == "live" else f"{row.over_decoding:.2f}",
-        f"{row.cpu_s / row.decoding_cpu_s:.2f}",
-        f"{row.push_ms[0]:.2g} ms",
-        f"{row.push_ms[1]:.2g} ms",
-        "–" if row.peak_mb is None else f"{row.peak_mb:.0f} MB",
+        f"{row.seconds:.3g}",
+        f"{row.cpu_s:.3g}",
+        f"{row.against}: {row.against_s:.3g} s",
+        "" if at_a_pace else f"{row.ratio:.2f}",
+        f"{row.cpu_ratio:.2f}",
+        f"{row.goal}: {verdict}" if row.goal else "",
+        *push,
+        "" if row.peak_mb is None else f"{row.peak_mb:.0f} MB",
         row.notes,
     )
 
@@ -49,8 +54,9 @@ def content_of(rows: Sequence[SpeedRow]) -> dict[str, Any]:
 
 
 def write_speed(folder: Path, rows: Sequence[SpeedRow]) -> list[Path]:
-    """Write speed.json and speed.png; errors are those of :func:`~ospc.research.tables.write`."""
-    return write(folder, {"speed.json": as_json(content_of(rows))}, {"speed.png": partial(_draw, rows)})
+    """Write speed.json, speed.md and speed.png; errors are those of :func:`~ospc.research.tables.write`."""
+    texts = {"speed.json": as_json(content_of(rows)), "speed.md": table_of(rows).as_markdown()}
+    return write(folder, texts, {"speed.png": partial(_draw, rows)} if any(row.stages for row in rows) else None)
 
 
 def _draw(rows: Sequence[SpeedRow], path: Path) -> Path:
@@ -68,7 +74,7 @@ def _draw(rows: Sequence[SpeedRow], path: Path) -> Path:
                 if share > _LEAST_NAMED:
                     axes.text(left + share / 2, place, stage, ha="center", va="center", fontsize=8, color="white")
                 left += share
-        names = [f"{r.preset}, {r.size[0]}×{r.size[1]}: {1e3 * r.seconds / r.frames:.3g} ms a frame" for r in shown]
+        names = [f"{r.what}, {r.size[0]}×{r.size[1]}: {1e3 * r.seconds / r.frames:.3g} ms a frame" for r in shown]
         axes.set(yticks=range(len(shown)), yticklabels=names, xlim=(0, 1), xlabel="share of the time, by stage")
         axes.invert_yaxis()
         axes.grid(visible=False)

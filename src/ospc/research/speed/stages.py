@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import Any
 
 _STEPS = (
-    ("decoding", "ospc.research.speed.measuring", "", "decode_grey"),
+    ("decoding", "ospc.research.speed.reel", "", "decode_grey"),
     ("preparing", "ospc.correspondence.preprocessing", "Preprocessor", "__call__"),
     ("noise", "ospc.correspondence.noise_estimation", "NoiseEstimator", "observe"),
     ("registering", "ospc.correspondence.registration", "DenseRegistration", "__call__"),

@@ -1,0 +1,150 @@
+"""The lines of the speed benchmark, and the goals of those that have one."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import ImageSize
+from ospc.research.runner import OnProgress
+from ospc.research.speed.measuring import (
+    SpeedRow,
+    calibrate_command,
+    calibrating,
+    correct_command,
+    correcting,
+    live,
+)
+from ospc.research.speed.reel import Reel, reel_of
+from ospc.research.store import made_with
+
+VGA, LARGE = (640, 480), (1280, 1024)
+SIZES: tuple[ImageSize, ...] = (VGA, LARGE)
+
+_CORRECTED_FRAMES = 60
+"""Frames of the folder that is corrected: enough for the start of the program not to decide."""
+
+_LIVE_CORE_SHARE, _LIVE_MB = 0.25, 150.0
+"""Share of a core, and memory, that a live calibration of 640×480 at 30 frames/s may take on a small computer."""
+
+
+@dataclass(frozen=True)
+class _Command:
+    """A recording for ``ospc calibrate``, and the goal: times the time of decoding, or seconds."""
+
+    size: ImageSize
+    frames: int
+    most_ratio: float = np.inf
+    most_s: float = np.inf
+
+    def judged(self, row: SpeedRow) -> SpeedRow:
+        goal = f"≤ {self.most_ratio:g} × decoding" if np.isfinite(self.most_ratio) else f"≤ {self.most_s:g} s"
+        met = row.ratio <= self.most_ratio and row.seconds <= self.most_s
+        return replace(row, goal=goal, met=met)
+
+
+_COMMANDS = (
+    _Command(VGA, 100, most_s=2.0),
+    _Command(VGA, 500, most_s=3.0),
+    _Command(LARGE, 600, most_ratio=1.0),
+    _Command(LARGE, 1500, most_ratio=0.7),
+)
+
+
+@dataclass(frozen=True)
+class SpeedTask:
+    """One measurement, made in a process of its own, so that its peak memory is its own too.
+
+    Attributes
+    ----------
+    name
+        What it measures.
+    size, frames
+        Width and height of the frames, and how many of them may be simulated.
+    measure
+        Measures, given the frames.
+    judged
+        Adds goal and verdict.
+    """
+
+    name: str
+    size: ImageSize
+    frames: int
+    measure: Callable[[ImageSize, Reel], SpeedRow]
+    judged: Callable[[SpeedRow], SpeedRow]
+
+    def describe(self) -> dict[str, Any]:
+        """Return what it measures, the source, and the machine."""
+        machine = {"cores": os.cpu_count(), "node": platform.node()}
+        return {"speed": self.name, "frames": self.frames, "machine": machine, "made_with": made_with()}
+
+    def run(self, _progress: OnProgress) -> dict[str, Any]:
+        """Return the row as JSON-compatible values."""
+        reel = reel_of(self.size, self.frames)
+        with get_context("spawn").Pool(1) as pool:
+            return vars(self.judged(pool.apply(self.measure, (self.size, reel))))
+
+
+def row_of(stored: dict[str, Any]) -> SpeedRow:
+    """Return the row that :meth:`SpeedTask.run` described."""
+    push_ms = None if stored["push_ms"] is None else tuple(stored["push_ms"])
+    return SpeedRow(**stored | {"size": tuple(stored["size"]), "push_ms": push_ms})
+
+
+def speed_tasks(
+    presets: tuple[str, ...], sizes: tuple[ImageSize, ...], frames: int, live_s: float, rate_hz: float
+) -> list[SpeedTask]:
+    """Return all measurements.
+
+    Parameters
+    ----------
+    presets, sizes
+        Names of presets, and sizes of the frames.
+    frames
+        Frames at most; of preset "paper" fewer.
+    live_s, rate_hz
+        Seconds that a camera is simulated live, 0 for none, and its frames per second.
+    """
+    return [task for size in sizes for task in _tasks_of(size, presets, frames, live_s, rate_hz)]
+
+
+def _tasks_of(
+    size: ImageSize, presets: tuple[str, ...], frames: int, live_s: float, rate_hz: float
+) -> Iterator[SpeedTask]:
+    def task(what: str, measure: Any, judged: Callable[[SpeedRow], SpeedRow] = _without_goal) -> SpeedTask:
+        return SpeedTask(f"{what}, {size[0]}×{size[1]}", size, frames, measure, judged)
+
+    commands = [command for command in _COMMANDS if command.size == size]
+    for command in commands or [_Command(size, frames)]:
+        count = min(command.frames, frames)
+        whole = count == command.frames and bool(commands)
+        judged = command.judged if whole else _without_goal
+        yield task(f"ospc calibrate, {count} frames", partial(calibrate_command, count=count), judged)
+    for name in presets:
+        yield task(f"preset {name}", partial(calibrating, preset=name, count=frames))
+    if live_s > 0:
+        at_goal = size == VGA and rate_hz == 30
+        measure = partial(live, seconds=live_s, rate_hz=rate_hz)
+        yield task(f"live, {live_s:g} s at {rate_hz:g} frames/s", measure, _judged_live if at_goal else _without_goal)
+    count = min(_CORRECTED_FRAMES, frames)
+    yield task(f"ospc correct, {count} frames", partial(correct_command, count=count))
+    for kind in ("float32", "uint8"):
+        yield task(f"correcting in memory to {kind}", partial(correcting, dtype=kind))
+
+
+def _without_goal(row: SpeedRow) -> SpeedRow:
+    return row
+
+
+def _judged_live(row: SpeedRow) -> SpeedRow:
+    """Judge a live calibration of 640×480 pixels at 30 frames/s."""
+    share = row.cpu_s / row.seconds
+    met = share <= _LIVE_CORE_SHARE and (row.peak_mb is None or row.peak_mb <= _LIVE_MB)
+    return replace(row, goal=f"≤ {_LIVE_CORE_SHARE:.0%} of a core, ≤ {_LIVE_MB:.0f} MB", met=met)

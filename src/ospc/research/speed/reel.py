@@ -1,0 +1,115 @@
+"""Frames to measure with: a simulated walk, encoded, that can be played for any length of time."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ospc.arrays import Image, ImageSize
+from ospc.errors import FrameError
+from ospc.recording import Frame
+from ospc.recording.decoding import decode_grey
+
+_DISTINCT = 150
+"""Frames that are simulated and then shown again and again: more would take long, and memory."""
+
+_QUALITY = 92
+"""JPEG quality of the frames, that of usual cameras."""
+
+_FRAMES_PER_SECOND = 20
+_SEED = 7
+
+
+@dataclass(frozen=True)
+class Reel:
+    """Encoded frames of a simulated walk, played forward and backward.
+
+    Attributes
+    ----------
+    images, exposures_ms
+        Grey JPEG files, and the exposure of each in milliseconds.
+    """
+
+    images: tuple[bytes, ...]
+    exposures_ms: tuple[float, ...]
+
+    @classmethod
+    def simulated(cls, size: ImageSize, distinct: int = _DISTINCT) -> Reel:
+        """Simulate a walk of this many frames."""
+        from ospc.simulation import SimulationSettings, frames  # its textures would count as memory of every run
+
+        settings = SimulationSettings(size=size, frames=distinct, seed=_SEED, response="srgb", moving_objects=4)
+        images, exposures_ms = [], []
+        for frame in frames(settings):
+            done, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+            if not done:
+                raise FrameError(f"{frame.name}: cannot be encoded as JPEG by this OpenCV")
+            images.append(data.tobytes())
+            exposures_ms.append(frame.exposure_ms)
+        return cls(tuple(images), tuple(exposures_ms))
+
+    @property
+    def megabytes(self) -> float:
+        """Memory that the encoded frames take, which is not that of what is measured."""
+        return sum(map(len, self.images)) / 2**20
+
+    def place(self, index: int) -> int:
+        """Return the image of a frame: forward, backward, and forward again."""
+        period = max(1, 2 * len(self.images) - 2)
+        turn = index % period
+        return min(turn, period - turn)
+
+    def frames(self, count: int) -> Iterator[Frame]:
+        """Give this many frames, decoded when they are used."""
+        for index in range(count):
+            place = self.place(index)
+            name = f"frame {index}"
+            load = partial(decode_grey, self.images[place], name)
+            yield Frame(
+                index, index / _FRAMES_PER_SECOND, self.exposures_ms[place], name, load, verify=_nothing, threads=True
+            )
+
+    def decoded(self, index: int) -> Image:
+        """Return the image of a frame."""
+        return np.asarray(cv2.imdecode(np.frombuffer(self.images[self.place(index)], np.uint8), cv2.IMREAD_GRAYSCALE))
+
+    def decoding_s(self, count: int) -> tuple[float, float]:
+        """Return the time, and processor time, of decoding this many frames in one thread."""
+        begun, cpu = time.perf_counter(), time.thread_time()
+        for index in range(count):
+            self.decoded(index)
+        return time.perf_counter() - begun, time.thread_time() - cpu
+
+    def write(self, folder: Path, count: int) -> Path:
+        """Write a recording of this many frames, and return its path; images that come again are hard links."""
+        from ospc.formats.dso import write_times
+
+        images = folder / "images"
+        images.mkdir(parents=True)
+        for index in range(count):
+            place, name = self.place(index), images / f"{index:05}.jpg"
+            if index < len(self.images):
+                name.write_bytes(self.images[place])
+            else:
+                os.link(images / f"{place:05}.jpg", name)
+        stamps_s = np.arange(count) / _FRAMES_PER_SECOND
+        exposures_ms = [self.exposures_ms[self.place(index)] for index in range(count)]
+        write_times(folder / "times.txt", range(count), stamps_s, exposures_ms)
+        return folder
+
+
+@lru_cache(1)
+def reel_of(size: ImageSize, most: int) -> Reel:
+    """Return the frames of a size to measure with, at most so many distinct ones; the latest are kept."""
+    return Reel.simulated(size, min(_DISTINCT, most))
+
+
+def _nothing() -> None:
+    """Nothing to verify: the images are in memory."""
