@@ -152,13 +152,8 @@ def speed(
     from ospc.research.speed.report import content_of, table_of, write_speed
 
     tasks = speed_tasks(presets, sizes or SIZES, frames, live_s, rate_hz)
-    found = {}
-
-    def take(finished: Finished) -> None:
-        found[finished.task.name] = row_of(finished.result)
-
-    complete = run_tasks(tasks, out / "cache", 1, take)
-    rows = [found[task.name] for task in tasks if task.name in found]
+    results, complete = run_tasks(tasks, out / "cache", 1)
+    rows = [row_of(result) for result in results]
     if not as_json:
         print_tables([table_of(rows)])
     written = write_speed(out, rows) if rows else []
