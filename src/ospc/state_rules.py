@@ -229,6 +229,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "points": COUNT,
         "groups": COUNT,
         "pixel_noise": ELSEWHERE,
+        "texture_share": Numbers(0, 1),
     },
     NoiseModel: {
         "read_variance": Numbers(0, 1),

@@ -51,7 +51,7 @@ def fit_with_chosen_effects(
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
-    fit, possible = plain, tuple(EFFECTS) if plain.groups >= MIN_GROUPS else ()
+    fit, possible, refused = plain, tuple(EFFECTS) if plain.groups >= MIN_GROUPS else (), []
     plain_trials = trials = tried(observations, fit, noise, tuple(EFFECTS))
     while name := _suspected(trials, possible):
         possible = tuple(other for other in possible if other != name)
@@ -59,16 +59,17 @@ def fit_with_chosen_effects(
         estimator = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, effects)
         wider = estimator.fit(observations, fit)
         if not _accepted(wider):
+            refused.append(name)
             continue
         if name in CONTRADICTIONS:
-            return _with_estimates(plain, plain_trials, _estimates(wider)[-1:])
+            return _with_estimates(plain, plain_trials, _estimates(wider)[-1:], refused)
         fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, effects)
         trials = tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
     if fit.groups < MIN_GROUPS:
-        return _with_estimates(fit, trials, ())
+        return _with_estimates(fit, trials, (), refused)
     if unsteady := unsteadiness(fit, observations):
-        return _with_estimates(plain, plain_trials, unsteady)
-    return _with_estimates(fit, trials, (*_estimates(fit), *uneven_vignette(fit, observations)))
+        return _with_estimates(plain, plain_trials, unsteady, refused)
+    return _with_estimates(fit, trials, (*_estimates(fit), *uneven_vignette(fit, observations)), refused)
 
 
 @dataclass(frozen=True)
@@ -155,15 +156,23 @@ def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
     )
 
 
-def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
-    """Return a fit with the estimates of effects, and with a covariance that has those that are left out."""
-    left_out = [trial for trial in trials if trial.name in CORRECTED]
+def _with_estimates(
+    fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...], refused: Sequence[str]
+) -> Fit:
+    """Return a fit with the estimates of effects, and with a covariance that has those that are left out.
+
+    An effect that was suspected and refused may be there all the same, as large as it seems.
+    """
+    left_out = [trial for trial in trials if trial.name in CORRECTED or trial.name in refused]
     slopes = [_slope_of_left_out(fit, trial) for trial in left_out]
+    sizes = [np.hypot(trial.sigma, trial.value if trial.name in refused else 0.0) for trial in left_out]
     fit = _without_typical_light(fit)
     covariance = fit.covariance + sum(
-        trial.sigma**2 * np.outer(slope, slope) for trial, slope in zip(left_out, slopes, strict=True)
+        size**2 * np.outer(slope, slope) for size, slope in zip(sizes, slopes, strict=True)
     )
-    estimates = (EffectEstimate(trial.name, trial.value, trial.sigma_in_all) for trial in left_out)
+    estimates = (
+        EffectEstimate(trial.name, trial.value, trial.sigma_in_all) for trial in left_out if trial.name in CORRECTED
+    )
     return replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
 
 

@@ -66,6 +66,8 @@ class Fit:
         Number of groups of observations.
     pixel_noise
         Noise of the single pixels that the observations are means of; None where it is not known.
+    texture_share
+        Share of the shift by texture that the observations show.
     effect_estimates
         What the observations say about effects, chosen or not; empty where nothing else was tried.
     """
@@ -82,6 +84,7 @@ class Fit:
     points: int
     groups: int
     pixel_noise: NoiseModel | None = None
+    texture_share: float = 0.0
     effect_estimates: tuple[EffectEstimate, ...] = ()
 
     @property
@@ -123,7 +126,7 @@ class Fit:
             return observations.grey
         basis = self.response_basis
         shift = TextureShift.of(basis.grid, basis.gamma_of(self.response_parameters), self.pixel_noise)
-        return observations.grey + shift(observations, basis.index_of(observations.grey))
+        return observations.grey + self.texture_share * shift(observations, basis.index_of(observations.grey))
 
     def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of :meth:`log_irradiance` by the parameters of both curves.

@@ -54,6 +54,8 @@ class Latent:
         Residual over its standard deviation, which accounts for the leverage, shape (n,).
     one_minus_leverage
         One minus the leverage, shape (n,).
+    texture
+        What the texture lowers h by, if all of the variance seen is texture, shape (n,).
     """
 
     index: IntArray
@@ -65,6 +67,7 @@ class Latent:
     residual: FloatArray
     studentised: FloatArray
     one_minus_leverage: FloatArray
+    texture: FloatArray
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,8 @@ class LatentModel:
     noise
         Noise of the single pixels that an observation is a mean of: clipped, it shifts the mean near black and white.
         None where an observation is a single pixel; the error model then describes its noise.
+    texture_share
+        Share of the shift by texture that is taken out.
     trusted
         Whether the model is good enough to predict grey levels; otherwise it is linearised at the measured ones.
     """
@@ -93,6 +98,7 @@ class LatentModel:
     gamma: FloatArray
     errors: ErrorModel
     noise: NoiseModel | None
+    texture_share: float
     trusted: bool
 
     def __call__(self, observations: ExposedObservations, log_vignette: FloatArray, weight: FloatArray) -> Latent:
@@ -130,6 +136,7 @@ class LatentModel:
             residual=residual,
             studentised=residual * np.sqrt(state.precision / one_minus_leverage),
             one_minus_leverage=one_minus_leverage,
+            texture=state.texture,
         )
 
     @cached_property
@@ -169,15 +176,18 @@ class LatentModel:
         # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
         level, log_response_slope = self.basis.grid[index], self._log_response_slope[index]
-        excess = measured - level
+        excess, texture = measured - level, np.zeros(len(measured))
         if self.trusted:
             # Neither noise nor texture leave the mean of pixels at the grey level of their mean irradiance.
-            excess = excess - self._mean_shift[index] + self._texture_shift(observations, index)
+            texture = self._texture_shift(observations, index)
+            excess = excess - self._mean_shift[index] + self.texture_share * texture
         linear_log = self.log_response[index] + log_response_slope * excess
         variance = self.errors.variance(level, 1 / log_response_slope, self._irradiance[index], observations.gradient)
         precision = 1 / (variance * log_response_slope**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
-        return _Linearised(index, level, log_response_slope, linear_log, precision, total, mean)
+        return _Linearised(
+            index, level, log_response_slope, linear_log, precision, total, mean, log_response_slope * texture
+        )
 
 
 @dataclass(frozen=True)
@@ -189,6 +199,7 @@ class _Linearised:
     precision: FloatArray
     total: FloatArray
     mean: FloatArray
+    texture: FloatArray
 
 
 def weighted_means(
@@ -223,3 +234,27 @@ def weighted_means(
         mean = np.add.reduceat(weighted, observations.starts, axis=0)
     mean /= np.maximum(total, 1e-300)[:, None]
     return np.repeat(total, counts), np.repeat(mean, counts, axis=0).reshape(values.shape)
+
+
+def refitted_share(share: float, latent: Latent, weight: FloatArray, observations: ExposedObservations) -> float:
+    """Return the share of the shift by texture that the residuals show, by weighted least squares, from 0 to 1.
+
+    Not all of the variance beside noise is texture of the scene: sharpening, compression and noise that neighbours
+    share add to it. The shift of a power law is alike for all observations of a point and leaves the share open.
+
+    Parameters
+    ----------
+    share
+        The share that was taken out of the linearised observations.
+    latent
+        The linearised observations, n of them.
+    weight
+        Their robust weights, shape (n,).
+    observations
+        The observations.
+    """
+    weight = weight * latent.precision
+    shift = latent.texture - weighted_means(latent.texture, weight, observations)[1]
+    square = float(weight @ shift**2)
+    missing = -float(weight @ (shift * latent.residual)) / square if square > 0 else 0.0
+    return float(np.clip(share + missing, 0.0, 1.0))

@@ -19,7 +19,7 @@ from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.effects import Effects, Seen
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
-from ospc.estimation.latent import Latent, LatentModel, weighted_means
+from ospc.estimation.latent import Latent, LatentModel, refitted_share, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
@@ -84,18 +84,19 @@ class MaximumLikelihoodEstimator:
 
     def _fit(self, observations: ExposedObservations, start: Fit | None) -> Fit:
         parameters = self._first_parameters(start)
-        errors = start.errors if start else ErrorModel()
+        errors, texture_share = (start.errors, start.texture_share) if start else (ErrorModel(), 0.0)
         weight = np.ones(len(observations))
         hyperparameters = start.hyperparameters if start else PriorHyperparameters(START_WALK, START_DRIFT)
         index = self.response_basis.index_of(observations.grey)
         for round_number in range(self.rounds + 1):
             trusted = round_number > 0 or start is not None
-            model = self._latent_model(parameters, errors, trusted)
+            model = self._latent_model(parameters, errors, texture_share, trusted)
             latent = model(observations, self._log_gain(parameters, observations, index), weight)
             index = latent.index
             if trusted:
                 weight, sandwich_factor = self._weights(latent, model.pixel_noise)
                 errors = self._refitted(errors, latent, parameters, observations)
+                texture_share = refitted_share(texture_share, latent, weight, observations)
             else:
                 sandwich_factor = 1.0
             equations = self._equations(observations, latent, weight, parameters)
@@ -124,6 +125,7 @@ class MaximumLikelihoodEstimator:
             int(np.count_nonzero(np.add.reduceat(weight, observations.starts))),
             len(np.unique(observations.group)),
             model.pixel_noise,
+            texture_share,
         )
 
     def information(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> NormalEquations:
@@ -142,7 +144,7 @@ class MaximumLikelihoodEstimator:
             own = MaximumLikelihoodEstimator(
                 fit.response_basis, fit.vignette_basis, self.noise, self.rounds, fit.effects
             )
-            model = own._latent_model(fit.parameters, fit.errors, trusted=True)
+            model = own._latent_model(fit.parameters, fit.errors, fit.texture_share, trusted=True)
             log_gain = own._log_gain(fit.parameters, observations, fit.response_basis.index_of(observations.grey))
             latent = model(observations, log_gain, np.ones(len(observations)))
             latent = model(observations, log_gain, self._weights(latent, model.pixel_noise)[0])
@@ -209,12 +211,12 @@ class MaximumLikelihoodEstimator:
     def _seen(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> Seen:
         return self.effects.seen(observations, self.response_basis, parameters[: len(self.response_basis)], index)
 
-    def _latent_model(self, parameters: FloatArray, errors: ErrorModel, trusted: bool) -> LatentModel:
-        coefficients = parameters[: len(self.response_basis)]
-        basis = self.response_basis
-        return LatentModel(
-            basis, basis.log_of(coefficients), basis.gamma_of(coefficients), errors, self.noise, trusted
-        )
+    def _latent_model(
+        self, parameters: FloatArray, errors: ErrorModel, texture_share: float, trusted: bool
+    ) -> LatentModel:
+        coefficients, basis = parameters[: len(self.response_basis)], self.response_basis
+        log_response, gamma = basis.log_of(coefficients), basis.gamma_of(coefficients)
+        return LatentModel(basis, log_response, gamma, errors, self.noise, texture_share, trusted)
 
     def _weights(self, latent: Latent, noise: NoiseModel) -> tuple[FloatArray, float]:
         """Return redescending weights (Geman and McClure 1987, cut off), and E[ψ'] / E[w] of those that count."""
