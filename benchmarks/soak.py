@@ -51,8 +51,8 @@ MEDIAN_OF = 10
 
 
 def settings(exposures_ms: tuple[float, ...]) -> SimulationSettings:
-    """Return the camera and its walk."""
-    return SimulationSettings(size=SIZE, frames=VIEWS, exposure="cycle", exposures_ms=exposures_ms, seed=3)
+    """Return the camera and its walk, fast enough that what was seen elsewhere gets into the corners too."""
+    return SimulationSettings(size=SIZE, frames=VIEWS, exposure="cycle", exposures_ms=exposures_ms, speed=2.0, seed=3)
 
 
 def pools() -> list[list[Frame]]:
