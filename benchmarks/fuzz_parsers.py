@@ -184,6 +184,7 @@ class Campaign:
         resource.setrlimit(resource.RLIMIT_DATA, (self.megabytes * 2**20,) * 2)
         options = {
             "timeout": HANGING_S,
+            "report_slow_units": HANGING_S,
             "rss_limit_mb": self.megabytes,
             "max_len": max(4096, *(len(sample) * 6 // 5 for sample in target.samples)),
             "seed": progress.read()[0] % 2**31 + 1,
