@@ -16,9 +16,9 @@ _TIME, _NUMBER, _ISO = "EXIF ExposureTime", "EXIF FNumber", "EXIF ISOSpeedRating
 _TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", "Image Model"
 
 _MOST_BYTES = 8 * 2**20
-"""Read of the EXIF of one photograph, some bytes again and again; a hundred times as much as cameras write."""
+"""Read of the EXIF of one photograph, some bytes again and again: far more than cameras write."""
 
-_READ_COST_BYTES = 128
+_READ_COST_BYTES = 512
 """Bytes that a read counts at least, so that the number of reads is limited too."""
 
 
