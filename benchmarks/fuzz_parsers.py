@@ -19,7 +19,6 @@ import resource
 import shutil
 import signal
 import struct
-import subprocess
 import sys
 import tempfile
 import time
@@ -27,8 +26,10 @@ import traceback
 from contextlib import suppress
 from dataclasses import dataclass
 from mmap import mmap
+from multiprocessing import get_context
 from pathlib import Path
 from random import Random
+from typing import TYPE_CHECKING
 
 # A thread for each core would only fight the others for such small images.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -40,6 +41,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recording"))
 import cv2
 
 from damage import damaged
+
+if TYPE_CHECKING:
+    from parser_targets import Target
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
 """Folder in memory, where there is one: inputs are written as files, most of them durably."""
@@ -61,10 +65,19 @@ COUNTS = struct.Struct("<QQQQQ")
 
 
 def known() -> tuple[str, ...]:
-    """Return the names of all parsers. Only what is imported later, by a turn, is observed by the fuzzer."""
+    """Return the names of all parsers."""
     from test_damaged_input import NAMES
 
     return NAMES
+
+
+def parsers(folder: Path) -> dict[str, Target]:
+    """Return all parsers by name, imported so that the fuzzer observes them; samples are made in an empty folder."""
+    import atheris
+
+    with atheris.instrument_imports(include=["ospc", "exifread", "rosbags", "mcap"]):
+        from parser_targets import targets
+    return targets(folder)
 
 
 class Progress:
@@ -108,32 +121,35 @@ class Campaign:
         """Return the counts of one parser."""
         return Progress(self.place(name) / "counts")
 
-    def turn(self, name: str) -> None:
+    def turn(self, name: str, target: Target) -> None:
         """Let a process of its own try one parser for a while."""
         place, progress = self.place(name), self.progress(name)
         before = progress.read()[0]
-        command = [sys.executable, __file__, *sys.argv[1:], "--turn", name]
-        with (place / "log.txt").open("wb") as log, tempfile.TemporaryDirectory(dir=MEMORY) as folder:
-            child = subprocess.Popen([*command, folder], stderr=log, stdout=log)
-            with suppress(subprocess.TimeoutExpired):
-                child.wait(SLOWEST * (self.slice_s + LOADING_S))
-            child.kill()
-            child.wait()
+        with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+            # Forked, so that what was imported and made before need not be made again.
+            child = get_context("fork").Process(target=self.fuzz, args=(name, target, Path(folder)))
+            child.start()
+            try:
+                child.join(SLOWEST * (self.slice_s + LOADING_S))
+            finally:  # also after an interruption
+                child.kill()
+                child.join()
         for artifact in place.glob("libfuzzer-*"):
             (self.work / "found").mkdir(exist_ok=True)
             shutil.move(artifact, self.work / "found" / f"{place.name}-{artifact.name}")
             progress.add(False, True, 0.0)
         if progress.read()[0] == before:
-            print(f"{name}: no input was tried (exit {child.returncode}), see {place / 'log.txt'}", flush=True)
+            print(f"{name}: no input was tried (exit {child.exitcode}), see {place / 'log.txt'}", flush=True)
 
-    def fuzz(self, name: str, folder: Path) -> None:
+    def fuzz(self, name: str, target: Target, folder: Path) -> None:
         """Try one parser; never return: the process ends with the turn."""
         import atheris
+        from parser_targets import attempt
 
-        with atheris.instrument_imports(include=["ospc", "exifread", "rosbags", "mcap"]):
-            from parser_targets import attempt, targets
-
-        target, place, progress = targets(folder)[name], self.place(name), self.progress(name)
+        place, progress = self.place(name), self.progress(name)
+        log = os.open(place / "log.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(log, sys.stdout.fileno())
+        os.dup2(log, sys.stderr.fileno())
         for number, sample in enumerate(target.samples):
             (place / "corpus" / f"sample-{number}").write_bytes(sample)
         mutated, end_s = False, 0.0
@@ -166,9 +182,9 @@ class Campaign:
                 os._exit(0)
 
         resource.setrlimit(resource.RLIMIT_DATA, (self.megabytes * 2**20,) * 2)
-        cv2.setNumThreads(1)
         options = {
             "timeout": HANGING_S,
+            "report_slow_units": HANGING_S,
             "rss_limit_mb": self.megabytes,
             "max_len": max(4096, *(len(sample) * 6 // 5 for sample in target.samples)),
             "seed": progress.read()[0] % 2**31 + 1,
@@ -217,18 +233,17 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=2.0, help="most processor time for one input")
     parser.add_argument("--megabytes", type=int, default=1024, help="most memory")
     parser.add_argument("--table", action="store_true", help="only print what is known")
-    parser.add_argument("--turn", nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     campaign = Campaign(arguments.work, arguments.inputs, arguments.slice, arguments.seconds, arguments.megabytes)
-    if arguments.turn:
-        campaign.fuzz(arguments.turn[0], Path(arguments.turn[1]))
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with suppress(KeyboardInterrupt):
-        waiting = [] if arguments.table else list(arguments.only or known())
+    cv2.setNumThreads(1)
+    with suppress(KeyboardInterrupt), tempfile.TemporaryDirectory() as folder:
+        tried = {} if arguments.table else parsers(Path(folder))
+        waiting = list(arguments.only or tried)
         while waiting:
             # Those that had least come first, also after an interruption.
             for name in sorted(waiting, key=lambda name: campaign.progress(name).read()[0]):
-                campaign.turn(name)
+                campaign.turn(name, tried[name])
                 (arguments.work / "table.md").write_text(campaign.table() + "\n")
             waiting = [name for name in waiting if campaign.progress(name).read()[0] < arguments.inputs]
     print(campaign.table())

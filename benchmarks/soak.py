@@ -30,7 +30,7 @@ from ospc.settings import preset, with_overrides
 from ospc.simulation import SimulationSettings, frames, truth
 
 SIZE = (128, 96)
-VIEWS = 120
+VIEWS = 480
 EXPOSURES_MS = (3.0, 5.0, 8.0, 12.0, 20.0)
 ASKED_EVERY = 1000
 SETTLED_FRAMES = 20_000
@@ -43,7 +43,7 @@ GREYS, RADII = np.linspace(0.1, 0.9, 9), np.linspace(0, 1, 6)
 """Where responses and vignettes are compared."""
 
 
-SETTINGS = {"points_per_pair": 100, "max_points": 3000, "rounds": 4}
+SETTINGS = {"points_per_pair": 200, "max_points": 6000, "rounds": 4}
 """A calibration every thousand frames must not take longer than these."""
 
 MEDIAN_OF = 10
@@ -51,8 +51,8 @@ MEDIAN_OF = 10
 
 
 def settings(exposures_ms: tuple[float, ...]) -> SimulationSettings:
-    """Return the camera and its walk."""
-    return SimulationSettings(size=SIZE, frames=VIEWS, exposure="cycle", exposures_ms=exposures_ms, seed=3)
+    """Return the camera and its walk, fast enough that what was seen elsewhere gets into the corners too."""
+    return SimulationSettings(size=SIZE, frames=VIEWS, exposure="cycle", exposures_ms=exposures_ms, speed=2.0, seed=3)
 
 
 def pools() -> list[list[Frame]]:

@@ -106,8 +106,10 @@ class OnlineCalibrator(Engine):
         SettingError
             If the state of the method is too large for that: preset "paper".
         FormatError
-            If the file cannot be written.
+            If the file cannot be written, or an error such as the end of memory left a frame half processed.
         """
+        if self._half_taken:
+            raise FormatError(f"{path}: not written, for {self._half_taken} was processed in part only")
         if not self.settings.keeps_state:
             raise SettingError(
                 f"preset {self.settings.name} holds the features of hundreds of frames, which no state file takes; "

@@ -17,7 +17,7 @@ from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
-from ospc.errors import ExposureError, FrameError, OspcError
+from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures
 from ospc.exposures.table import ExposureTable
@@ -124,26 +124,38 @@ class Engine:
         self._reasons: list[str] = []
         self._first_reasons: list[str] = []
         self._first_frames = ("", 0)
+        self._half_taken = ""  # name of a frame within which something failed
 
     @_one_thread_at_a_time
     def push(self, frame: Frame) -> bool:
         """Take the next frame and return whether it could be used; most often it is not even decoded.
 
         A frame that cannot be read, or whose size or exposure is wrong, is skipped and counted; the run goes on.
+
+        Raises
+        ------
+        RecordingError
+            If no frame can be read any more. Nothing has changed then, and the frame may be pushed again.
         """
         number = self._exposures.append(frame.exposure_ms)
+        used = True
         try:
             self._check(frame)
             self._take(replace(frame, index=number, load=partial(_of_size, frame, self._size_of(frame))))
         except (FrameError, ExposureError) as error:
             self._skip(str(error))
-            return False
+            self._sampler.skip()
+            used = False
+        except RecordingError:
+            self._exposures = self._exposures.until(number)
+            raise
+        except BaseException:
+            self._half_taken = frame.name
+            raise
         finally:
             self._prepared_ahead.pop(number, None)
-            if self._sampler.number == number:  # the frame was not taken
-                self._sampler.skip()
-            self._foresee()
-        return True
+        self._foresee()
+        return used
 
     @_one_thread_at_a_time
     def note(self, exposure_ms: float) -> None:
@@ -154,6 +166,7 @@ class Engine:
 
     def _take(self, frame: Frame) -> None:
         evidence, method = self._started(frame)
+        self._recognize(frame)  # at first: where it cannot read the image, nothing is learned from the frame yet
         change = None
         if self._sampler.processes_next:
             prepared = self._prepared(frame)
@@ -174,7 +187,6 @@ class Engine:
             evidence, method = self._begin_epoch(evidence, method, change)
         self._sampler.advance(pauses=not method.wants_every_frame)
         self._assess_exposures_at_times(evidence)
-        self._recognize(frame)
 
     @_one_thread_at_a_time
     def calibration(self) -> Calibration:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 import sys
+import time
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from image_samples import encoded, grey
 
 from ospc.errors import ExposureError, MissingExtraError, OspcError, RecordingError
 from ospc.recording import open_recording
+from ospc.recording.shot import Shot, shot_of_exif
 
 pytest.importorskip("exifread", reason="needs the extra 'exif'")
 
@@ -66,6 +69,18 @@ def directory(entries: list[tuple[int, int, int, bytes]], start: int) -> bytes:
 def photograph(seed: int, segment: bytes) -> bytes:
     data = encoded(grey(seed), ".jpg")
     return data[:2] + segment + data[2:]
+
+
+def chained(entries: list[tuple[int, int, int, int]], directories: int = 1) -> bytes:
+    """TIFF directories that overlap: each has all these entries, and names the one that begins six bytes later."""
+    content = bytearray(b"II*\0" + struct.pack("<I", 8) + bytes(12 * len(entries) + 6 * directories + 6))
+    for number, entry in enumerate(entries):
+        struct.pack_into("<HHII", content, 10 + 12 * number, *entry)
+    for start in range(8, 8 + 6 * directories, 6):
+        struct.pack_into("<H", content, start, len(entries))
+        if directories > 1:
+            struct.pack_into("<I", content, start + 2 + 12 * len(entries), start + 6)
+    return bytes(content)
 
 
 @pytest.fixture
@@ -178,3 +193,24 @@ def test_real_overlapping_photographs(real_data: Path) -> None:
     recording = open_recording(real_data / "brackets" / "sceaux_exif")
     assert recording.exposures_ms == pytest.approx(800 / np.array([400, 640, 640, 400]) / 2.8**2)
     assert recording.stamps_s.tolist() == [0, 23, 44, 81]
+
+
+GPS = (0x8825, 4, 1, 8)
+"""An entry that names a further directory: its own."""
+
+
+@pytest.mark.parametrize("hostile", [chained([(0, 0, 0, 0)] * 2000, 3000), chained([GPS] * 2000)])
+def test_directories_that_are_read_again_and_again_are_given_up(hostile: bytes) -> None:
+    begun_s = time.process_time()
+    assert shot_of_exif(hostile) == Shot()
+    assert time.process_time() - begun_s < 2
+
+
+def test_texts_that_are_read_again_and_again_are_given_up() -> None:
+    hostile = chained([(tag, 2, 50_000, 24_020) for tag in range(1, 2001)]) + b"x" * 50_000
+    tracemalloc.start()
+    try:
+        assert shot_of_exif(hostile) == Shot()
+        assert tracemalloc.get_traced_memory()[1] < 64 * 2**20
+    finally:
+        tracemalloc.stop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from ospc.calibrator import OnlineCalibrator, remaining
 from ospc.engine_state import EngineState
-from ospc.errors import FormatError, FrameError, SettingError
+from ospc.errors import FormatError, FrameError, RecordingError, SettingError
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
@@ -66,6 +67,39 @@ def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, unint
         calibrator = OnlineCalibrator.load_state(place)
         assert calibrator.frames == stop
     assert as_text(pushed(recording, calibrator)) == uninterrupted
+
+
+@settings(max_examples=6)
+@given(gone=st.integers(0, 47))
+def test_saved_after_the_recording_was_removed_it_ends_the_same(recording, uninterrupted, tmp_path_factory, gone):
+    """From a frame on, none can be read, as when a disk is pulled out; later they are back."""
+
+    def fail():
+        raise RecordingError("the folder was removed")
+
+    place = tmp_path_factory.mktemp("state") / "state.ospc"
+    calibrator = OnlineCalibrator(QUICK)
+    removed = [replace(frame, load=fail, verify=fail) for frame in recording[gone:]]
+    with suppress(RecordingError):
+        pushed([*recording[:gone], *removed], calibrator)
+    assert calibrator.frames == gone
+    calibrator.save_state(place)
+    assert as_text(pushed(recording, OnlineCalibrator.load_state(place))) == uninterrupted
+
+
+def test_a_state_within_a_frame_is_not_saved(recording, tmp_path, monkeypatch):
+    calibrator = pushed(recording[:4], OnlineCalibrator(QUICK))
+    before = calibrator.save_state(tmp_path / "state.ospc").read_bytes()
+
+    def fail(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(MaximumLikelihoodMethod, "_accumulate", fail)
+    with pytest.raises(MemoryError):
+        pushed(recording[:5], calibrator)
+    with pytest.raises(FormatError, match="frame 4 was processed in part only"):
+        calibrator.save_state(tmp_path / "state.ospc")
+    assert (tmp_path / "state.ospc").read_bytes() == before
 
 
 def test_saving_changes_nothing_and_equal_states_are_equal_files(recording, uninterrupted, tmp_path):
@@ -138,7 +172,7 @@ def test_everything_a_method_learns_is_in_its_state():
 
 def test_everything_an_engine_knows_is_in_its_state():
     made_anew = {"settings", "correct_lag", "lock", "second", "preprocess", "method", "prior"}
-    not_needed = {"findings", "foresight", "saved_by"}
+    not_needed = {"findings", "foresight", "saved_by", "half_taken"}
     saved = {
         "sampler",
         "pixels",

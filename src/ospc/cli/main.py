@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 from io import TextIOWrapper
@@ -39,6 +40,10 @@ _MODULES = {"import": "import_"}
 """Modules of commands whose name is a keyword of Python."""
 
 
+_LEAST_MEMORY_MIB = 1024
+"""Address space below which OpenBLAS may end the process, or never return, instead of raising an error."""
+
+
 class _Commands(click.Group):
     """A group that lists its commands without importing them, and ends every failure as one line."""
 
@@ -58,6 +63,7 @@ class _Commands(click.Group):
     def invoke(self, ctx: click.Context) -> object:
         """Call a command, which returns its exit code or None; the context's object is the interruption."""
         with Interruption() as ctx.obj:
+            _mind_memory_limit()
             try:
                 code = super().invoke(ctx)
             except KeyboardInterrupt as interruption:
@@ -71,6 +77,22 @@ class _Commands(click.Group):
             except Exception as error:
                 raise OspcError(one_line(error)) from error
         return ctx.exit(code or 0)
+
+
+def _mind_memory_limit() -> None:
+    """Before NumPy is imported: refuse a memory limit that is too low, and save memory under any other."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    limit_bytes, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit_bytes == resource.RLIM_INFINITY:
+        return
+    if limit_bytes < _LEAST_MEMORY_MIB * 2**20:
+        given = limit_bytes // 2**20
+        raise OspcError(f"{given} MiB of memory are too few; allow {_LEAST_MEMORY_MIB} MiB at least (ulimit -v)")
+    # With more threads, OpenBLAS needs some hundred MiB more.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 from typing import Annotated, Any, get_type_hints
 
 from ospc.errors import SettingError
@@ -117,6 +118,7 @@ class ReadingOptions:
         return cls(**values)
 
 
+@cache
 def declared_options() -> dict[str, Option]:
     """Return how each option is stated as text, by the names of the fields."""
     return {name: hint.__metadata__[0] for name, hint in get_type_hints(ReadingOptions, include_extras=True).items()}

@@ -15,6 +15,12 @@ from ospc.errors import needs_extra
 _TIME, _NUMBER, _ISO = "EXIF ExposureTime", "EXIF FNumber", "EXIF ISOSpeedRatings"
 _TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", "Image Model"
 
+_MOST_BYTES = 8 * 2**20
+"""Read of the EXIF of one photograph, some bytes again and again: far more than cameras write."""
+
+_READ_COST_BYTES = 512
+"""Bytes that a read counts at least, so that the number of reads is limited too."""
+
 
 @dataclass(frozen=True)
 class Shot:
@@ -54,11 +60,24 @@ def _tags(data: bytes) -> Mapping[str, Any]:
         # Without a handler, its remarks on odd files would be printed.
         logger.addHandler(logging.NullHandler())
     try:
-        tags: Mapping[str, Any] = exifread.process_file(BytesIO(data), details=False)
+        tags: Mapping[str, Any] = exifread.process_file(_BoundedReads(data), details=False)
     except Exception:
         # The parser raises undocumented errors for damaged EXIF.
         return {}
     return tags
+
+
+class _BoundedReads(BytesIO):
+    """Ends reading by an error where the directories of hostile EXIF overlap, which would take hours."""
+
+    _left = _MOST_BYTES
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        found = super().read(size)
+        self._left -= max(len(found), _READ_COST_BYTES)
+        if self._left < 0:
+            raise ValueError("too many reads")
+        return found
 
 
 def _positive(tags: Mapping[str, Any], name: str) -> float | None:
