@@ -224,10 +224,10 @@ MIN_BLOCKS = 16
 """Fewest such blocks, if there are as many pairs: the standard error of a variance from 16 is already 37 per cent. 32
 has no effect, 8 raises the vignette error by half."""
 
-DISAGREEMENT_SHARE = 0.4
-"""Weight of the scatter between halves of the observations beside that between groups of pairs. With it, 77 and 95
+DISAGREEMENT_SHARE = 0.3
+"""Weight of the scatter between halves of the observations beside that between groups of pairs. With it, 80 and 96
 per cent of the response's shape were within one and two standard deviations of the truth in 67 simulated recordings
-of 426 to 1704 frames, and 73 and 95 per cent of the vignette's profile."""
+of 426 to 1704 frames, and 72 and 94 per cent of the vignette's profile."""
 
 # Effects beside response and vignette (ospc.estimation.effects)
 #
