@@ -241,7 +241,8 @@ def test_frames_are_processed_ever_more_rarely(slowdown, frames):
 def test_pauses_grow_faster_up_to_a_limit_and_are_foreseen(slowdown, dense, longest, frames, ahead):
     limited = sampler(slowdown, dense, longest)
     numbers = processed(limited, frames)
-    assert len(numbers) <= max(len(processed(sampler(slowdown), frames)), frames // (longest + 1) + dense + slowdown)
+    at_longest = -(-frames // (longest + 1))
+    assert len(numbers) <= max(len(processed(sampler(slowdown), frames)), at_longest + dense + slowdown)
     assert max(np.diff(numbers), default=0) <= longest + 1
     foreseen = [limited.foreseen(frames + place).compares_next for place in range(ahead)]
     happened = []
