@@ -15,6 +15,10 @@ _STYLES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (BLACK, ":"))
 """Colours and lines of successive calibrations: those that lie on one another can still be told apart."""
 
 
+_LETTERS = 40
+"""Most letters of a name in a legend: a longer one would leave no room for the curves. Its end tells most."""
+
+
 def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> Path:
     """Draw inverse responses and radial profiles of vignettes, and return the path of the picture."""
     with rules():
@@ -22,8 +26,9 @@ def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> P
         left, right = figure.subplots(1, 2)
         for number, photometry in enumerate(photometries):
             colour, line = _STYLES[number % len(_STYLES)]
+            name = printable(photometry.name)
             # A label that began with an underscore would be left out of the legend.
-            label = f" {printable(photometry.name)}"
+            label = f" {name}" if len(name) <= _LETTERS else f" …{name[-_LETTERS:]}"
             if photometry.response is not None:
                 response = photometry.response
                 left.plot(255 * response.levels, response.inverse_table, line, color=colour, label=label)
