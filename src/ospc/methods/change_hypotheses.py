@@ -7,7 +7,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
-from ospc.methods.prediction_errors import PARTS, RIDGE, ExplainedChange, PairErrors
+from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 
 Halves = tuple[list[PairErrors], list[PairErrors]]
 """Earlier and later pairs: what one half shows must explain the other."""
@@ -38,10 +38,9 @@ changes of this size had 17 and 9 or more."""
 SYSTEMATIC_LOG = 0.006
 """Standard deviation, in ln, by which registration is wrong in ways that pairs have in common."""
 
-ALIKE_LEFT, LITTLE_LEFT_LOG = 2.0, 0.001
-"""Both parts are named unless the other leaves this many times as much, root mean square, of what both together
-explain. The wrong part left 9 to 20 times as much, 1.5 times where the views could not tell, and 1.2 times where both
-had changed. Less than the second, in ln of irradiance, tells nothing."""
+ALIKE_GAIN = 0.9
+"""Share of the gain of one explanation from which on the other is as good; both are named then, unless the other
+would have to be the larger change: responses imitate corners that lose a fifth by changing two- to tenfold."""
 
 MAJORITY = 0.8
 """Share of the pairs in each half that a change must explain: a few wrong registrations prove nothing."""
@@ -112,17 +111,9 @@ def _other_curve(halves: Halves, fit: Fit) -> Finding | None:
         gains = np.array([pair.gain(found.change) for pair in unseen])
         if gains.sum() <= 0 or np.mean(gains > 0) < MAJORITY:
             return None
-    left, other_left = (_left_log(explained, everything) for explained in (whole, other))
-    part = " or ".join(PARTS) if other_left < ALIKE_LEFT * max(left, LITTLE_LEFT_LOG) else whole.part
+    alike = other.gain > ALIKE_GAIN * whole.gain and abs(other.effect) < abs(whole.effect)
+    part = " or ".join(PARTS) if alike else whole.part
     return part, f"the {part} changed by {np.expm1(whole.effect):+.0%}"
-
-
-def _left_log(explained: ExplainedChange, pairs: list[PairErrors]) -> float:
-    """Return the root mean square, in ln, of what a change of one part leaves to one of both."""
-    matrix, vector = (np.sum([getattr(pair, name) for pair in pairs], axis=0) for name in ("matrix", "vector"))
-    change = np.linalg.solve(matrix + RIDGE * np.eye(len(vector)), vector)
-    most = sum(pair.gain(change) for pair in pairs)
-    return float(np.sqrt(max(most - explained.gain, 0.0) / sum(pair.points for pair in pairs)))
 
 
 def _late_exposures(halves: Halves, exposures: ExposureTable, usual_error: float) -> Finding | None:
