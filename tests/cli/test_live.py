@@ -188,7 +188,9 @@ def stalled(recording, tmp_path):
 
 
 def live_process(recording, out, begin="", **streams):
-    program = f"{begin}from ospc.cli.main import main; main()"
+    # The tests themselves may run under nohup, which what they start would inherit.
+    default = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL); "
+    program = f"{default}{begin}from ospc.cli.main import main; main()"
     words = ["live", str(recording), "-o", str(out), "--no-page"]
     return subprocess.Popen([sys.executable, "-c", program, *words], **streams)
 
