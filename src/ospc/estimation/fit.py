@@ -125,7 +125,7 @@ class Fit:
         if self.pixel_noise is None:
             return observations.grey
         basis = self.response_basis
-        shift = TextureShift.of(basis.grid, basis.gamma_of(self.response_parameters), self.pixel_noise)
+        shift = TextureShift.of(basis, self.response_parameters, self.pixel_noise)
         return observations.grey + self.texture_share * shift(observations, basis.index_of(observations.grey))
 
     def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:

@@ -78,10 +78,8 @@ class LatentModel:
     ----------
     basis
         Basis of the response.
-    log_response
-        h on the basis's grid.
-    gamma
-        γ on the basis's grid.
+    coefficients
+        Coefficients of the response.
     errors
         Error model of the observations.
     noise
@@ -94,8 +92,7 @@ class LatentModel:
     """
 
     basis: ResponseBasis
-    log_response: FloatArray
-    gamma: FloatArray
+    coefficients: FloatArray
     errors: ErrorModel
     noise: NoiseModel | None
     texture_share: float
@@ -140,8 +137,13 @@ class LatentModel:
         )
 
     @cached_property
+    def log_response(self) -> FloatArray:
+        """The logarithm h of g on the basis's grid."""
+        return self.basis.log_of(self.coefficients)
+
+    @cached_property
     def _log_response_slope(self) -> FloatArray:
-        return self.gamma / np.maximum(self.basis.grid, DARKEST_GREY)
+        return self.basis.gamma_of(self.coefficients) / np.maximum(self.basis.grid, DARKEST_GREY)
 
     @cached_property
     def _irradiance(self) -> FloatArray:
@@ -153,7 +155,7 @@ class LatentModel:
 
     @cached_property
     def _texture_shift(self) -> TextureShift:
-        return TextureShift.of(self.basis.grid, self.gamma, self.pixel_noise)
+        return TextureShift.of(self.basis, self.coefficients, self.pixel_noise)
 
     @cached_property
     def pixel_noise(self) -> NoiseModel:

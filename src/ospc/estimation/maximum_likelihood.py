@@ -214,9 +214,8 @@ class MaximumLikelihoodEstimator:
     def _latent_model(
         self, parameters: FloatArray, errors: ErrorModel, texture_share: float, trusted: bool
     ) -> LatentModel:
-        coefficients, basis = parameters[: len(self.response_basis)], self.response_basis
-        log_response, gamma = basis.log_of(coefficients), basis.gamma_of(coefficients)
-        return LatentModel(basis, log_response, gamma, errors, self.noise, texture_share, trusted)
+        coefficients = parameters[: len(self.response_basis)]
+        return LatentModel(self.response_basis, coefficients, errors, self.noise, texture_share, trusted)
 
     def _weights(self, latent: Latent, noise: NoiseModel) -> tuple[FloatArray, float]:
         """Return redescending weights (Geman and McClure 1987, cut off), and E[ψ'] / E[w] of those that count."""

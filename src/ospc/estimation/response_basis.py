@@ -19,10 +19,13 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import gaussian_filter1d
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import SettingError
 from ospc.settings.estimation import (
+    BEND_SMOOTHING,
+    DARKEST_GREY,
     FIRST_GRID_STEP_BEGINS,
     QUADRATURE_POINTS,
     RESPONSE_GRID_STEPS,
@@ -124,6 +127,20 @@ class ResponseBasis:
         table = np.zeros((RESPONSE_GRID_STEPS + 1, len(self)))
         table[:-1] = -steps[::-1].cumsum(axis=0)[::-1]
         return table
+
+    @cached_property
+    def _smooth_gamma_table(self) -> FloatArray:
+        # A smoothed γ is a sum of smoothed functions: this is done once for a basis, not for every response.
+        sigma = BEND_SMOOTHING * RESPONSE_GRID_STEPS
+        return np.asarray(gaussian_filter1d(self.gamma_table, sigma, axis=0, mode="nearest"))
+
+    def bend_of(self, coefficients: FloatArray) -> FloatArray:
+        """Return g″/g′ of a smoothed γ on the grid, shape (4097,).
+
+        γ has kinks at the knots, and what the estimate adds to them would be taken for the bend.
+        """
+        slope = self._smooth_gamma_table @ coefficients / np.maximum(self.grid, DARKEST_GREY)
+        return np.asarray(np.gradient(slope, self.grid) / slope + slope)
 
     def gamma_of(self, coefficients: FloatArray) -> FloatArray:
         """Return γ on the grid, shape (4097,)."""

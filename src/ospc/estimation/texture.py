@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
-from ospc.settings.estimation import BEND_SMOOTHING, DARKEST_GREY, MAX_NOISE, MAX_TEXTURE
+from ospc.settings.estimation import DARKEST_GREY, MAX_NOISE, MAX_TEXTURE
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,9 @@ class TextureShift:
     noise_variance: FloatArray
 
     @classmethod
-    def of(cls, grid: FloatArray, gamma: FloatArray, noise: NoiseModel) -> TextureShift:
-        """Return that of a response with γ on a grid of grey levels, both of shape (n,)."""
-        # γ between knots has kinks, and what the estimate adds to them would be taken for the bend.
-        smooth = gaussian_filter1d(gamma, BEND_SMOOTHING * (len(grid) - 1), mode="nearest")
-        slope = smooth / np.maximum(grid, DARKEST_GREY)
-        return cls(grid, np.gradient(slope, grid) / slope + slope, noise.variance(grid))
+    def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> TextureShift:
+        """Return that of a response, by its coefficients and the noise of single pixels."""
+        return cls(basis.grid, basis.bend_of(coefficients), noise.variance(basis.grid))
 
     def __call__(self, observations: Observations, index: IntArray) -> FloatArray:
         """Return the grey level of the mean irradiance less the mean grey level.
