@@ -1,4 +1,4 @@
-"""Names for the array types that cross module boundaries."""
+"""Names for the array types that cross module boundaries, and their division into groups."""
 
 from __future__ import annotations
 
@@ -24,3 +24,9 @@ Image: TypeAlias = npt.NDArray[Any]
 
 ImageSize: TypeAlias = tuple[int, int]
 """Width and height in pixels, in this order."""
+
+
+def members_of(group: IntArray) -> list[IntArray]:
+    """Return the indices of the members of each group, in the order of its number, from the group of each, (n,)."""
+    order = np.argsort(group, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)

@@ -51,7 +51,8 @@ def fit_with_chosen_effects(
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
-    fit, possible, refused = plain, tuple(EFFECTS) if plain.groups >= MIN_GROUPS else (), []
+    fit, possible = plain, tuple(EFFECTS) if plain.groups >= MIN_GROUPS else ()
+    refused: list[str] = []
     plain_trials = trials = tried(observations, fit, noise, tuple(EFFECTS))
     while name := _suspected(trials, possible):
         possible = tuple(other for other in possible if other != name)
@@ -67,9 +68,10 @@ def fit_with_chosen_effects(
         trials = tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fit, trials, (), refused)
-    if unsteady := unsteadiness(fit, observations):
+    residual = fit.residuals(observations)
+    if unsteady := unsteadiness(residual, observations):
         return _with_estimates(plain, plain_trials, unsteady, refused)
-    return _with_estimates(fit, trials, (*_estimates(fit), *uneven_vignette(fit, observations)), refused)
+    return _with_estimates(fit, trials, (*_estimates(fit), *uneven_vignette(residual, observations)), refused)
 
 
 @dataclass(frozen=True)

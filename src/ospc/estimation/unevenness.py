@@ -6,7 +6,6 @@ import numpy as np
 from scipy.special import ndtri, stdtr
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.estimation.fit import Fit
 from ospc.estimation.robust import robust_scale
 from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
@@ -24,7 +23,7 @@ UNEVEN = "uneven vignette"
 """Name of the finding."""
 
 
-def uneven_vignette(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
     """Return the part of the image that a smooth vignette explains least; nothing if all are explained.
 
     Its value is ln of its brightness over that of the vignette: twice the mean residual, because a residual is
@@ -32,12 +31,11 @@ def uneven_vignette(fit: Fit, observations: ExposedObservations) -> tuple[Effect
 
     Parameters
     ----------
-    fit
-        A fit.
+    residual
+        The :meth:`~ospc.estimation.fit.Fit.residuals` of a fit.
     observations
         What it was made of.
     """
-    residual = fit.residuals(observations)
     known = np.isfinite(residual)
     if not known.any():
         return ()

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray
-from ospc.estimation.fit import Fit
+from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.estimation.robust import robust_scale
 from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
@@ -23,27 +22,20 @@ UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE = "unsteady response", "unsteady vignette"
 """Names of the findings."""
 
 
-def unsteadiness(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
     """Return what differs between the frames of a pair; nothing if the pairs agree.
 
     With one response and one vignette, the radiances that two frames show of the same points differ by chance alone.
     With another exponent in one frame, their logarithms differ in proportion to ln M; with a vignette that was moved,
     in proportion to x and y. The value is the standard deviation of that slope between pairs, without what the
-    scatter inside them lets expect.
-
-    Parameters
-    ----------
-    fit
-        A fit.
-    observations
-        What it was made of.
+    scatter inside them lets expect. The parameters are those of
+    :func:`~ospc.estimation.unevenness.uneven_vignette`.
     """
     first = observations.starts
     last = first + observations.counts - 1
-    residual = fit.residuals(observations)
-    change, group = residual[last] - residual[first], observations.group[first]
-    known = np.isfinite(change)
-    pairs = [known & (group == number) for number in np.unique(group[known])]
+    change = residual[last] - residual[first]
+    known = np.flatnonzero(np.isfinite(change))
+    pairs = [known[members] for members in members_of(observations.group[first][known])]
     log_grey = np.log(np.maximum(observations.grey, DARKEST_GREY))
     x, y = ((observations.position[first] + observations.position[last]) / 2).T
     found = []
@@ -57,7 +49,7 @@ def unsteadiness(fit: Fit, observations: ExposedObservations) -> tuple[EffectEst
     return tuple(found)
 
 
-def _excess(covariate: FloatArray, change: FloatArray, pairs: list[BoolArray]) -> float:
+def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) -> float:
     """Return the standard deviation of the slope between pairs; 0 if chance explains it."""
     slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
     if len(slopes) < UNSTEADY_FEWEST_PAIRS:

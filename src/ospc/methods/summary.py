@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.robust import robust_scale
 from ospc.methods.coverage import coverage_of
@@ -75,9 +75,7 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     metadata = observations.log_exposure[later - 1] - observations.log_exposure[later]
     frames = np.stack([observations.frame[later - 1], observations.frame[later]], axis=1)
     pairs, member = np.unique(frames, axis=0, return_inverse=True)
-    member = member.reshape(-1)
-    order = np.argsort(member, kind="stable")
-    groups = np.split(order, np.cumsum(np.bincount(member))[:-1])
+    groups = members_of(member.reshape(-1))
     estimated = np.array([np.median(observed[g]) for g in groups])
     spread = np.array([robust_scale(observed[g] - middle) for g, middle in zip(groups, estimated, strict=True)])
     return ExposureRatios(

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.errors import NotObservableError
 from ospc.estimation.robust import robust_scale
 from ospc.methods.paper import Correspondences
@@ -191,9 +191,8 @@ def _solve_vignette(pairs: Sequence[Correspondences], response: Response, ratios
         raise NotObservableError("too few points change their distance from the centre; the vignette cannot be known")
     ring1, ring2 = (np.minimum(radius * _RINGS, _RINGS - 1).astype(int) for radius in (r1, r2))
     cell = ring1 * _RINGS + ring2
-    order = np.argsort(cell, kind="stable")
     rows, targets = [], []
-    for members in np.split(order, np.flatnonzero(np.diff(cell[order])) + 1):
+    for members in members_of(cell):
         if members.size < _FEWEST_IN_CELL:
             continue
         ratio, weight = float(np.exp(np.median(log[members]))), np.sqrt(members.size)
