@@ -19,7 +19,8 @@ from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.exposures.evidence import ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures
+from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, lag_in_words
+from ospc.exposures.lag_change import lag_change
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change
 from ospc.methods.inputs import FitInputs
@@ -45,6 +46,10 @@ MIN_RECENT_CHANGE_LOG = 0.02
 
 ASSESSMENT_GROWTH = 1.5
 """Exposures are assessed again whenever there are so many times more changes of brightness."""
+
+LAG_CHECK_CHANGES = 16
+"""Changes of brightness from one look for a change of the lag to the next: five seconds of film late in a run, at a
+hundredth of its time."""
 
 REMEMBERED_REASONS, FIRST_REASONS = 20, 3
 """How many of the latest, and of the first, reasons for skipping a frame are kept."""
@@ -117,7 +122,8 @@ class Engine:
         self._evidence: ExposureEvidence | None = None
         self._method: Method | None = None
         self._next_assessment = FIRST_ASSESSMENT
-        self._lag_is_known = False
+        self._known_lag: int | None = None
+        self._suspected_lag = 0
         self._findings: tuple[tuple[int, int], ExposureFindings] | None = None
         self._epochs: list[Epoch] = []
         self._skipped = 0
@@ -181,8 +187,10 @@ class Engine:
             brightness = evidence.observe(self._preprocess.thumbnail(frame))
         else:
             brightness = None
-        if brightness is not None and change is None:
-            change = method.compare(brightness, self._exposures)
+        if brightness is not None:
+            change = change or method.compare(brightness, self._exposures)
+            if change is not None or len(evidence) % LAG_CHECK_CHANGES == 0:
+                change = self._change_of_lag(evidence, change) or change
         if change is not None:
             evidence, method = self._begin_epoch(evidence, method, change)
         self._sampler.advance(pauses=not method.wants_every_frame)
@@ -322,7 +330,8 @@ class Engine:
             pixels=self._pixels,
             evidence=None if self._evidence is None else self._evidence.state(),
             next_assessment=self._next_assessment,
-            lag_is_known=self._lag_is_known,
+            known_lag=self._known_lag,
+            suspected_lag=self._suspected_lag,
             epochs=[epoch_content(epoch) for epoch in self._epochs],
             skipped=self._skipped,
             reasons=self._reasons,
@@ -343,7 +352,7 @@ class Engine:
         self._size, self._max_grey = state.size, state.max_grey
         self._exposures = ExposureTable.of(state.log_exposure, state.lag_frames, trusted=state.exposures_are_trusted)
         self._sampler, self._pixels, self._next_assessment = state.sampler, state.pixels, state.next_assessment
-        self._lag_is_known = state.lag_is_known
+        self._known_lag, self._suspected_lag = state.known_lag, state.suspected_lag
         self._skipped, self._reasons = state.skipped, state.reasons
         self._first_reasons, self._first_frames = state.first_reasons, state.first_frames
         self._epochs = [epoch_of(content) for content in state.epochs]
@@ -394,7 +403,7 @@ class Engine:
         known = method.calibration(exposures, self._pixels.grey_range)
         self._epochs.append(Epoch(self._first_of_epoch, change.frame - 1, self._judged(known, found), change))
         self._evidence, self._method, self._findings = later_evidence, later_method, None
-        self._next_assessment, self._lag_is_known = FIRST_ASSESSMENT, False
+        self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT, None, 0
         self._sampler.restart()
         return later_evidence, later_method
 
@@ -431,8 +440,21 @@ class Engine:
             self._next_assessment = int(ASSESSMENT_GROWTH * len(evidence))
             found = self.exposure_findings()
             self._exposures.lag_frames = found.corrected_frames
-            self._lag_is_known = found.lag.correction(found.course.cycle_frames) is not None
-            self._exposures.trusted = self._lag_is_known and not found.warnings
+            self._known_lag = found.lag.correction(found.course.cycle_frames)
+            self._exposures.trusted = self._known_lag is not None and not found.warnings
+
+    def _change_of_lag(self, evidence: ExposureEvidence, other: Change | None) -> Change | None:
+        """Return a change of the lag that two looks show, or one that explains another change of the camera."""
+        if self._known_lag is None:
+            return None
+        with threadpool_limits(1, user_api="blas"):
+            found = lag_change(evidence.changes, self._exposures.written, self._known_lag)
+        suspected, self._suspected_lag = self._suspected_lag, 0 if found is None else found.later_frames
+        if found is None or (other is None and suspected * found.later_frames <= 0):
+            return None
+        late = lag_in_words(found.later_frames)
+        text = f"the exposures are written {late} compared with before, since about frame {found.frame}"
+        return Change(found.frame, self.frames - 1, "exposures", text)
 
     def _assessed(self, evidence: ExposureEvidence, log_exposure: FloatArray) -> ExposureFindings:
         # Its matrices are small: further threads of the linear algebra would only wait for each other.
@@ -444,7 +466,8 @@ class Engine:
         """Whether more changes of brightness may still settle which frames the exposures belong to."""
         if self._correct_lag == "trusted":
             return False
-        return not self._lag_is_known and (self._evidence is None or len(self._evidence) < MOST_OPEN_CHANGES)
+        few = self._evidence is None or len(self._evidence) < MOST_OPEN_CHANGES
+        return self._suspected_lag != 0 or (self._known_lag is None and few)
 
     def _exposures_are_open(self, number: int) -> bool:
         """Return whether a frame can help to settle the lag: the exposures written around it change."""

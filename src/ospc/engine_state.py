@@ -59,8 +59,10 @@ class EngineState:
         Changes of brightness; None before the first usable frame.
     next_assessment
         Changes of brightness at which the exposures are assessed next.
-    lag_is_known
-        Whether the lag was certain at the latest assessment.
+    known_lag
+        The lag that was certain at the latest assessment, in frames; None where none was.
+    suspected_lag
+        By how many frames later than known the latest look found exposures written; 0 where it found no change.
     epochs
         The epochs that ended, as JSON-compatible values.
     skipped, reasons
@@ -86,7 +88,8 @@ class EngineState:
     pixels: PixelStatistics
     evidence: EvidenceState | None
     next_assessment: int
-    lag_is_known: bool
+    known_lag: int | None
+    suspected_lag: int
     epochs: list[dict[str, Any]]
     skipped: int
     reasons: list[str]

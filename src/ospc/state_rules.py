@@ -104,6 +104,9 @@ class Numbers:
 ANYTHING = "anything goes: a truth value, or texts that only people read"
 ELSEWHERE = "checked by a function below or by the class itself, because it depends on other values"
 
+LAG = Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES)
+"""A lag of the exposures, or a change of it, in frames."""
+
 COUNT = Numbers(0, _MOST)
 """How many, or the number of a frame."""
 
@@ -123,13 +126,14 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "size": ELSEWHERE,
         "max_grey": Numbers(0, _LARGEST_GREY),
         "log_exposure": Numbers(-_LOG, _LOG, ("frames",), unknown=True),
-        "lag_frames": Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES),
+        "lag_frames": LAG,
         "exposures_are_trusted": ANYTHING,
         "sampler": ELSEWHERE,
         "pixels": ELSEWHERE,
         "evidence": ELSEWHERE,
         "next_assessment": COUNT,
-        "lag_is_known": ANYTHING,
+        "known_lag": ELSEWHERE,
+        "suspected_lag": LAG,
         "epochs": ELSEWHERE,
         "skipped": COUNT,
         "reasons": ANYTHING,
@@ -259,7 +263,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "pairs": ELSEWHERE,
         "since": ELSEWHERE,
         "calm_until": COUNT,
-        "lag_frames": Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES),
+        "lag_frames": LAG,
     },
     PairErrors: {
         "frame0": COUNT,
@@ -329,6 +333,8 @@ def _check_epochs(run: EngineState) -> None:
         _require(epoch.first_frame == begin <= epoch.last_frame < len(run.log_exposure), "epochs are out of order")
         _require(epoch.change is not None and epoch.calibration is not None, "an epoch ended without a change")
         begin = epoch.last_frame + 1
+    if run.known_lag is not None:
+        LAG.check("known_lag", run.known_lag, {})
 
 
 def _check_pixels(run: EngineState) -> None:

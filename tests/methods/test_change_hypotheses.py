@@ -48,7 +48,6 @@ class Film:
     """Neighbouring frames of a camera, and what is stated of their exposures."""
 
     camera: Camera = CAMERA
-    late_frames: int = 0
     fading: float = 0.0
     seed: int = 0
     wrong: int = 0
@@ -56,7 +55,6 @@ class Film:
     def pairs(self, fit) -> tuple[list[PairErrors], ExposureTable]:
         random = np.random.default_rng([self.seed, 1])
         true = course(self.seed)
-        stated = np.roll(true, self.late_frames)
         moved = np.cumsum(random.normal(0, 0.02, (FRAMES, 2)), axis=0) * 3
         pairs = []
         for frame in range(5, FRAMES):
@@ -79,7 +77,7 @@ class Film:
             count = int(seen.sum())
             observations = ExposedObservations(
                 grey=grey[seen].ravel(),
-                log_exposure=np.tile(np.log(10) + stated[[frame, later]], count),
+                log_exposure=np.tile(np.log(10) + true[[frame, later]], count),
                 log_exposure_rate=np.zeros(2 * count),
                 position=places[seen].reshape(-1, 2),
                 gradient=np.zeros(2 * count),
@@ -92,7 +90,7 @@ class Film:
                 group=np.full(2 * count, frame),
             )
             pairs.append(PairErrors.of(observations, fit))
-        return pairs, ExposureTable.of(np.log(10) + stated)
+        return pairs, ExposureTable.of(np.log(10) + true)
 
     def explained(self, fit):
         """Return what is said of it."""
@@ -114,14 +112,6 @@ def test_a_change_is_found_and_named(seed, fading, fit):
 
     assert "vignette" in part(DARKER_CORNERS)
     assert "response" in part(ANOTHER_RESPONSE)
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("frames", [-2, 2, 3])
-def test_late_exposures_are_found_with_their_lag(seed, frames, fit):
-    part, text = Film(late_frames=frames, seed=seed).explained(fit)
-    assert part == "exposures"
-    assert f"{abs(frames)} frames {'later' if frames > 0 else 'earlier'}" in text
 
 
 def test_a_few_pairs_prove_nothing(fit):

@@ -180,7 +180,8 @@ def test_everything_an_engine_knows_is_in_its_state():
         "max_grey",
         "evidence",
         "next_assessment",
-        "lag_is_known",
+        "known_lag",
+        "suspected_lag",
         "skipped",
         "reasons",
     }

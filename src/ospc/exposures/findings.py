@@ -20,6 +20,7 @@ from ospc.exposures.course import (
 )
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.lag import MAX_LAG, LagEstimate, estimate_lag
+from ospc.exposures.table import filled
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.photometry.verdict import Verdict
 
@@ -117,7 +118,7 @@ def assess_exposures(
     max_lag
         Largest lag tried, either way, in frames.
     """
-    written = _filled(log_exposure[since:])
+    written = filled(log_exposure[since:])
     changes = BrightnessChanges.of(evidence.changes)
     found = _assess_choice(replace(changes, frame=changes.frame - since), written, choice, max_lag)
     brightness = found.brightness
@@ -125,7 +126,7 @@ def assess_exposures(
         jumps = tuple(replace(jump, frame=jump.frame + since) for jump in brightness.jumps)
         brightness = replace(brightness, jumps=jumps)
     found = replace(found, lag=replace(found.lag, frame=found.lag.frame + since), brightness=brightness)
-    return found if choice == "trusted" else _with_local_tone(found, evidence, _filled(log_exposure))
+    return found if choice == "trusted" else _with_local_tone(found, evidence, filled(log_exposure))
 
 
 def _assess_choice(
@@ -209,15 +210,6 @@ def check_lag(choice: LagChoice, frames: int) -> None:
     """
     if isinstance(choice, int) and frames - abs(choice) < 2:
         raise SettingError(f"a lag of {choice} frames leaves nothing of the {frames} frames; give a smaller one")
-
-
-def _filled(log_exposure: FloatArray) -> FloatArray:
-    """Return the exposures with missing ones interpolated, so that their neighbours can still be compared."""
-    known = np.isfinite(log_exposure)
-    if known.all() or not known.any():
-        return np.where(known, log_exposure, 0.0)
-    frames = np.arange(len(log_exposure))
-    return np.interp(frames, frames[known], log_exposure[known])
 
 
 def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int, max_lag: int) -> ExposureFindings:

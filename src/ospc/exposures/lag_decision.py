@@ -19,7 +19,7 @@ MIN_LOG_CHANGE = 0.005
 """Range of ln exposure below which it is constant: a change of half a per cent is lost in the noise of
 registration."""
 
-_MIN_LEAD = 10.0
+MIN_LEAD = 10.0
 """Log likelihood by which the best lag must lead. Taken literally that is 22000 to 1; the noise is not quite as
 modelled, and a wrong lag spoils a calibration while an open one only leaves it marginal."""
 
@@ -59,7 +59,7 @@ maximum."""
 _LARGEST_FRACTION = 0.45
 """Largest distance of the best place from the lag, in frames: nearer to the middle, neither of the two is right."""
 
-_MIN_FRACTION_LEAD = _MIN_LEAD / 2
+_MIN_FRACTION_LEAD = MIN_LEAD / 2
 """Log likelihood by which a place between frames must lead: half of what a lag needs, for it only raises a doubt."""
 
 _PERIODIC_SHARE = 0.87
@@ -151,7 +151,7 @@ def decide(trial: Trial) -> LagEstimate:
     distinct = np.array([_distinct_pairs(trial, best, other) for other in range(len(trial.lags))])
     # Changes over several frames overlap, so they count as fewer pairs.
     caution = _FLICKER_CAUTION if trial.flickers else 1.0
-    enough = _MIN_LEAD * np.sqrt(trial.seen.step) * caution
+    enough = MIN_LEAD * np.sqrt(trial.seen.step) * caution
     doubt = np.where((abs(trial.lags[best]) > USUAL_LAG) & (abs(trial.lags) <= USUAL_LAG), _UNUSUAL_CAUTION, 1.0)
     few = distinct < _MIN_DISTINCT_PAIRS
     open_ = (lead < enough * doubt**2) | (sigmas < _MIN_SIGMAS * caution * doubt) | few
@@ -290,6 +290,6 @@ def _differs_within(trial: Trial, best: int) -> bool:
     half = len(trial.fits[best].log_likelihood) // 2
     for part in (slice(None, half), slice(half, None)):
         lead = [fit.log_likelihood[part] - trial.fits[best].log_likelihood[part] for fit in trial.fits]
-        if any(values.sum() > _MIN_LEAD and _sigmas(values, _CORRELATED_PAIRS) > _MIN_SIGMAS for values in lead):
+        if any(values.sum() > MIN_LEAD and _sigmas(values, _CORRELATED_PAIRS) > _MIN_SIGMAS for values in lead):
             return True
     return False

@@ -80,3 +80,12 @@ class ExposureTable:
         known = self.log_exposure
         known = known[np.isfinite(known)]
         return (float(np.exp(known.min())), float(np.exp(known.max()))) if known.size else (np.inf, 0.0)
+
+
+def filled(log_exposure: FloatArray) -> FloatArray:
+    """Return the exposures with missing ones interpolated, so that their neighbours can still be compared."""
+    known = np.isfinite(log_exposure)
+    if known.all() or not known.any():
+        return np.where(known, log_exposure, 0.0)
+    frames = np.arange(len(log_exposure))
+    return np.interp(frames, frames[known], log_exposure[known])

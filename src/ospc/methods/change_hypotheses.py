@@ -1,4 +1,4 @@
-"""Which change of the camera, of its exposures, response or vignette, explains the errors of pairs of frames."""
+"""Which change of the camera, of its response or vignette, explains the errors of pairs of frames."""
 
 from __future__ import annotations
 
@@ -51,9 +51,6 @@ TELLING = 3.0
 FEWEST_TELLING = 6
 """Telling pairs needed in each half."""
 
-LAGS = (-3, -2, -1, 1, 2, 3)
-"""Changes of the lag that are tried, in frames."""
-
 LIGHT_SLOPE = -0.75
 """Slope of the error against the change of exposure from which on light that the exposure follows explains it: an
 exposure control that keeps brightness constant shows a slope of −1."""
@@ -82,11 +79,7 @@ def explain(pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_e
     if len(pairs) < 2 * FEWEST_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < MIN_SPAN_FRAMES:
         return None
     halves = (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
-    return (
-        _late_exposures(halves, exposures, usual_error)
-        or _steeper_response(halves, exposures, usual_error)
-        or _other_curve(halves, fit)
-    )
+    return _steeper_response(halves, exposures, usual_error) or _other_curve(halves, fit)
 
 
 def best_explanations(pairs: list[PairErrors], fit: Fit) -> list[ExplainedChange]:
@@ -116,22 +109,6 @@ def _other_curve(halves: Halves, fit: Fit) -> Finding | None:
     return part, f"the {part} changed by {np.expm1(whole.effect):+.0%}"
 
 
-def _late_exposures(halves: Halves, exposures: ExposureTable, usual_error: float) -> Finding | None:
-    """Return a change of the lag: the errors of whole pairs are those of other exposures."""
-    stated = [_log_ratios(half, exposures) for half in halves]
-    found = []
-    for lag in LAGS:
-        other = exposures.with_lag(exposures.lag_frames + lag)
-        expected = [_log_ratios(half, other) - step for half, step in zip(halves, stated, strict=True)]
-        left = _error_left(halves, expected, usual_error)
-        found += [] if left is None else [(left, lag)]
-    if not found:
-        return None
-    lag = min(found)[1]
-    frames = f"{abs(lag)} frame{'' if abs(lag) == 1 else 's'}"
-    return "exposures", f"the exposures are written {frames} {'later' if lag > 0 else 'earlier'} than before"
-
-
 def _steeper_response(halves: Halves, exposures: ExposureTable, usual_error: float) -> Finding | None:
     """Return a change of the response: brightness follows the exposure more or less than before."""
     steps = [_log_ratios(half, exposures) for half in halves]
@@ -142,18 +119,17 @@ def _steeper_response(halves: Halves, exposures: ExposureTable, usual_error: flo
     if not errors or np.median(errors) < MIN_SLOPE_ERROR_LOG:
         return None
     expected = [slope * step for slope, step in zip(reversed(slopes), steps, strict=True)]
-    if _error_left(halves, expected, usual_error) is None:
+    if not _explained(halves, expected, usual_error):
         return None
     steeper = f"brightness follows the exposure by {np.mean(slopes):+.0%}"
     return "response", f"the response changed, or a gain that the exposures do not hold: {steeper}"
 
 
-def _error_left(halves: Halves, expected: list[FloatArray], usual_error: float) -> float | None:
-    """Return the median error that is left of telling pairs; None unless most in each half are explained.
+def _explained(halves: Halves, expected: list[FloatArray], usual_error: float) -> bool:
+    """Return whether the expected errors explain most of the telling pairs in each half.
 
     Light that fades steadily is no evidence: what grows evenly with time is taken out of errors and expectations.
     """
-    left = []
     for half, change in zip(halves, expected, strict=True):
         known = np.isfinite(change)
         frames = np.array([pair.frame1 - pair.frame0 for pair in half])[known]
@@ -162,9 +138,8 @@ def _error_left(halves: Halves, expected: list[FloatArray], usual_error: float) 
         telling = np.abs(foretold) > TELLING * usual_error
         better = np.abs(error - foretold)[telling] < np.abs(foretold)[telling] / 2
         if np.count_nonzero(telling) < FEWEST_TELLING or better.mean() < MAJORITY:
-            return None
-        left.append(np.abs(error - foretold)[telling])
-    return float(np.median(np.concatenate(left)))
+            return False
+    return True
 
 
 def _without_drift(values: FloatArray, frames: IntArray) -> FloatArray:

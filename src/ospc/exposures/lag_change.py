@@ -1,0 +1,100 @@
+"""Has the lag changed? The latest changes of brightness are compared with the lag that all before them showed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.brightness_changes import BrightnessChanges
+from ospc.exposures.lag import MAX_LAG, estimate_lag
+from ospc.exposures.lag_decision import MIN_LEAD, USUAL_LAG
+from ospc.exposures.lag_likelihood import fit_exposures
+from ospc.exposures.table import filled
+
+WATCHED_FRAMES = 400
+"""Latest frames in which a change is looked for: twenty seconds at 20 frames/s, in which a few bursts of frames are
+compared even late in a run."""
+
+FEWEST_PAIRS = 20
+"""Pairs of frames before lags are compared at all: a fit has about twelve unknowns."""
+
+MOST_CANDIDATES = 3
+"""Most lags that may be left open. Where more fit, something else changes the brightness: a passing cloud left five
+and more in simulated film."""
+
+_EARLIER_LEAD = 1.0
+"""Log likelihood that may be given away for a later beginning: pairs that tell nothing do not count as changed."""
+
+
+@dataclass(frozen=True)
+class LagChange:
+    """A change of the lag.
+
+    Attributes
+    ----------
+    frame
+        Number of the first frame after it, as nearly as it can be told.
+    later_frames
+        By how many frames later than before exposures are written; negative if earlier.
+    """
+
+    frame: int
+    later_frames: int
+
+
+def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, known: int) -> LagChange | None:
+    """Return the change of the lag that the latest changes of brightness show; None if they show none.
+
+    A lag that fits all pairs since some frame much better than the known one raises a suspicion. It is shown if the
+    lags that the pairs since then allow, as estimated on their own, are few, and on the same side of the known one.
+
+    Parameters
+    ----------
+    changes
+        Changes of brightness between consecutive frames, in their order.
+    log_exposure
+        ln of the exposure written beside every frame, NaN where there is none, shape (frames,).
+    known
+        The lag that was certain before, in frames.
+    """
+    first = max(0, len(log_exposure) - WATCHED_FRAMES)
+    exposures = filled(log_exposure[first:])
+    reach = MAX_LAG + abs(known)
+    watched = BrightnessChanges.of([c for c in changes if c.frame0 >= first])
+    frame = watched.frame - first
+    latest = replace(watched, frame=frame).where((frame >= reach) & (frame + 1 + reach < len(exposures)))
+    if len(latest.driven) < FEWEST_PAIRS:
+        return None
+    since = _suspicion(latest, exposures, known)
+    if since is None:
+        return None
+    found = estimate_lag(latest.where(latest.frame >= since), np.exp(exposures), reach)
+    later = [lag - known for lag in found.candidates]
+    usual = [lag for lag in later if abs(lag) <= USUAL_LAG]
+    if found.state not in ("determined", "ambiguous") or not usual or len(later) > MOST_CANDIDATES:
+        return None
+    same_side = all(lag > 0 for lag in usual) or all(lag < 0 for lag in usual)
+    return LagChange(first + since, usual[0]) if same_side else None
+
+
+def _suspicion(latest: BrightnessChanges, log_exposure: FloatArray, known: int) -> int | None:
+    """Return the frame since which another lag fits much better than the known one; None without such a lag."""
+    held = fit_exposures(latest, latest.log_change(log_exposure, known)).log_likelihood
+    leads = []
+    for lag in _neighbours(known):
+        fitted = fit_exposures(latest, latest.log_change(log_exposure, lag)).log_likelihood
+        leads.append(np.cumsum((fitted - held)[::-1])[::-1])
+    lead = max(leads, key=np.max)
+    if lead.max() < MIN_LEAD:
+        return None
+    begins = int(np.flatnonzero(lead > lead.max() - _EARLIER_LEAD)[-1])
+    return int(latest.frame[latest.driven[begins]])
+
+
+def _neighbours(known: int) -> IntArray:
+    lags = np.arange(known - USUAL_LAG, known + USUAL_LAG + 1)
+    return np.asarray(lags[lags != known])

@@ -1,0 +1,60 @@
+"""A change of the lag is found among the latest frames, and nothing else is taken for one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from filmed import SIZE, Film, jumping, wandering
+
+from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.evidence import ExposureEvidence
+from ospc.exposures.lag_change import lag_change
+from ospc.settings import DefaultSettings
+
+FRAMES, SWITCH = 200, 120
+CLOUD = -0.4 * np.exp(-(((np.arange(FRAMES) - 130) / 25) ** 2))
+
+
+def changes(film: Film) -> tuple[BrightnessChange, ...]:
+    """Return the changes of brightness of a film."""
+    evidence, preprocess = ExposureEvidence(SIZE), DefaultSettings().preprocessor()
+    for frame in film.recording():
+        evidence.observe(preprocess.thumbnail(frame))
+    return evidence.changes
+
+
+def stated(true: np.ndarray, before: int, after: int) -> np.ndarray:
+    """Return the exposures as written with one lag up to the switch, and with another from then on."""
+    number = np.arange(len(true))
+    return true[np.clip(number - np.where(number < SWITCH, before, after), 0, len(true) - 1)]
+
+
+@pytest.mark.parametrize(("before", "after"), [(0, 2), (0, -1), (2, 0), (1, 3)])
+@pytest.mark.parametrize("course", [wandering, jumping])
+def test_it_is_found_with_its_size_and_about_its_frame(course, before: int, after: int) -> None:
+    true = course(FRAMES, 5)
+    change = lag_change(changes(Film(true)), stated(true, before, after), before)
+    assert change is not None
+    assert change.later_frames == after - before
+    assert SWITCH - 10 <= change.frame <= SWITCH + 15
+
+
+@pytest.mark.parametrize("lag", [0, 2])
+@pytest.mark.parametrize(
+    "film",
+    [
+        Film(wandering(FRAMES, 6), noise=3.0, movers=5),
+        Film(wandering(FRAMES, 7), metadata_error=0.01),
+        Film(wandering(FRAMES, 8), hidden_log_gain=CLOUD),
+        Film(jumping(FRAMES, 9), hidden_log_gain=np.where(np.arange(FRAMES) < SWITCH, 0.0, 0.3)),
+        Film(np.zeros(FRAMES), hidden_log_gain=CLOUD),
+    ],
+)
+def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
+    assert lag_change(changes(film), stated(film.log_exposure, lag, lag), lag) is None
+
+
+def test_a_few_frames_prove_nothing() -> None:
+    true = wandering(FRAMES, 5)
+    few = [change for change in changes(Film(true)) if change.frame0 >= FRAMES - 20]
+    assert lag_change(few, stated(true, 0, 2), 0) is None
