@@ -10,18 +10,16 @@ from threading import RLock
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
+from ospc.exposures.assessment import ExposureAssessment
 from ospc.exposures.evidence import ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, lag_in_words
-from ospc.exposures.lag_change import lag_change
-from ospc.exposures.table import ExposureTable
+from ospc.exposures.findings import ExposureFindings, LagChoice, lag_in_words
 from ospc.methods.change_detection import Change
 from ospc.methods.inputs import FitInputs
 from ospc.methods.method import Method, Progress
@@ -31,25 +29,6 @@ from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
-
-FIRST_ASSESSMENT = 39
-"""Changes of brightness before the exposures are assessed the first time: fewer seldom settle a lag."""
-
-MOST_OPEN_CHANGES = 400
-"""Changes of brightness beyond which a lag that is still not known is looked for in the usual runs of frames only."""
-
-RECENT_FRAMES = 8
-"""Frames around a frame over which the exposure must change for it to tell the lag: the largest lag and some."""
-
-MIN_RECENT_CHANGE_LOG = 0.02
-"""Change of ln exposure over these frames that shows in the images."""
-
-ASSESSMENT_GROWTH = 1.5
-"""Exposures are assessed again whenever there are so many times more changes of brightness."""
-
-LAG_CHECK_CHANGES = 16
-"""Changes of brightness from one look for a change of the lag to the next: five seconds of film late in a run, at a
-hundredth of its time."""
 
 REMEMBERED_REASONS, FIRST_REASONS = 20, 3
 """How many of the latest, and of the first, reasons for skipping a frame are kept."""
@@ -108,9 +87,8 @@ class Engine:
 
     def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
         self._settings = preset(settings) if isinstance(settings, str) else settings
-        self._correct_lag = correct_lag
         self._lock = RLock()
-        self._exposures = ExposureTable(correct_lag if isinstance(correct_lag, int) else 0)
+        self._exposures = ExposureAssessment(correct_lag)
         self._sampler = self._settings.sampler()
         self._foresight = (False, replace(self._sampler))
         self._preprocess = self._settings.preprocessor()
@@ -119,12 +97,7 @@ class Engine:
         self._second = SecondThread()
         self._size: ImageSize = (0, 0)
         self._max_grey = 0
-        self._evidence: ExposureEvidence | None = None
         self._method: Method | None = None
-        self._next_assessment = FIRST_ASSESSMENT
-        self._known_lag: int | None = None
-        self._suspected_lag = 0
-        self._findings: tuple[tuple[int, int], ExposureFindings] | None = None
         self._epochs: list[Epoch] = []
         self._skipped = 0
         self._reasons: list[str] = []
@@ -143,7 +116,7 @@ class Engine:
         RecordingError
             If no frame can be read any more. Nothing has changed then, and the frame may be pushed again.
         """
-        number = self._exposures.append(frame.exposure_ms)
+        number = self._exposures.table.append(frame.exposure_ms)
         used = True
         try:
             self._check(frame)
@@ -153,7 +126,7 @@ class Engine:
             self._sampler.skip()
             used = False
         except RecordingError:
-            self._exposures = self._exposures.until(number)
+            self._exposures.table = self._exposures.table.until(number)
             raise
         except BaseException:
             self._half_taken = frame.name
@@ -166,35 +139,32 @@ class Engine:
     @_one_thread_at_a_time
     def note(self, exposure_ms: float) -> None:
         """Take note of a frame whose image is not to be had: of its exposure only."""
-        self._exposures.append(exposure_ms)
+        self._exposures.table.append(exposure_ms)
         self._sampler.skip()
         self._foresee()
 
     def _take(self, frame: Frame) -> None:
-        evidence, method = self._started(frame)
+        method, exposures = self._started(frame), self._exposures
         self._recognize(frame)  # at first: where it cannot read the image, nothing is learned from the frame yet
-        change = None
+        change = brightness = None
         if self._sampler.processes_next:
             prepared = self._prepared(frame)
             counting = self._second.submit(self._pixels.observe, frame, prepared.thumbnail)
-            comparing = self._second.submit(evidence.observe, prepared.thumbnail)
+            comparing = self._second.submit(exposures.observe, prepared.thumbnail)
             try:
-                change = method.push(frame, prepared, self._exposures)
+                change = method.push(frame, prepared, exposures.table)
             finally:
                 counting.result()
                 brightness = comparing.result()
-        elif self._sampler.compares_next or self._exposures_are_open(frame.index):
-            brightness = evidence.observe(self._preprocess.thumbnail(frame))
-        else:
-            brightness = None
+        elif self._sampler.compares_next or exposures.wants(frame.index):
+            brightness = exposures.observe(self._preprocess.thumbnail(frame))
         if brightness is not None:
-            change = change or method.compare(brightness, self._exposures)
-            if change is not None or len(evidence) % LAG_CHECK_CHANGES == 0:
-                change = self._change_of_lag(evidence, change) or change
+            change = change or method.compare(brightness, exposures.table)
+            change = self._change_of_lag(change) or change
         if change is not None:
-            evidence, method = self._begin_epoch(evidence, method, change)
+            method = self._begin_epoch(method, change)
         self._sampler.advance(pauses=not method.wants_every_frame)
-        self._assess_exposures_at_times(evidence)
+        exposures.reassess()
 
     @_one_thread_at_a_time
     def calibration(self) -> Calibration:
@@ -208,10 +178,8 @@ class Engine:
         if self._method is None:
             why = f": {self._reasons[-1]}" if self._reasons else ""
             raise OspcError(f"no frame could be used{why}")
-        found = self.exposure_findings()
-        exposures = self._exposures.with_lag(found.corrected_frames)
-        known = self._method.calibration(exposures, self._pixels.grey_range)
-        return self._judged(known, found)
+        known = self._method.calibration(self._exposures.corrected, self._pixels.grey_range)
+        return self._judged(known, self._exposures.findings())
 
     @_one_thread_at_a_time
     def exposure_findings(self) -> ExposureFindings:
@@ -222,20 +190,14 @@ class Engine:
         OspcError
             If no frame could be read so far.
         """
-        if self._evidence is None:
-            raise OspcError("no frame could be used, so nothing is known about the exposures")
-        key = (len(self._exposures), len(self._evidence))
-        if self._findings is None or self._findings[0] != key:
-            self._findings = (key, self._assessed(self._evidence, self._exposures.written))
-        return self._findings[1]
+        return self._exposures.findings()
 
     @_one_thread_at_a_time
     def inputs(self) -> FitInputs | None:
         """Return the evidence on response and vignette; None where there is none that could be merged."""
         if self._method is None:
             return None
-        exposures = self._exposures.with_lag(self.exposure_findings().corrected_frames)
-        return self._method.inputs(exposures, self._pixels.grey_range)
+        return self._method.inputs(self._exposures.corrected, self._pixels.grey_range)
 
     @property
     def status(self) -> Status:
@@ -246,7 +208,7 @@ class Engine:
     @_one_thread_at_a_time
     def preview(self) -> Preview | None:
         """Return quick estimates and what they rest on, to be watched during a run; None before there are any."""
-        return None if self._method is None else self._method.preview(self._exposures)
+        return None if self._method is None else self._method.preview(self._exposures.table)
 
     def foresees(self, number: int) -> bool:
         """Whether the image of the frame with this number will most likely be needed; waits for no other thread."""
@@ -263,12 +225,12 @@ class Engine:
 
     def may_need(self, number: int) -> bool:
         """Whether the image of the frame with this number can be needed at all; waits for no other thread."""
-        return self._lag_is_open or self.foresees(number)
+        return self._exposures.lag_is_open or self.foresees(number)
 
     @property
     def frames(self) -> int:
         """Frames pushed so far, skipped ones included: the number of the next."""
-        return len(self._exposures)
+        return len(self._exposures.table)
 
     @property
     def processed(self) -> int:
@@ -292,7 +254,7 @@ class Engine:
     @property
     def correct_lag(self) -> LagChoice:
         """What is done about a lag of the exposures."""
-        return self._correct_lag
+        return self._exposures.choice
 
     @property
     def pixels(self) -> PixelStatistics:
@@ -302,7 +264,7 @@ class Engine:
     @property
     def evidence(self) -> ExposureEvidence | None:
         """Changes of brightness between consecutive processed frames; None before the first frame."""
-        return self._evidence
+        return self._exposures.evidence
 
     @property
     def first_frames(self) -> str:
@@ -320,18 +282,12 @@ class Engine:
         """Return all that is known beside the method."""
         return EngineState(
             settings=as_dict(self._settings),
-            correct_lag=str(self._correct_lag),
+            correct_lag=str(self.correct_lag),
             size=self._size,
             max_grey=self._max_grey,
-            log_exposure=self._exposures.written,
-            lag_frames=self._exposures.lag_frames,
-            exposures_are_trusted=self._exposures.trusted,
+            exposures=self._exposures.state(),
             sampler=self._sampler,
             pixels=self._pixels,
-            evidence=None if self._evidence is None else self._evidence.state(),
-            next_assessment=self._next_assessment,
-            known_lag=self._known_lag,
-            suspected_lag=self._suspected_lag,
             epochs=[epoch_content(epoch) for epoch in self._epochs],
             skipped=self._skipped,
             reasons=self._reasons,
@@ -350,14 +306,12 @@ class Engine:
             If its parts do not fit each other.
         """
         self._size, self._max_grey = state.size, state.max_grey
-        self._exposures = ExposureTable.of(state.log_exposure, state.lag_frames, trusted=state.exposures_are_trusted)
-        self._sampler, self._pixels, self._next_assessment = state.sampler, state.pixels, state.next_assessment
-        self._known_lag, self._suspected_lag = state.known_lag, state.suspected_lag
+        self._sampler, self._pixels = state.sampler, state.pixels
         self._skipped, self._reasons = state.skipped, state.reasons
         self._first_reasons, self._first_frames = state.first_reasons, state.first_frames
         self._epochs = [epoch_of(content) for content in state.epochs]
-        if state.evidence is not None:
-            self._evidence = ExposureEvidence.from_state(state.size, state.evidence)
+        self._exposures.restore(state.exposures, state.size, self._first_of_epoch)
+        if self._exposures.evidence is not None:
             self._method = self._settings.build(state.size, state.max_grey)
             self._method.restore(method_state)
         self._foresee()
@@ -365,9 +319,9 @@ class Engine:
     @property
     def wanted(self) -> frozenset[int]:
         """Numbers of the frames that an engine just restored should be shown again."""
-        if self._method is None or self._evidence is None:
+        if self._method is None or self._exposures.evidence is None:
             return frozenset()
-        return self._method.wanted | self._evidence.wanted
+        return self._method.wanted | self._exposures.evidence.wanted
 
     def recall(self, frame: Frame) -> None:
         """Process a frame again that new ones were being compared with.
@@ -377,11 +331,11 @@ class Engine:
         FrameError
             If its image cannot be read any more, or has another size.
         """
-        if self._method is not None and self._evidence is not None:
+        if self._method is not None and self._exposures.evidence is not None:
             shown = replace(frame, load=partial(_of_size, frame, self._size))
             prepared = self._preprocess(shown, self._pixels.grey_range)
             self._method.recall(prepared)
-            self._evidence.recall(prepared.thumbnail)
+            self._exposures.evidence.recall(prepared.thumbnail)
 
     # The steps of push.
 
@@ -393,19 +347,24 @@ class Engine:
             return prepared
         return self._preprocess(frame, grey_range)
 
-    def _begin_epoch(
-        self, evidence: ExposureEvidence, method: Method, change: Change
-    ) -> tuple[ExposureEvidence, Method]:
+    def _change_of_lag(self, other: Change | None) -> Change | None:
+        """Return a change of the frames that the exposures belong to; it may explain another change of the camera."""
+        found = self._exposures.change_of_lag(explains=other is not None)
+        if found is None:
+            return None
+        late = lag_in_words(found.later_frames)
+        text = f"the exposures are written {late} compared with before, since about frame {found.frame}"
+        return Change(found.frame, self.frames - 1, "exposures", text)
+
+    def _begin_epoch(self, method: Method, change: Change) -> Method:
         """End the epoch with the calibration before a change of the camera, and go on with what came after it."""
-        later_evidence, later_method = evidence.split(change.frame), method.split(change.frame)
-        found = self._assessed(evidence, self._exposures.written[: change.frame])
-        exposures = self._exposures.until(change.frame).with_lag(found.corrected_frames)
+        later = method.split(change.frame)
+        found, exposures = self._exposures.split(change.frame)
         known = method.calibration(exposures, self._pixels.grey_range)
         self._epochs.append(Epoch(self._first_of_epoch, change.frame - 1, self._judged(known, found), change))
-        self._evidence, self._method, self._findings = later_evidence, later_method, None
-        self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT, None, 0
+        self._method = later
         self._sampler.restart()
-        return later_evidence, later_method
+        return later
 
     def _check(self, frame: Frame) -> None:
         if frame.colour and frame.image.ndim != 2:
@@ -421,58 +380,19 @@ class Engine:
     def _size_of(self, frame: Frame) -> ImageSize:
         return self._size if self._method is not None else (frame.image.shape[1], frame.image.shape[0])
 
-    def _started(self, frame: Frame) -> tuple[ExposureEvidence, Method]:
-        """Return what takes processed frames, made by the first frame."""
-        if self._method is None or self._evidence is None:
+    def _started(self, frame: Frame) -> Method:
+        """Return the method, made for frames like the first."""
+        if self._method is None:
             size = self._size_of(frame)
             self._method = self._settings.build(size, frame.max_grey)
-            self._evidence = ExposureEvidence(size)
+            self._exposures.begin(size)
             self._size, self._max_grey = size, frame.max_grey
-        return self._evidence, self._method
+        return self._method
 
     def _foresee(self) -> None:
         """Leave a copy of what decides on the next frames, for threads that must not wait."""
         every = self._method is not None and self._method.wants_every_frame
         self._foresight = (every, replace(self._sampler))
-
-    def _assess_exposures_at_times(self, evidence: ExposureEvidence) -> None:
-        if len(evidence) >= self._next_assessment:
-            self._next_assessment = int(ASSESSMENT_GROWTH * len(evidence))
-            found = self.exposure_findings()
-            self._exposures.lag_frames = found.corrected_frames
-            self._known_lag = found.lag.correction(found.course.cycle_frames)
-            self._exposures.trusted = self._known_lag is not None and not found.warnings
-
-    def _change_of_lag(self, evidence: ExposureEvidence, other: Change | None) -> Change | None:
-        """Return a change of the lag that two looks show, or one that explains another change of the camera."""
-        if self._known_lag is None:
-            return None
-        with threadpool_limits(1, user_api="blas"):
-            found = lag_change(evidence.changes, self._exposures.written, self._known_lag)
-        suspected, self._suspected_lag = self._suspected_lag, 0 if found is None else found.later_frames
-        if found is None or (other is None and suspected * found.later_frames <= 0):
-            return None
-        late = lag_in_words(found.later_frames)
-        text = f"the exposures are written {late} compared with before, since about frame {found.frame}"
-        return Change(found.frame, self.frames - 1, "exposures", text)
-
-    def _assessed(self, evidence: ExposureEvidence, log_exposure: FloatArray) -> ExposureFindings:
-        # Its matrices are small: further threads of the linear algebra would only wait for each other.
-        with threadpool_limits(1, user_api="blas"):
-            return assess_exposures(evidence, log_exposure, self._correct_lag, since=self._first_of_epoch)
-
-    @property
-    def _lag_is_open(self) -> bool:
-        """Whether more changes of brightness may still settle which frames the exposures belong to."""
-        if self._correct_lag == "trusted":
-            return False
-        few = self._evidence is None or len(self._evidence) < MOST_OPEN_CHANGES
-        return self._suspected_lag != 0 or (self._known_lag is None and few)
-
-    def _exposures_are_open(self, number: int) -> bool:
-        """Return whether a frame can help to settle the lag: the exposures written around it change."""
-        recent = self._exposures.written[max(0, number - RECENT_FRAMES) : number + 1]
-        return self._lag_is_open and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_RECENT_CHANGE_LOG
 
     def _recognize(self, frame: Frame) -> None:
         """Take the first frames into the hash that tells this stream of frames from others."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import ImageSize
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.exposures.evidence import EvidenceState
+from ospc.exposures.assessment import AssessmentState
 from ospc.methods.change_detection import Change
 from ospc.photometry.calibration import Calibration
 
@@ -45,24 +45,12 @@ class EngineState:
         What is done about a lag of the exposures, as text.
     size, max_grey
         Of the frames; (0, 0) and 0 before there was one.
-    log_exposure
-        ln of the exposures as written, shape (frames,).
-    lag_frames
-        The lag they are corrected by during the run.
-    exposures_are_trusted
-        Whether the images were found to agree with them.
+    exposures
+        The exposures, and what is known of them.
     sampler
         Where the choice of frames stands.
     pixels
         Statistics of grey values.
-    evidence
-        Changes of brightness; None before the first usable frame.
-    next_assessment
-        Changes of brightness at which the exposures are assessed next.
-    known_lag
-        The lag that was certain at the latest assessment, in frames; None where none was.
-    suspected_lag
-        By how many frames later than known the latest look found exposures written; 0 where it found no change.
     epochs
         The epochs that ended, as JSON-compatible values.
     skipped, reasons
@@ -81,15 +69,9 @@ class EngineState:
     correct_lag: str
     size: ImageSize
     max_grey: int
-    log_exposure: FloatArray
-    lag_frames: int
-    exposures_are_trusted: bool
+    exposures: AssessmentState
     sampler: FrameSampler
     pixels: PixelStatistics
-    evidence: EvidenceState | None
-    next_assessment: int
-    known_lag: int | None
-    suspected_lag: int
     epochs: list[dict[str, Any]]
     skipped: int
     reasons: list[str]

@@ -29,6 +29,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.exposures.assessment import AssessmentState
 from ospc.exposures.brightness import GREY_BINS
 from ospc.exposures.evidence import CAPACITY, MOST_REPEATED, EvidenceState
 from ospc.methods.change_detection import MOST_USUAL, ChangeDetector
@@ -125,15 +126,9 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "correct_lag": ELSEWHERE,
         "size": ELSEWHERE,
         "max_grey": Numbers(0, _LARGEST_GREY),
-        "log_exposure": Numbers(-_LOG, _LOG, ("frames",), unknown=True),
-        "lag_frames": LAG,
-        "exposures_are_trusted": ANYTHING,
+        "exposures": ELSEWHERE,
         "sampler": ELSEWHERE,
         "pixels": ELSEWHERE,
-        "evidence": ELSEWHERE,
-        "next_assessment": COUNT,
-        "known_lag": ELSEWHERE,
-        "suspected_lag": LAG,
         "epochs": ELSEWHERE,
         "skipped": COUNT,
         "reasons": ANYTHING,
@@ -141,6 +136,15 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "first_frames": ANYTHING,
         "source": ANYTHING,
         "versions": ANYTHING,
+    },
+    AssessmentState: {
+        "log_exposure": Numbers(-_LOG, _LOG, ("frames",), unknown=True),
+        "lag_frames": LAG,
+        "trusted": ANYTHING,
+        "evidence": ELSEWHERE,
+        "next_assessment": COUNT,
+        "known_lag": ELSEWHERE,
+        "suspected_lag": LAG,
     },
     FrameSampler: {
         **dict.fromkeys(
@@ -291,15 +295,19 @@ def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings:
     _check_fields(run)
     _check_fields(run.pixels, "pixels")
     _check_sampler(run, settings)
+    _check_fields(run.exposures, "exposures")
+    if run.exposures.known_lag is not None:
+        LAG.check("exposures.known_lag", run.exposures.known_lag, {})
     _check_epochs(run)
-    _require((run.evidence is None) == (method is None), "a run has both exposures and a method, or neither")
-    if run.evidence is None or method is None:
+    evidence = run.exposures.evidence
+    _require((evidence is None) == (method is None), "a run has both exposures and a method, or neither")
+    if evidence is None or method is None:
         return
     width, height = run.size
     _require(min(run.size) >= 2 and width * height <= MOST_PIXELS, "it is of frames of an impossible size")
     _require(run.max_grey > 0, "white is 0")
     _check_pixels(run)
-    _check_evidence(run.evidence, len(run.log_exposure))
+    _check_evidence(evidence, len(run.exposures.log_exposure))
     _check_method(method, run, settings)
 
 
@@ -322,7 +330,7 @@ def _check_sampler(run: EngineState, settings: DefaultSettings) -> None:
     new, found = settings.sampler(), run.sampler
     for name in (name for name, rule in RULES[FrameSampler].items() if rule is ELSEWHERE):
         _require(getattr(found, name) == getattr(new, name), f"sampler.{name} is not that of its settings")
-    _require(found.number == len(run.log_exposure), "the frames counted are not those with exposures")
+    _require(found.number == len(run.exposures.log_exposure), "the frames counted are not those with exposures")
     _require(found.processed <= found.number, "more frames were processed than there were")
     _require(found._restarted_after <= found.processed, "the sampler restarted in the future")
 
@@ -330,11 +338,12 @@ def _check_sampler(run: EngineState, settings: DefaultSettings) -> None:
 def _check_epochs(run: EngineState) -> None:
     begin = 0
     for epoch in map(epoch_of, run.epochs):
-        _require(epoch.first_frame == begin <= epoch.last_frame < len(run.log_exposure), "epochs are out of order")
+        _require(
+            epoch.first_frame == begin <= epoch.last_frame < len(run.exposures.log_exposure),
+            "epochs are out of order",
+        )
         _require(epoch.change is not None and epoch.calibration is not None, "an epoch ended without a change")
         begin = epoch.last_frame + 1
-    if run.known_lag is not None:
-        LAG.check("known_lag", run.known_lag, {})
 
 
 def _check_pixels(run: EngineState) -> None:
@@ -360,7 +369,7 @@ def _check_evidence(found: EvidenceState, frames: int) -> None:
 
 
 def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: DefaultSettings) -> None:
-    frames = len(run.log_exposure)
+    frames = len(run.exposures.log_exposure)
     _check_fields(method)
     _check_fields(method.keyframes, "keyframes")
     kept = method.keyframes
@@ -420,7 +429,7 @@ def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettin
     _require(all(grey.dtype in (np.uint8, np.uint16) for grey in found._grey), "the series has no images of one kind")
     lengths = {"places": len(found._places)}
     Numbers(0, run.max_grey, ("frames", "places"), most=new.frames).check("series.grey", found._grey, lengths)
-    Numbers(0, len(run.log_exposure) - 1, ("frames",)).check("series.index", found._index, lengths)
+    Numbers(0, len(run.exposures.log_exposure) - 1, ("frames",)).check("series.index", found._index, lengths)
     _require(np.all(np.diff(found._index) > 0), "the frames of the series are out of order")
 
 

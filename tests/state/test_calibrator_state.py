@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from ospc.calibrator import OnlineCalibrator, remaining
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, FrameError, RecordingError, SettingError
+from ospc.exposures.assessment import AssessmentState, ExposureAssessment
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
@@ -171,25 +172,20 @@ def test_everything_a_method_learns_is_in_its_state():
 
 
 def test_everything_an_engine_knows_is_in_its_state():
-    made_anew = {"settings", "correct_lag", "lock", "second", "preprocess", "method", "prior"}
-    not_needed = {"findings", "foresight", "saved_by", "half_taken", "prepared_ahead"}
-    saved = {
-        "sampler",
-        "pixels",
-        "size",
-        "max_grey",
-        "evidence",
-        "next_assessment",
-        "known_lag",
-        "suspected_lag",
-        "skipped",
-        "reasons",
-    }
+    made_anew = {"settings", "lock", "second", "preprocess", "method", "prior"}
+    not_needed = {"foresight", "saved_by", "half_taken", "prepared_ahead"}
+    saved = {"sampler", "pixels", "size", "max_grey", "exposures", "skipped", "reasons"}
     saved |= {"first_reasons", "first_frames", "source", "epochs"}
     known = {name.lstrip("_") for name in vars(OnlineCalibrator())}
-    assert known == made_anew | not_needed | saved | {"exposures"}
-    of_exposures = {"log_exposure", "lag_frames", "exposures_are_trusted"}
-    assert set(EngineState.__dataclass_fields__) == saved | of_exposures | {"settings", "correct_lag", "versions"}
+    assert known == made_anew | not_needed | saved
+    assert set(EngineState.__dataclass_fields__) == saved | {"settings", "correct_lag", "versions"}
+
+
+def test_everything_known_of_the_exposures_is_in_their_state():
+    known = {name.lstrip("_") for name in vars(ExposureAssessment("auto"))}
+    saved = {"evidence", "next_assessment", "known_lag", "suspected_lag"}
+    assert known == saved | {"table", "choice", "since", "findings"}
+    assert set(AssessmentState.__dataclass_fields__) == saved | {"log_exposure", "lag_frames", "trusted"}
 
 
 def test_before_the_first_usable_frame_there_is_a_state_too(tmp_path):

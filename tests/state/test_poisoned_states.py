@@ -132,7 +132,7 @@ def test_a_poisoned_state_is_refused_or_everything_works_with_it(saved, motion, 
         ("run.size.0", 10**400),
         ("run.sampler.number", 2**62),
         ("run.sampler.comparison_period_frames", 0),
-        ("run.next_assessment", -1),
+        ("run.exposures.next_assessment", -1),
         ("run.evidence", None),
         ("run.pixels._max_grey", 10),
         ("method", None),
@@ -154,7 +154,7 @@ def test_values_out_of_range_are_refused(saved, tmp_path, path, value):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("run.log_exposure", 1e300),
+        ("run.exposures.log_exposure", 1e300),
         ("method.fit.covariance", np.nan),
         ("method.fit.parameters", -1.0),
         ("method.keyframes.frames", 10**6),

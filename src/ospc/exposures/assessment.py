@@ -1,0 +1,196 @@
+"""The exposures of a run, and what the images say of them, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.correspondence.thumbnail import Thumbnail
+from ospc.errors import OspcError
+from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.evidence import EvidenceState, ExposureEvidence
+from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures
+from ospc.exposures.lag_change import LagChange, lag_change
+from ospc.exposures.table import ExposureTable
+
+FIRST_ASSESSMENT = 39
+"""Changes of brightness before the exposures are assessed the first time: fewer seldom settle a lag."""
+
+ASSESSMENT_GROWTH = 1.5
+"""Exposures are assessed again whenever there are so many times more changes of brightness."""
+
+MOST_OPEN_CHANGES = 400
+"""Changes of brightness beyond which a lag that is still not known is looked for in the usual runs of frames only."""
+
+LAG_CHECK_CHANGES = 16
+"""Changes of brightness from one look for a change of the lag to the next: five seconds of film late in a run, at a
+hundredth of its time."""
+
+RECENT_FRAMES = 8
+"""Frames around a frame over which the exposure must change for it to tell the lag: the largest lag and some."""
+
+MIN_RECENT_CHANGE_LOG = 0.02
+"""Change of ln exposure over these frames that shows in the images."""
+
+
+@dataclass(frozen=True)
+class AssessmentState:
+    """All that an :class:`ExposureAssessment` knows.
+
+    Attributes
+    ----------
+    log_exposure
+        ln of the exposures as written, shape (frames,).
+    lag_frames
+        The lag they are corrected by during the run.
+    trusted
+        Whether the images were found to agree with them.
+    evidence
+        Changes of brightness; None before the first usable frame.
+    next_assessment
+        Changes of brightness at which the exposures are assessed next.
+    known_lag
+        The lag that was certain at the latest assessment, in frames; None where none was.
+    suspected_lag
+        By how many frames later than known the latest look found exposures written; 0 where it found no change.
+    """
+
+    log_exposure: FloatArray
+    lag_frames: int
+    trusted: bool
+    evidence: EvidenceState | None
+    next_assessment: int
+    known_lag: int | None
+    suspected_lag: int
+
+
+class ExposureAssessment:
+    """Keeps the exposures of a run, and judges them by the changes of brightness.
+
+    Parameters
+    ----------
+    choice
+        What to do about a lag.
+
+    Attributes
+    ----------
+    table
+        The exposures written beside the frames so far.
+    evidence
+        Changes of brightness between consecutive frames; None before the first usable frame.
+    """
+
+    def __init__(self, choice: LagChoice) -> None:
+        self.choice: LagChoice = choice
+        self.table = ExposureTable(choice if isinstance(choice, int) else 0)
+        self.evidence: ExposureEvidence | None = None
+        self._since = 0
+        self._next_assessment = FIRST_ASSESSMENT
+        self._known_lag: int | None = None
+        self._suspected_lag = 0
+        self._findings: tuple[tuple[int, int], ExposureFindings] | None = None
+
+    def begin(self, size: ImageSize) -> None:
+        """Expect frames of a width and height in pixels."""
+        self.evidence = ExposureEvidence(size)
+
+    def observe(self, frame: Thumbnail) -> BrightnessChange | None:
+        """Compare a frame with the one before; return what that gave."""
+        assert self.evidence is not None
+        return self.evidence.observe(frame)
+
+    def reassess(self) -> None:
+        """Judge the exposures again if there is much more evidence than the last time."""
+        if self.evidence is None or len(self.evidence) < self._next_assessment:
+            return
+        self._next_assessment = int(ASSESSMENT_GROWTH * len(self.evidence))
+        found = self.findings()
+        self.table.lag_frames = found.corrected_frames
+        self._known_lag = found.lag.correction(found.course.cycle_frames)
+        self.table.trusted = self._known_lag is not None and not found.warnings
+
+    def findings(self) -> ExposureFindings:
+        """Return what the images say about the exposures so far.
+
+        Raises
+        ------
+        OspcError
+            If no frame could be read so far.
+        """
+        if self.evidence is None:
+            raise OspcError("no frame could be used, so nothing is known about the exposures")
+        key = (len(self.table), len(self.evidence))
+        if self._findings is None or self._findings[0] != key:
+            self._findings = (key, self._assessed(self.evidence, self.table.written))
+        return self._findings[1]
+
+    @property
+    def corrected(self) -> ExposureTable:
+        """The exposures, with the lag corrected by what is known now."""
+        return self.table.with_lag(self.findings().corrected_frames)
+
+    def change_of_lag(self, *, explains: bool) -> LagChange | None:
+        """Return a change of the lag, looked for at times, if two looks in a row show it.
+
+        One look is enough where the change ``explains`` another change of the camera.
+        """
+        if self.evidence is None or self._known_lag is None:
+            return None
+        if not explains and len(self.evidence) % LAG_CHECK_CHANGES:
+            return None
+        with threadpool_limits(1, user_api="blas"):
+            found = lag_change(self.evidence.changes, self.table.written, self._known_lag)
+        suspected, self._suspected_lag = self._suspected_lag, 0 if found is None else found.later_frames
+        if found is None or explains or suspected * found.later_frames > 0:
+            return found
+        return None
+
+    @property
+    def lag_is_open(self) -> bool:
+        """Whether more changes of brightness may still settle which frames the exposures belong to."""
+        if self.choice == "trusted":
+            return False
+        few = self.evidence is None or len(self.evidence) < MOST_OPEN_CHANGES
+        return self._suspected_lag != 0 or (self._known_lag is None and few)
+
+    def wants(self, number: int) -> bool:
+        """Return whether a frame can help to settle the lag: the exposures written around it change."""
+        recent = self.table.written[max(0, number - RECENT_FRAMES) : number + 1]
+        return self.lag_is_open and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_RECENT_CHANGE_LOG
+
+    def split(self, frame: int) -> tuple[ExposureFindings, ExposureTable]:
+        """Go on with what came from a frame on; return what is known of those before, and their exposures."""
+        assert self.evidence is not None
+        later = self.evidence.split(frame)
+        found = self._assessed(self.evidence, self.table.written[:frame])
+        before = self.table.until(frame).with_lag(found.corrected_frames)
+        self.evidence, self._since, self._findings = later, frame, None
+        self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT, None, 0
+        return found, before
+
+    def _assessed(self, evidence: ExposureEvidence, log_exposure: FloatArray) -> ExposureFindings:
+        # Its matrices are small: further threads of the linear algebra would only wait for each other.
+        with threadpool_limits(1, user_api="blas"):
+            return assess_exposures(evidence, log_exposure, self.choice, since=self._since)
+
+    def state(self) -> AssessmentState:
+        """Return all that is known."""
+        return AssessmentState(
+            self.table.written,
+            self.table.lag_frames,
+            self.table.trusted,
+            None if self.evidence is None else self.evidence.state(),
+            self._next_assessment,
+            self._known_lag,
+            self._suspected_lag,
+        )
+
+    def restore(self, state: AssessmentState, size: ImageSize, since: int) -> None:
+        """Go on from a state of frames of a size, whose epoch began with a frame."""
+        self.table = ExposureTable.of(state.log_exposure, state.lag_frames, trusted=state.trusted)
+        self.evidence = None if state.evidence is None else ExposureEvidence.from_state(size, state.evidence)
+        self._next_assessment, self._since = state.next_assessment, since
+        self._known_lag, self._suspected_lag = state.known_lag, state.suspected_lag
