@@ -22,6 +22,10 @@ compared even late in a run."""
 FEWEST_PAIRS = 20
 """Pairs of frames before lags are compared at all: a fit has about twelve unknowns."""
 
+FEWEST_BEFORE = 100
+"""Pairs of frames before a change: fewer can all be of one passing cloud, which an exposure control follows, so that
+the lag was not known as well as it seemed."""
+
 MOST_CANDIDATES = 3
 """Most lags that may be left open. Where more fit, something else changes the brightness: a passing cloud left five
 and more in simulated film."""
@@ -70,7 +74,7 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     if len(latest.driven) < FEWEST_PAIRS:
         return None
     since = _suspicion(latest, exposures, known)
-    if since is None:
+    if since is None or sum(change.frame0 < first + since for change in changes) < FEWEST_BEFORE:
         return None
     found = estimate_lag(latest.where(latest.frame >= since), np.exp(exposures), reach)
     later = [lag - known for lag in found.candidates]
