@@ -182,7 +182,6 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "samples": _count("changes"),
         "place_log_ratio": Numbers(-_LOG, _LOG, ("places",)),
         "place_log_grey": Numbers(-_LOG, _LOG, ("places",)),
-        "place_log_surround": Numbers(-_LOG, _LOG, ("places",)),
         "position0": Numbers(-2, 2, ("places", 2)),
         "position1": Numbers(-2, 2, ("places", 2)),
     },

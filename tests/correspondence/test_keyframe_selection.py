@@ -22,7 +22,7 @@ NOTHING = Observations.of_pairs(NONE, NONE, np.empty((0, 2)), np.empty((0, 2)), 
 
 
 def frame(number):
-    thumbnail = Thumbnail(number, TINY, TINY, TINY, TINY > 0, TINY.astype(np.uint8))
+    thumbnail = Thumbnail(number, TINY, TINY, TINY > 0, TINY.astype(np.uint8))
     return PreprocessedFrame(number, (1, 1), 1, TINY, TINY, TINY, TINY > 0, TINY.astype(np.uint8), thumbnail, 1.0)
 
 

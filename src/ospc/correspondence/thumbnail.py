@@ -21,10 +21,6 @@ _GRADIENT_SMOOTHING_PX = 1.2
 """Standard deviation of the further smoothing before gradients are taken, in thumbnail pixels: a flat place is flat
 as far around as registration may be wrong."""
 
-_SURROUND_PX = 10.0
-"""Standard deviation of the neighbourhood in which local tone mapping may work, in thumbnail pixels: as
-wide as one of the 8 × 8 tiles that adaptive histogram equalization usually has."""
-
 _DARK, _BRIGHT = 0.04, 0.97
 """Grey levels beyond which a place counts as clipped: of a mean over many pixels, some are clipped before it is."""
 
@@ -42,8 +38,6 @@ class Thumbnail:
         Number of the frame.
     grey
         Grey levels in [0, 1], lightly smoothed, shape (h, w).
-    surround
-        Their mean over a wide neighbourhood, shape (h, w).
     gradient
         Magnitude of the gradient of the grey levels, per thumbnail pixel, shape (h, w).
     exposed
@@ -54,7 +48,6 @@ class Thumbnail:
 
     frame: int
     grey: Float32Array
-    surround: Float32Array
     gradient: Float32Array
     exposed: BoolArray
     equalized: npt.NDArray[np.uint8]
@@ -93,7 +86,6 @@ def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | 
     return Thumbnail(
         frame,
         np.asarray(grey, dtype=np.float32),
-        np.asarray(cv2.GaussianBlur(small, (0, 0), _SURROUND_PX), dtype=np.float32),
         np.asarray(gradient, dtype=np.float32),
         np.asarray(near == 0),
         np.asarray(cv2.equalizeHist(levels), dtype=np.uint8),

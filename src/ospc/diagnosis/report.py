@@ -170,8 +170,6 @@ def _local_tone(tone: LocalTone | None) -> dict[str, Any] | None:
         return None
     return {
         "place_spread_log": tone.place_spread_log,
-        "surround_effect_share": tone.surround_effect,
-        "surround_effect_sigmas": tone.surround_sigmas,
         "compared_pairs": tone.pairs,
     }
 

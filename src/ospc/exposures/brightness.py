@@ -74,15 +74,12 @@ class PixelSamples:
         ln M₁/M₀, shape (n,).
     log_grey
         Mean of ln M₀ and ln M₁, shape (n,).
-    log_surround
-        ln of the mean grey around the place over its own, mean of both frames, shape (n,).
     position0, position1
         Places relative to the image centre in half diagonals, shape (n, 2).
     """
 
     log_ratio: FloatArray
     log_grey: FloatArray
-    log_surround: FloatArray
     position0: FloatArray
     position1: FloatArray
 
@@ -90,7 +87,7 @@ class PixelSamples:
     def none(cls) -> PixelSamples:
         """Return no places at all."""
         empty = np.empty(0)
-        return cls(empty, empty, empty, np.empty((0, 2)), np.empty((0, 2)))
+        return cls(empty, empty, np.empty((0, 2)), np.empty((0, 2)))
 
     def observations(self, frame0: int, frame1: int) -> Observations:
         """Return the places as scene points that the two frames observe."""
@@ -243,6 +240,5 @@ def _samples(
         return np.log(np.maximum(values.astype(np.float64), _DARKEST))
 
     grey0, grey1 = read(first.grey, at0), read(second.grey, at1)
-    surround = (read(first.surround, at0) - grey0 + read(second.surround, at1) - grey1) / 2
     position0, position1 = (normalised(at.astype(np.float64), size) for at in (at0, at1))
-    return PixelSamples(grey1 - grey0, (grey0 + grey1) / 2, surround, position0, position1)
+    return PixelSamples(grey1 - grey0, (grey0 + grey1) / 2, position0, position1)

@@ -37,8 +37,8 @@ class EvidenceState:
         Frames compared, and the numbers of those that repeat the one before.
     samples
         Number of place samples of each change, shape (n,).
-    place_log_ratio, place_log_grey, place_log_surround, position0, position1
-        The place samples of all changes, shapes (m,), (m,), (m,), (m, 2) and (m, 2).
+    place_log_ratio, place_log_grey, position0, position1
+        The place samples of all changes, shapes (m,), (m,), (m, 2) and (m, 2).
     """
 
     frame0: IntArray
@@ -54,7 +54,6 @@ class EvidenceState:
     samples: IntArray
     place_log_ratio: FloatArray
     place_log_grey: FloatArray
-    place_log_surround: FloatArray
     position0: FloatArray
     position1: FloatArray
 
@@ -146,7 +145,6 @@ class ExposureEvidence:
             np.array([len(p.log_ratio) for p in places], dtype=np.int64),
             joined("log_ratio"),
             joined("log_grey"),
-            joined("log_surround"),
             joined("position0", 2),
             joined("position1", 2),
         )
@@ -155,7 +153,7 @@ class ExposureEvidence:
     def from_state(cls, size: ImageSize, state: EvidenceState) -> ExposureEvidence:
         """Go on from a state."""
         cuts = np.cumsum(state.samples)[:-1]
-        columns = (state.place_log_ratio, state.place_log_grey, state.place_log_surround)
+        columns = (state.place_log_ratio, state.place_log_grey)
         parts = [np.split(column, cuts) for column in (*columns, state.position0, state.position1)]
         places = [PixelSamples(*part) for part in zip(*parts, strict=True)]
         changes = [

@@ -1,4 +1,4 @@
-"""Signs that the camera treats places of an image differently, as local tone mapping does.
+"""Signs that the camera treats parts of an image differently, as local tone mapping does.
 
 With one response for the whole image, the same change of exposure moves the same grey level equally far, wherever it
 is and whatever is around it, and without a change of exposure nothing but the vignette moves it.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.robust import robust_scale
 from ospc.exposures.brightness import GREY_BINS, BrightnessChange
 
@@ -30,9 +30,6 @@ _MIN_SAMPLES = 2000
 _MAX_LOG_CHANGE = 1.5
 """Largest change of ln exposure used: beyond, most places are clipped in one of the frames, and the rest is chosen by
 its brightness."""
-
-_MIN_LOG_CHANGE = 0.1
-"""Least change of ln exposure of pairs that show an effect of the surroundings, which is proportional to it."""
 
 _CELLS = (4, 3)
 """Cells of the image, across and down, that are compared: about square, and large enough for several samples each."""
@@ -54,17 +51,6 @@ _POSSIBLE_SPREAD_LOG = 0.006
 """Differences between parts of an image within one frame, in ln of the grey level, that are clear and possible signs
 of local tone mapping. Without it they were 0.011 at most in 48 simulated recordings, and 0.0044 in all but one."""
 
-_SURROUND_EFFECT = 0.15
-"""Relative effect of the surroundings on d ln M/d ln e that is a clear sign of local tone mapping: registration
-errors at edges imitate less."""
-
-_SURROUND_SIGMAS = 5.0
-"""Standard errors that such an effect must be away from zero: it is computed from samples that are not
-independent."""
-
-_MIN_SLOPE = 0.05
-"""Least mean d ln M/d ln e that an effect is given relative to: brightness must follow the exposure at all."""
-
 
 @dataclass(frozen=True)
 class LocalTone:
@@ -75,28 +61,17 @@ class LocalTone:
     place_spread_log
         By how much, in ln of the grey level, parts of the image (twelve cells) change differently from the rest
         within one frame, beyond what grey level, exposure and vignette explain: a robust standard deviation.
-    surround_effect
-        Change of d ln M/d ln e, relative to its mean, from a place one standard deviation darker than its
-        surroundings to one as much brighter; None where exposures change too little.
-    surround_sigmas
-        The same over its standard error.
     pairs
         Number of pairs of frames behind it.
     """
 
     place_spread_log: float
-    surround_effect: float | None
-    surround_sigmas: float | None
     pairs: int
 
     @property
     def is_clear(self) -> bool:
         """Whether these are clear signs of local tone mapping."""
-        if self.place_spread_log > _SURE_SPREAD_LOG:
-            return True
-        if self.surround_effect is None or self.surround_sigmas is None:
-            return False
-        return abs(self.surround_effect) > _SURROUND_EFFECT and self.surround_sigmas > _SURROUND_SIGMAS
+        return self.place_spread_log > _SURE_SPREAD_LOG
 
     @property
     def text(self) -> str:
@@ -137,17 +112,9 @@ def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> L
     pair = np.repeat(np.arange(len(usable)), counts)
     target = np.concatenate([changes[i].samples.log_ratio for i in usable])
     expected = np.concatenate([_global_columns(changes[i], float(log_change[i])) for i in usable])
-    left = target - expected @ _fit(expected, target)[0]
+    left = target - expected @ _fit(expected, target)
     place = np.concatenate([changes[i].samples.position0 for i in usable])
-    surround = np.concatenate([changes[i].samples.log_surround for i in usable])
-    exposure = np.repeat(log_change[usable], counts)
-    effect = _surround_effect(expected, target, surround * exposure, pair, np.abs(exposure) >= _MIN_LOG_CHANGE)
-    return LocalTone(
-        _spread_over_places(left, place, pair),
-        None if effect is None else 2 * float(surround.std()) * effect[0],
-        None if effect is None else effect[1],
-        len(usable),
-    )
+    return LocalTone(_spread_over_places(left, place, pair), len(usable))
 
 
 def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
@@ -160,18 +127,17 @@ def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
     return np.column_stack([grey * log_change, squared1 - squared0, squared1**2 - squared0**2, moved])
 
 
-def _fit(columns: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit robustly; return the solution, the normal matrix and the weights."""
+def _fit(columns: FloatArray, target: FloatArray) -> FloatArray:
+    """Return the robust solution of a linear fit."""
     weight = np.ones(len(target))
     size: FloatArray = np.zeros(columns.shape[1])
-    normal: FloatArray = np.eye(columns.shape[1])
     for _ in range(_ROUNDS):
         normal = np.asarray((columns * weight[:, None]).T @ columns)
         normal[np.diag_indices_from(normal)] += 1e-6 * np.trace(normal) / len(normal) + 1e-12
         size = np.asarray(np.linalg.solve(normal, columns.T @ (weight * target)))
         left = np.abs(target - columns @ size)
         weight = 1 / np.maximum(left / (_HUBER_SIGMAS * robust_scale(left) + 1e-6), 1)
-    return size, normal, weight
+    return size
 
 
 def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> float:
@@ -189,26 +155,3 @@ def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> 
     apart = [middle[of_pair == p] - np.median(middle[of_pair == p]) for p in np.unique(of_pair)]
     different = np.concatenate([np.abs(values) for values in apart if len(values) >= _MIN_CELLS] or [np.zeros(1)])
     return robust_scale(different)
-
-
-def _surround_effect(
-    expected: FloatArray, target: FloatArray, surround: FloatArray, pair: IntArray, changing: BoolArray
-) -> tuple[float, float] | None:
-    """Return the relative effect of ln surround on d ln M/d ln e, and the same over its standard error.
-
-    Samples of one pair may err together (Liang, Zeger 1986).
-    """
-    if len(np.unique(pair[changing])) < _MIN_PAIRS or np.count_nonzero(changing) < _MIN_SAMPLES:
-        return None
-    columns = np.column_stack([expected, surround])[changing]
-    size, normal, weight = _fit(columns, target[changing])
-    knots = len(GREY_BINS)
-    often = np.abs(columns[:, :knots]).sum(axis=0)
-    slope = float(size[:knots] @ often / max(often.sum(), 1e-12))
-    if slope < _MIN_SLOPE:
-        return None
-    score = columns * (weight * (target[changing] - columns @ size))[:, None]
-    by_pair = np.stack([np.bincount(pair[changing], weights=column) for column in score.T], axis=1)
-    inverse = np.linalg.inv(normal)
-    sigma = float(np.sqrt(max((inverse @ (by_pair.T @ by_pair) @ inverse)[-1, -1], 1e-18)))
-    return float(size[-1]) / slope, float(abs(size[-1])) / sigma
