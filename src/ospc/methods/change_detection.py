@@ -2,9 +2,9 @@
 
 A fit from the beginning of an epoch predicts the ratio of the two grey levels of every scene point in a new pair of
 frames. If the camera is the same, the prediction errors are noise. If its vignette or its response is another, they
-depend on the radius or on the grey level within each pair. If exposures are suddenly written late, the errors of
-whole pairs are those of other exposures. Light that changes, by clouds or lamps, changes all points of a pair alike:
-it is subtracted, and seldom mistaken for a change of the camera.
+depend on the radius or on the grey level within each pair. Light that changes, by clouds or lamps, changes all points
+of a pair alike: it is subtracted, and seldom mistaken for a change of the camera. Exposures that are suddenly written
+late are found by :mod:`ospc.exposures.lag_change`.
 
 Errors that are larger than usual raise a suspicion. From then on every frame is processed for a while, and only pairs
 that begin after the suspicion count: in a pair that spans a change of the light nothing can be told.
