@@ -19,7 +19,7 @@ MIN_SPAN_FRAMES = 60
 """Frames that the pairs must span, three seconds at 20 frames/s: light that changes is often steady again by then."""
 
 FEWEST_PAIRS = 12
-"""Pairs of each half of those watched by which a change is judged: what happens once is no change."""
+"""Pairs in each half by which a change is judged: what happens once is no change."""
 
 MIN_EFFECT_LOG = 0.04
 """Smallest change, in ln of irradiance, that counts: a refocused lens changes the corners by more, drift by less."""
@@ -43,7 +43,8 @@ ALIKE_GAIN = 0.9
 would have to be the larger change: responses imitate corners that lose a fifth by changing two- to tenfold."""
 
 MAJORITY = 0.8
-"""Share of the pairs in each half that a change must explain: a few wrong registrations prove nothing."""
+"""Share of the pairs in each half that a change must explain, weighted by what it does to them: a few wrong
+registrations prove nothing."""
 
 TELLING = 3.0
 """How many times the usual error a change must make of a pair for the pair to tell."""
@@ -78,8 +79,7 @@ def explain(pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_e
     """
     if len(pairs) < 2 * FEWEST_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < MIN_SPAN_FRAMES:
         return None
-    halves = (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
-    return _steeper_response(halves, exposures, usual_error) or _other_curve(halves, fit)
+    return _steeper_response(pairs, exposures, usual_error) or _other_curve(pairs, fit)
 
 
 def best_explanations(pairs: list[PairErrors], fit: Fit) -> list[ExplainedChange]:
@@ -88,12 +88,14 @@ def best_explanations(pairs: list[PairErrors], fit: Fit) -> list[ExplainedChange
     return sorted(parts, key=lambda explained: -explained.gain)
 
 
-def _other_curve(halves: Halves, fit: Fit) -> Finding | None:
+def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     """Return a change of response or vignette: errors that depend on the grey level or the radius."""
-    everything = [*halves[0], *halves[1]]
-    whole, other = best_explanations(everything, fit)
-    explained_log = np.sqrt(max(whole.gain, 0.0) / sum(pair.points for pair in everything))
+    whole, other = best_explanations(pairs, fit)
+    explained_log = np.sqrt(max(whole.gain, 0.0) / sum(pair.points for pair in pairs))
     if explained_log < MIN_EXPLAINED_LOG or abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_SIGMAS:
+        return None
+    halves = _telling_halves(pairs, whole)
+    if min(len(half) for half in halves) < FEWEST_PAIRS:
         return None
     parts = [ExplainedChange.of(half, fit, whole.part, SYSTEMATIC_LOG) for half in halves]
     if min(half.sigmas for half in parts) < MIN_SIGMAS_OF_HALF:
@@ -102,15 +104,24 @@ def _other_curve(halves: Halves, fit: Fit) -> Finding | None:
         return None
     for found, unseen in zip(parts, reversed(halves), strict=True):
         gains = np.array([pair.gain(found.change) for pair in unseen])
-        if gains.sum() <= 0 or np.mean(gains > 0) < MAJORITY:
+        expected = np.array([pair.energy(found.change) for pair in unseen])
+        if gains.sum() <= 0 or expected[gains > 0].sum() < MAJORITY * expected.sum():
             return None
     alike = other.gain > ALIKE_GAIN * whole.gain and abs(other.effect) < abs(whole.effect)
     part = " or ".join(PARTS) if alike else whole.part
     return part, f"the {part} changed by {np.expm1(whole.effect):+.0%}"
 
 
-def _steeper_response(halves: Halves, exposures: ExposureTable, usual_error: float) -> Finding | None:
+def _telling_halves(pairs: list[PairErrors], found: ExplainedChange) -> Halves:
+    """Split pairs where a change has done half of what it does to all: while a camera stands still, nothing shows."""
+    done = np.cumsum([pair.energy(found.change) for pair in pairs])
+    middle = int(np.searchsorted(done, done[-1] / 2))
+    return pairs[:middle], pairs[middle:]
+
+
+def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, usual_error: float) -> Finding | None:
     """Return a change of the response: brightness follows the exposure more or less than before."""
+    halves = (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
     steps = [_log_ratios(half, exposures) for half in halves]
     slopes = [_median_slope(half, step) for half, step in zip(halves, steps, strict=True)]
     if any(not (slope > MIN_SLOPE or LIGHT_SLOPE < slope < -MIN_SLOPE) for slope in slopes):

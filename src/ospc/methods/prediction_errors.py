@@ -114,9 +114,13 @@ class PairErrors:
         change = np.linalg.solve(self.matrix + RIDGE * np.eye(len(self.vector)), self.vector)
         return float(np.sqrt(max(float(self.vector @ change), 0.0) / self.points))
 
+    def energy(self, change: FloatArray) -> float:
+        """Return the sum of squared errors that a change of the camera makes."""
+        return float(change @ self.matrix @ change)
+
     def gain(self, change: FloatArray) -> float:
         """Return by how much a change of the camera reduces the sum of squared errors."""
-        return float(change @ (2 * self.vector - self.matrix @ change))
+        return float(2 * change @ self.vector) - self.energy(change)
 
 
 @dataclass(frozen=True)
