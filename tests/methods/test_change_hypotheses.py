@@ -48,6 +48,7 @@ class Film:
     """Neighbouring frames of a camera, and what is stated of their exposures."""
 
     camera: Camera = CAMERA
+    moving_frames: int = FRAMES
     fading: float = 0.0
     seed: int = 0
     wrong: int = 0
@@ -55,7 +56,8 @@ class Film:
     def pairs(self, fit) -> tuple[list[PairErrors], ExposureTable]:
         random = np.random.default_rng([self.seed, 1])
         true = course(self.seed)
-        moved = np.cumsum(random.normal(0, 0.02, (FRAMES, 2)), axis=0) * 3
+        moving = np.arange(FRAMES)[:, None] < self.moving_frames
+        moved = np.cumsum(random.normal(0, 0.02, (FRAMES, 2)) * moving, axis=0) * 3
         pairs = []
         for frame in range(5, FRAMES):
             later = frame + (1 if frame % 3 else 4)
@@ -112,6 +114,12 @@ def test_a_change_is_found_and_named(seed, fading, fit):
 
     assert "vignette" in part(DARKER_CORNERS)
     assert "response" in part(ANOTHER_RESPONSE)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_camera_that_pauses_does_not_hide_a_change(seed, fit):
+    part, _ = Film(DARKER_CORNERS, moving_frames=FRAMES * 2 // 3, seed=seed).explained(fit)
+    assert "vignette" in part
 
 
 def test_a_few_pairs_prove_nothing(fit):

@@ -113,8 +113,8 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
 
 
 def _telling_halves(pairs: list[PairErrors], found: ExplainedChange) -> Halves:
-    """Split pairs where a change has done half of what it does to all: while a camera stands still, nothing shows."""
-    done = np.cumsum([pair.energy(found.change) for pair in pairs])
+    """Split pairs where half of what a change does to them is done: while a camera stands still, nothing shows."""
+    done = np.cumsum([np.sqrt(pair.energy(found.change)) for pair in pairs])
     middle = int(np.searchsorted(done, done[-1] / 2))
     return pairs[:middle], pairs[middle:]
 
