@@ -31,8 +31,8 @@ _MIN_FURTHER_VARIANCE_PX2 = 0.25
 
 
 @dataclass(frozen=True)
-class PreprocessedFrame:
-    """A frame reduced to the size at which it is compared.
+class ReducedFrame:
+    """The small images of a frame, by which it is registered.
 
     Attributes
     ----------
@@ -41,33 +41,26 @@ class PreprocessedFrame:
     size
         Width and height of the frame in pixels.
     reduction
-        Pixels of the frame, along each side, per pixel of :attr:`grey`.
-    grey
-        Grey levels in [0, 1], smoothed, shape (h, w): each is a weighted mean over ``pixels_averaged`` pixels.
-    variance
-        Variance of the pixels that each of these is a mean over, noise included, shape (h, w).
-    gradient
-        Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w).
-    clipped
-        Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w).
+        Pixels of the frame, along each side, per pixel of the reduced size, at which grey levels are read.
     small
         Grey levels at the size at which frames are registered, 8 bit, shape (h', w').
     thumbnail
         A still smaller image, for the comparison of brightness with the neighbouring frames.
     pixels_averaged
-        Number of pixels of the frame over which their noise is averaged.
+        Number of pixels of the frame over which the noise of a grey level is averaged.
     """
 
     number: int
     size: ImageSize
     reduction: int
-    grey: Float32Array
-    variance: Float32Array
-    gradient: Float32Array
-    clipped: BoolArray
     small: npt.NDArray[np.uint8]
     thumbnail: Thumbnail
     pixels_averaged: float
+
+    @property
+    def reduced_size(self) -> ImageSize:
+        """Width and height at which grey levels are read."""
+        return self.size[0] // self.reduction, self.size[1] // self.reduction
 
     @cached_property
     def grey_quantiles(self) -> FloatArray:
@@ -97,8 +90,30 @@ class PreprocessedFrame:
         return np.bincount(self.small.ravel(), minlength=256)
 
     def to_frame(self, points: FloatArray) -> FloatArray:
-        """Return pixel coordinates in the frame of places (x, y) in :attr:`grey`, shape (..., 2)."""
+        """Return pixel coordinates in the frame of places (x, y) in the reduced size, shape (..., 2)."""
         return np.asarray((points + 0.5) * self.reduction - 0.5, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class PreprocessedFrame(ReducedFrame):
+    """A frame with everything that is read from it.
+
+    Attributes
+    ----------
+    grey
+        Grey levels in [0, 1], smoothed, shape (h, w): each is a weighted mean over ``pixels_averaged`` pixels.
+    variance
+        Variance of the pixels that each of these is a mean over, noise included, shape (h, w).
+    gradient
+        Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w).
+    clipped
+        Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w).
+    """
+
+    grey: Float32Array
+    variance: Float32Array
+    gradient: Float32Array
+    clipped: BoolArray
 
 
 @dataclass(frozen=True)
@@ -155,13 +170,13 @@ class Preprocessor:
             frame.index,
             (width, height),
             reduction,
+            self._small(reduced, white),
+            thumbnail_of(frame.index, reduced, white, frame.mask, (width, height)),
+            4 * np.pi * self.smoothing_px**2 * reduction**2,
             np.asarray(grey, dtype=np.float32),
             np.maximum(variance, 0),
             np.asarray(gradient, dtype=np.float32),
             self._clipped_nearby(image, white, reduction, grey_range) | self._masked_nearby(frame.mask, reduction),
-            self._small(reduced, white),
-            thumbnail_of(frame.index, reduced, white, frame.mask, (width, height)),
-            4 * np.pi * self.smoothing_px**2 * reduction**2,
         )
 
     def thumbnail(self, frame: Frame) -> Thumbnail:
