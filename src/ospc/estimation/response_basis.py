@@ -122,7 +122,7 @@ class ResponseBasis:
         log_edges = np.log(edges)
         half = np.diff(log_edges)[:, None] / 2
         places = np.exp((log_edges[:-1] + log_edges[1:])[:, None] / 2 + half * nodes)
-        steps = np.einsum("sq,sqj->sj", half * weights, self._values(places))
+        steps = half * sum(weight * self._values(place) for weight, place in zip(weights, places.T, strict=True))
         table = np.zeros((RESPONSE_GRID_STEPS + 1, len(self)))
         table[:-1] = -steps[::-1].cumsum(axis=0)[::-1]
         return table
