@@ -156,9 +156,14 @@ class Preprocessor:
         height, width = image.shape
         reduction = self._reduction((width, height))
         reduced = _reduced(image, reduction)
-        grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px) / np.float32(white)
+        # In place: each of these images takes a megabyte or more.
+        grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px)
+        grey /= np.float32(white)
         squares = _reduced(cv2.multiply(image, image, dtype=cv2.CV_32F), reduction)
-        variance = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px) / np.float32(white) ** 2 - grey**2
+        variance = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px, dst=squares)
+        variance /= np.float32(white) ** 2
+        variance -= grey**2
+        np.maximum(variance, 0, out=variance)
         # Variances of smoothings add up, so that the one for gradients continues from that of the grey levels.
         further = max(self.flatness_px**2 - self.smoothing_px**2, _MIN_FURTHER_VARIANCE_PX2)
         flatter = cv2.GaussianBlur(grey, (0, 0), np.sqrt(further))
@@ -174,7 +179,7 @@ class Preprocessor:
             thumbnail_of(frame.index, reduced, white, frame.mask, (width, height)),
             4 * np.pi * self.smoothing_px**2 * reduction**2,
             np.asarray(grey, dtype=np.float32),
-            np.maximum(variance, 0),
+            np.asarray(variance, dtype=np.float32),
             np.asarray(gradient, dtype=np.float32),
             self._clipped_nearby(image, white, reduction, grey_range) | self._masked_nearby(frame.mask, reduction),
         )
@@ -229,7 +234,7 @@ class Preprocessor:
 
 def _reduced(image: Image, factor: int) -> Float32Array:
     """Return the means over squares of ``factor`` pixels a side, as float32; a remainder at the edge is cut off."""
-    values = image.astype(np.float32)
+    values = image.astype(np.float32, copy=False)
     if factor == 1:
         return values
     height, width = (side // factor for side in image.shape)
