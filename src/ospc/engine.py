@@ -16,9 +16,11 @@ from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.second_thread import SecondThread
+from ospc.correspondence.thumbnail import Thumbnail
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
-from ospc.exposures.evidence import ExposureEvidence
+from ospc.exposures.brightness import BrightnessComparer
+from ospc.exposures.evidence import ComparedAhead, ExposureEvidence
 from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change
@@ -110,6 +112,9 @@ class Engine:
         self._foresight = (False, replace(self._sampler))
         self._preprocess = self._settings.preprocessor()
         self._prepared_ahead: dict[int, tuple[Image, GreyRange, PreprocessedFrame]] = {}
+        self._reduced_ahead: dict[int, tuple[Image, Thumbnail, ComparedAhead | None]] = {}
+        self._latest_ahead: Thumbnail | None = None
+        self._compare_ahead = BrightnessComparer((0, 0))
         self._pixels = PixelStatistics()
         self._second = SecondThread()
         self._size: ImageSize = (0, 0)
@@ -154,6 +159,7 @@ class Engine:
             raise
         finally:
             self._prepared_ahead.pop(number, None)
+            self._reduced_ahead.pop(number, None)
         self._foresee()
         return used
 
@@ -178,7 +184,7 @@ class Engine:
                 counting.result()
                 brightness = comparing.result()
         elif self._sampler.compares_next or self._exposures_are_open(frame.index):
-            brightness = evidence.observe(self._preprocess.thumbnail(frame))
+            brightness = evidence.observe(*self._thumbnail(frame))
         else:
             brightness = None
         if brightness is not None and change is None:
@@ -246,12 +252,22 @@ class Engine:
         return every or sampler.foreseen(number).compares_next
 
     def prepare(self, number: int, frame: Frame) -> None:
-        """Prepare a frame that will be pushed with this number; any thread may call it, and waits for no other."""
+        """Prepare a frame that will be pushed with this number; one thread at a time may, and waits for no other."""
+        if frame.image.shape != self._size[::-1]:
+            return
         every, sampler = self._foresight
-        if (every or sampler.foreseen(number).processes_next) and frame.image.shape == self._size[::-1]:
+        numbered, previous = replace(frame, index=number), self._latest_ahead
+        if every or sampler.foreseen(number).processes_next:
             grey_range = self._pixels.grey_range
-            prepared = self._preprocess(replace(frame, index=number), grey_range)
+            prepared = self._preprocess(numbered, grey_range)
             self._prepared_ahead[number] = (frame.image, grey_range, prepared)
+            self._latest_ahead = prepared.thumbnail
+            return
+        thumbnail, compared = self._preprocess.thumbnail(numbered), None
+        if previous is not None and previous.frame == number - 1:
+            compared = ComparedAhead(previous, thumbnail, self._compare_ahead(previous, thumbnail))
+        self._reduced_ahead[number] = (frame.image, thumbnail, compared)
+        self._latest_ahead = thumbnail
 
     def may_need(self, number: int) -> bool:
         """Whether the image of the frame with this number can be needed at all; waits for no other thread."""
@@ -349,6 +365,7 @@ class Engine:
         self._epochs = [epoch_of(content) for content in state.epochs]
         if state.evidence is not None:
             self._evidence = ExposureEvidence.from_state(state.size, state.evidence)
+            self._compare_ahead = BrightnessComparer(state.size)
             self._method = self._settings.build(state.size, state.max_grey)
             self._method.restore(method_state)
         self._foresee()
@@ -384,6 +401,13 @@ class Engine:
             return prepared
         return self._preprocess(frame, grey_range)
 
+    def _thumbnail(self, frame: Frame) -> tuple[Thumbnail, ComparedAhead | None]:
+        """Return the thumbnail of a frame, and its comparison with the frame before where that was made ahead."""
+        image, thumbnail, compared = self._reduced_ahead.get(frame.index, (None, None, None))
+        if thumbnail is not None and image is frame.image:
+            return thumbnail, compared
+        return self._preprocess.thumbnail(frame), None
+
     def _begin_epoch(
         self, evidence: ExposureEvidence, method: Method, change: Change
     ) -> tuple[ExposureEvidence, Method]:
@@ -418,6 +442,7 @@ class Engine:
             size = self._size_of(frame)
             self._method = self._settings.build(size, frame.max_grey)
             self._evidence = ExposureEvidence(size)
+            self._compare_ahead = BrightnessComparer(size)
             self._size, self._max_grey = size, frame.max_grey
         return self._evidence, self._method
 
