@@ -177,11 +177,11 @@ class FlatSampler:
         cell = grey_cell * _RADIUS_CELLS + radius_cell
         random = np.random.default_rng(seed).random(n)
         # First one of each cell, then a second one of each, and so on.
-        order = np.lexsort((random, cell))
-        _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
-        rank = np.empty(n, np.int64)
-        rank[order] = np.arange(n) - np.repeat(start, count)
-        return np.sort(np.lexsort((random, rank))[: self.max_points])
+        order = np.argsort(cell + random)
+        count = np.bincount(cell)
+        rank = np.empty(n)
+        rank[order] = np.arange(n) - np.repeat(np.cumsum(count) - count, count)
+        return np.sort(np.argpartition(rank + random, self.max_points)[: self.max_points])
 
 
 @cache
