@@ -171,8 +171,9 @@ def test_everything_a_method_learns_is_in_its_state():
 
 
 def test_everything_an_engine_knows_is_in_its_state():
-    made_anew = {"settings", "correct_lag", "lock", "second", "preprocess", "method", "prior"}
-    not_needed = {"findings", "foresight", "saved_by", "half_taken", "prepared_ahead"}
+    made_anew = {"settings", "correct_lag", "lock", "second", "preprocess", "method", "prior", "compare_ahead"}
+    not_needed = {"findings", "foresight", "saved_by", "half_taken", "prepared_ahead", "reduced_ahead"}
+    not_needed |= {"latest_ahead"}
     saved = {
         "sampler",
         "pixels",
