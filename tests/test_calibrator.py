@@ -15,6 +15,7 @@ from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.engine import REMEMBERED_REASONS
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
+from ospc.exposures.brightness import BrightnessComparer
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
 from ospc.recording import ArrayRecording, Frame
@@ -110,6 +111,33 @@ def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypat
     for frame in frames[1:]:
         assert calibrator.push(frame)
     assert made == [0, 1, 2, 2, 3]
+
+
+@dataclass(frozen=True)
+class Comparing(NotingSettings):
+    """Settings that process the first frame, and compare the next."""
+
+    def sampler(self):
+        return FrameSampler(1, 1, 99, 100, 100, _pause=0, processed=99)
+
+
+def test_frames_compared_ahead_are_not_compared_again_and_any_other_pair_is(monkeypatch):
+    compared = []
+    plain = BrightnessComparer.__call__
+    monkeypatch.setattr(BrightnessComparer, "__call__", lambda *pair: compared.append(pair[2].frame) or plain(*pair))
+    texture = np.random.default_rng(5).integers(60, 200, (48, 64)).astype(np.uint8)
+    frames = [Frame.of_array(texture + np.uint8(i), 1.0 + i) for i in range(5)]
+    plainly, ahead = OnlineCalibrator(Comparing()), OnlineCalibrator(Comparing())
+    for number, frame in enumerate(frames):
+        plainly.push(frame)
+        ahead.push(frame)
+        if number == 0:
+            for later in (1, 2, 3):
+                ahead.prepare(later, frames[later])
+    assert compared == [2, 3, 1, 1, 2, 3, 4, 4]
+    for one, other in zip(plainly.evidence.changes, ahead.evidence.changes, strict=True):
+        np.testing.assert_array_equal(one.log_ratio, other.log_ratio)
+        np.testing.assert_array_equal(one.weight, other.weight)
 
 
 def test_good_frames_reach_the_method_in_their_order():

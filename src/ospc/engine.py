@@ -13,19 +13,18 @@ import numpy as np
 
 from ospc.arrays import Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.exposures.assessment import ExposureAssessment
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.findings import ExposureFindings, LagChoice, lag_in_words
+from ospc.foresight import Foresight
 from ospc.methods.change_detection import Change
 from ospc.methods.inputs import FitInputs
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
@@ -90,10 +89,9 @@ class Engine:
         self._lock = RLock()
         self._exposures = ExposureAssessment(correct_lag)
         self._sampler = self._settings.sampler()
-        self._foresight = (False, replace(self._sampler))
         self._preprocess = self._settings.preprocessor()
-        self._prepared_ahead: dict[int, tuple[Image, GreyRange, PreprocessedFrame]] = {}
         self._pixels = PixelStatistics()
+        self._foresight = Foresight(self._preprocess, self._sampler, lambda: self._pixels.grey_range)
         self._second = SecondThread()
         self._size: ImageSize = (0, 0)
         self._max_grey = 0
@@ -132,7 +130,7 @@ class Engine:
             self._half_taken = frame.name
             raise
         finally:
-            self._prepared_ahead.pop(number, None)
+            self._foresight.forget(number)
         self._foresee()
         return used
 
@@ -148,7 +146,7 @@ class Engine:
         self._recognize(frame)  # at first: where it cannot read the image, nothing is learned from the frame yet
         change = brightness = None
         if self._sampler.processes_next:
-            prepared = self._prepared(frame)
+            prepared = self._foresight.frame(frame)
             counting = self._second.submit(self._pixels.observe, frame, prepared.thumbnail)
             comparing = self._second.submit(exposures.observe, prepared.thumbnail)
             try:
@@ -157,7 +155,7 @@ class Engine:
                 counting.result()
                 brightness = comparing.result()
         elif self._sampler.compares_next or exposures.wants(frame.index):
-            brightness = exposures.observe(self._preprocess.thumbnail(frame))
+            brightness = exposures.observe(*self._foresight.thumbnail(frame))
         if brightness is not None:
             change = change or method.compare(brightness, exposures.table)
             change = self._change_of_lag(change) or change
@@ -212,16 +210,11 @@ class Engine:
 
     def foresees(self, number: int) -> bool:
         """Whether the image of the frame with this number will most likely be needed; waits for no other thread."""
-        every, sampler = self._foresight
-        return every or sampler.foreseen(number).compares_next
+        return self._foresight.needs(number)
 
     def prepare(self, number: int, frame: Frame) -> None:
-        """Prepare a frame that will be pushed with this number; any thread may call it, and waits for no other."""
-        every, sampler = self._foresight
-        if (every or sampler.foreseen(number).processes_next) and frame.image.shape == self._size[::-1]:
-            grey_range = self._pixels.grey_range
-            prepared = self._preprocess(replace(frame, index=number), grey_range)
-            self._prepared_ahead[number] = (frame.image, grey_range, prepared)
+        """Prepare a frame that will be pushed with this number; one thread at a time may, and waits for no other."""
+        self._foresight.prepare(number, frame)
 
     def may_need(self, number: int) -> bool:
         """Whether the image of the frame with this number can be needed at all; waits for no other thread."""
@@ -339,14 +332,6 @@ class Engine:
 
     # The steps of push.
 
-    def _prepared(self, frame: Frame) -> PreprocessedFrame:
-        """Return a frame prepared: ahead of time, where black and white have not moved since."""
-        grey_range = self._pixels.grey_range
-        image, expected, prepared = self._prepared_ahead.get(frame.index, (None, None, None))
-        if prepared is not None and image is frame.image and expected == grey_range:
-            return prepared
-        return self._preprocess(frame, grey_range)
-
     def _change_of_lag(self, other: Change | None) -> Change | None:
         """Return a change of the frames that the exposures belong to; it may explain another change of the camera."""
         found = self._exposures.change_of_lag(explains=other is not None)
@@ -392,7 +377,7 @@ class Engine:
     def _foresee(self) -> None:
         """Leave a copy of what decides on the next frames, for threads that must not wait."""
         every = self._method is not None and self._method.wants_every_frame
-        self._foresight = (every, replace(self._sampler))
+        self._foresight.expect(self._sampler, self._size, every=every)
 
     def _recognize(self, frame: Frame) -> None:
         """Take the first frames into the hash that tells this stream of frames from others."""

@@ -122,6 +122,8 @@ def quoted(text: str) -> str:
 
 def escaped(text: str) -> str:
     """Return a text from a file on one line, with everything escaped that a terminal would interpret."""
+    if text.isprintable():  # nearly always, and some texts are whole pictures
+        return text
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 

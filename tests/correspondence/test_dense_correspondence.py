@@ -204,10 +204,14 @@ def shifted_pair(shift=(6.0, -3.0), reduction=1, exposures=(1.0, 2.0)):
     return *views, Registration(forward, np.zeros(SIZE[::-1], np.float32))
 
 
+def sampled(sampler, frame0, frame1, registration, group):
+    return sampler(sampler.keyframe(frame0), frame1, registration, group)
+
+
 @pytest.mark.parametrize("reduction", [1, 2])
 def test_samples_are_the_same_scene_point_in_both_frames(reduction):
     frame0, frame1, registration = shifted_pair(reduction=reduction)
-    samples = FlatSampler(max_points=100_000)(frame0, frame1, registration, group=17)
+    samples = sampled(FlatSampler(max_points=100_000), frame0, frame1, registration, 17)
     made = samples.observations
     assert len(made.starts) > 500
     assert np.all(made.counts == 2)
@@ -237,7 +241,7 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
     frame1.gradient[:60] = 0.02
     frame1.clipped[180:] = True
     registration.forward_backward_error[:, 250:] = 5.0
-    made = FlatSampler(margin_px=10, max_points=100_000)(frame0, frame1, registration, 0).observations
+    made = sampled(FlatSampler(margin_px=10, max_points=100_000), frame0, frame1, registration, 0).observations
     half = np.linalg.norm(np.array(SIZE) - 1) / 2
     x, y = (made.position * half + (np.array(SIZE) - 1) / 2).T
     assert len(x) > 100
@@ -246,7 +250,7 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
 
 def test_what_moves_out_of_the_image_is_not_sampled():
     frame0, frame1, registration = shifted_pair(shift=(60.0, 0.0), exposures=(1.0, 1.0))
-    samples = FlatSampler(max_points=100_000)(frame0, frame1, registration, 0)
+    samples = sampled(FlatSampler(max_points=100_000), frame0, frame1, registration, 0)
     assert samples.observations.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2 <= SIZE[0] / 2 - 8
     assert samples.overlap == pytest.approx(1 - 60 / 304, abs=0.03)
 
@@ -254,7 +258,7 @@ def test_what_moves_out_of_the_image_is_not_sampled():
 def test_nothing_in_common_makes_no_samples():
     frame0, frame1, registration = shifted_pair()
     lost = Registration(registration.forward, np.full_like(registration.forward_backward_error, 100.0))
-    samples = FlatSampler()(frame0, frame1, lost, 0)
+    samples = sampled(FlatSampler(), frame0, frame1, lost, 0)
     assert len(samples.observations) == 0
     assert samples.overlap == samples.radial_motion == 0
     assert np.isnan(samples.motion_px)
@@ -262,13 +266,14 @@ def test_nothing_in_common_makes_no_samples():
 
 def test_a_bounded_number_of_points_is_spread_over_grey_levels_and_does_not_change():
     frame0, frame1, registration = shifted_pair()
-    everything = FlatSampler(max_points=100_000)(frame0, frame1, registration, 3).observations
-    few, again = (FlatSampler(max_points=120)(frame0, frame1, registration, 3).observations for _ in range(2))
+    everything = sampled(FlatSampler(max_points=100_000), frame0, frame1, registration, 3).observations
+    some = FlatSampler(max_points=120)
+    few, again = (sampled(some, frame0, frame1, registration, 3).observations for _ in range(2))
     assert len(few.starts) == 120
     np.testing.assert_array_equal(few.grey, again.grey)
     np.testing.assert_array_equal(few.position, again.position)
     assert set(map(tuple, few.position)) <= set(map(tuple, everything.position))
-    other = FlatSampler(max_points=120)(frame0, frame1, registration, 4).observations
+    other = sampled(some, frame0, frame1, registration, 4).observations
     assert set(map(tuple, few.position)) != set(map(tuple, other.position))
     share = [np.histogram(s.grey[::2], bins=4, range=(0.1, 0.5))[0] / len(s.starts) for s in (few, everything)]
     assert share[0].min() > share[1].min()

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.correspondence.flat_sampling import Samples
+from ospc.correspondence.flat_sampling import Keyframe, Samples
 from ospc.correspondence.keyframe_selection import KeyframeSelector
-from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.observations import Observations
 
@@ -23,7 +22,10 @@ NOTHING = Observations.of_pairs(NONE, NONE, np.empty((0, 2)), np.empty((0, 2)), 
 
 def frame(number):
     thumbnail = Thumbnail(number, TINY, TINY, TINY > 0, TINY.astype(np.uint8))
-    return PreprocessedFrame(number, (1, 1), 1, TINY, TINY, TINY, TINY > 0, TINY.astype(np.uint8), thumbnail, 1.0)
+    none = NONE.astype(np.float32)
+    return Keyframe(
+        number, (1, 1), 1, TINY.astype(np.uint8), thumbnail, 1.0, np.empty((0, 2)), none, none, none, none > 0
+    )
 
 
 def kept_ages(capacity, count):
@@ -52,7 +54,7 @@ def test_ages_of_the_keyframes_grow_geometrically(count):
 
 
 def test_there_is_no_keyframe_for_the_first_frame():
-    assert KeyframeSelector().select(frame(0), 0.0) is None
+    assert KeyframeSelector().select(0.0) is None
 
 
 def with_exposures(log_exposures, **limits):
@@ -64,16 +66,16 @@ def with_exposures(log_exposures, **limits):
 
 def test_every_second_selection_goes_for_the_change_of_exposure():
     keyframes = with_exposures([0.0, 0.1, 0.9, 0.1, 0.0])
-    assert [keyframes.select(frame(5), 0.0).number for _ in range(2)][1] == 2
+    assert [keyframes.select(0.0).number for _ in range(2)][1] == 2
 
 
 def test_without_change_of_exposure_older_keyframes_promise_more_motion():
-    assert with_exposures([0.0] * 12).select(frame(12), 0.0).number < 6
+    assert with_exposures([0.0] * 12).select(0.0).number < 6
 
 
 def test_a_keyframe_that_was_used_steps_back_behind_its_equals():
     keyframes = with_exposures([0.5] * 3)
-    assert {keyframes.select(frame(9), 0.0).number for _ in range(6)} == {0, 1, 2}
+    assert {keyframes.select(0.0).number for _ in range(6)} == {0, 1, 2}
 
 
 def test_changes_beyond_the_limit_count_no_more_than_the_limit():
@@ -84,7 +86,7 @@ def test_changes_beyond_the_limit_count_no_more_than_the_limit():
     # The newest overlaps best, and a change by e is as good as one by e⁵.
     for _ in range(12):
         keyframes.learn(frames[0], lost())
-    assert [keyframes.select(frame(5), 0.0).number for _ in range(2)][1] in (0, 4)
+    assert [keyframes.select(0.0).number for _ in range(2)][1] in (0, 4)
 
 
 def lost():
@@ -101,7 +103,7 @@ def test_ages_at_which_nothing_was_found_again_are_avoided():
             keyframes.learn(one, lost())
         for one in frames[8:]:
             keyframes.learn(one, replace(lost(), overlap=0.9, radial_motion=0.05))
-    assert min(keyframes.select(frame(16), 0.0).number for _ in range(8)) >= 8
+    assert min(keyframes.select(0.0).number for _ in range(8)) >= 8
 
 
 @given(st.lists(st.floats(-2, 2), min_size=2, max_size=40), st.floats(-3, 3))
@@ -109,7 +111,7 @@ def test_the_unit_of_exposure_does_not_matter(course, shift):
     def selections(shift):
         keyframes, made = KeyframeSelector(6), []
         for number, log_exposure in enumerate(np.round(course, 3)):
-            found = keyframes.select(frame(number), log_exposure + shift)
+            found = keyframes.select(log_exposure + shift)
             made.append(None if found is None else found.number)
             keyframes.add(frame(number), log_exposure + shift)
         return made

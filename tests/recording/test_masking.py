@@ -53,9 +53,9 @@ def test_frames_carry_mask_and_region_and_images_stay_as_they_are() -> None:
 @pytest.mark.parametrize("longest", [160, 80])
 def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
     views = [Preprocessor(longest_side=longest)(frame) for frame in masked(recorded(), half())]
-    samples = FlatSampler(spacing_px=4, max_gradient=1.0)(
-        *views, DenseRegistration()(*views, ExposureNormalizer()), group=0
-    ).observations
+    sample = FlatSampler(spacing_px=4, max_gradient=1.0)
+    registration = DenseRegistration()(*views, ExposureNormalizer())
+    samples = sample(sample.keyframe(views[0]), views[1], registration, group=0).observations
     assert len(samples.grey) > 40
     x = samples.position[:, 0] * np.hypot(*SIZE) / 2 + SIZE[0] / 2
     assert x.min() > SIZE[0] / 2 + 2 * 160 / longest

@@ -201,11 +201,14 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
-    from ospc.pooling.prior_calibration import PriorCalibration
     from ospc.recording.image_source import is_image_name
 
     settings, exposures_unknown = request.settings, request.reading.options.unknown_exposures
-    prior = None if request.start_from is None else PriorCalibration.open(request.start_from)
+    prior = None
+    if request.start_from is not None:
+        from ospc.pooling.prior_calibration import PriorCalibration
+
+        prior = PriorCalibration.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
     try:
         recording = opened()

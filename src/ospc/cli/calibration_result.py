@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ospc.cli.calibration_report import result_as_dict, say_notes, say_result
 from ospc.cli.interruption import INTERRUPTED, Interruption
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 FAILED = 1
 """Exit code of a run that failed; a partial result is written."""
+
+Saved: TypeAlias = "tuple[Written, list[str]]"
+"""What was written of a state, and notes on it."""
 
 
 @dataclass(frozen=True)
@@ -87,12 +90,16 @@ class ResultFolder:
         """Whether to print more than errors and warnings."""
         return not (self.quiet or self.as_json)
 
-    def take(self, outcome: Outcome, state: Written, notes: list[str]) -> dict[str, Any]:
-        """Write the folder, where the state is already, print the result, and return it as JSON-compatible values."""
+    def take(self, outcome: Outcome, saved: Callable[[], Saved]) -> dict[str, Any]:
+        """Write the folder, print the result, and return it as JSON-compatible values.
+
+        ``saved`` waits for the state.
+        """
         with self.interruption.held():
             with progress_line(quiet=self.quiet) as show_writing:
                 show_writing("writing", 0, 0)
                 outcome, written = self._written(outcome)
+            state, notes = saved()
             written += state
             self._say(outcome, written, notes)
             return self._as_dict(outcome, written, notes)

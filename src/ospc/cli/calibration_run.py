@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from ospc.cli.calibration_report import say_notes
-from ospc.cli.calibration_result import Outcome, ResultFolder
+from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.terminal import say
 from ospc.cli.watching import COMPARING, Watcher, Watching
@@ -51,19 +52,26 @@ class CalibrationRun:
         KeyboardInterrupt
             If the user gave up before anything was written.
         """
-        from ospc.output import Written
-
         if self.result.talkative:
             say_notes(self.recording.notes)
         load_drawing()
         with leaving("no result was written"), self.interruption.deferred():
-            outcome = self._estimated()
-            saved = self.checkpoints is not None and self.checkpoints.saved
-            state = Written((self.checkpoints.place,) if self.checkpoints is not None and saved else ())
-            notes = [] if self.checkpoints is None else self.checkpoints.notes
-            return self.result.take(outcome, state, notes)
+            calibrator, outcome = self._estimated()
+            with ThreadPoolExecutor(1, "ospc-state") as second:
+                # Most of it is compression, which leaves the interpreter to those who draw.
+                saving = second.submit(self._saved, calibrator)
+                return self.result.take(outcome, saving.result)
 
-    def _estimated(self) -> Outcome:
+    def _saved(self, calibrator: OnlineCalibrator) -> Saved:
+        """Save the final state."""
+        from ospc.output import Written
+
+        if self.checkpoints is None:
+            return Written(), []
+        self.checkpoints.at_the_end(calibrator)
+        return Written((self.checkpoints.place,) if self.checkpoints.saved else ()), self.checkpoints.notes
+
+    def _estimated(self) -> tuple[OnlineCalibrator, Outcome]:
         """Calibrate; what was seen before an interruption or a failure is not lost."""
         from ospc.calibrator import OnlineCalibrator
         from ospc.unknown_exposures import labelled
@@ -83,11 +91,9 @@ class CalibrationRun:
                 frames = calibrator.status.frames
                 say(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
             calibration = labelled(_estimate(calibrator, failure, early=early), self.recording)
-            if self.checkpoints is not None:
-                self.checkpoints.at_the_end(calibrator)
         stopped = self.interruption.requested
         calibration = replace(calibration, partial=stopped or bool(failure))
-        return Outcome(calibration, calibrator.first_reasons, stopped, failure)
+        return calibrator, Outcome(calibration, calibrator.first_reasons, stopped, failure)
 
     def _push_all(self, calibrator: OnlineCalibrator, show: Watcher) -> str:
         """Push frames until their end or an interruption, and return what went wrong."""

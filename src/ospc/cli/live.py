@@ -193,7 +193,6 @@ def _captured(
     from ospc.output import Written
     from ospc.state.container import STATE_NAME
 
-    load_drawing()
     failure, interruption = "", result.interruption
     with interruption.deferred():
         with shown(capture, quiet=not result.talkative, full=full) as show:
@@ -207,6 +206,7 @@ def _captured(
             except Exception as error:  # the frames before any error still give an estimate
                 failure = one_line(error)
         capture.stage = "estimating"
+        load_drawing()  # not earlier: a small computer that films has better use for the memory
         try:
             found = live.calibration()
         except OspcError as error:
@@ -218,4 +218,5 @@ def _captured(
         place = result.folder.path
         place.mkdir(parents=True, exist_ok=True)
         state = Written((live.save_state(place / STATE_NAME),))
-        return result.take(outcome, state, [] if result.recording is not None else list(live.status.notes))
+        notes = [] if result.recording is not None else list(live.status.notes)
+        return result.take(outcome, lambda: (state, notes))

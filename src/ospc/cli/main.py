@@ -63,7 +63,9 @@ class _Commands(click.Group):
     def invoke(self, ctx: click.Context) -> object:
         """Call a command, which returns its exit code or None; the context's object is the interruption."""
         with Interruption() as ctx.obj:
-            _mind_memory_limit()
+            _check_memory_limit()
+            # Before NumPy is imported: matrices are small, and further threads of OpenBLAS only wait and take memory.
+            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
             try:
                 code = super().invoke(ctx)
             except KeyboardInterrupt as interruption:
@@ -79,8 +81,8 @@ class _Commands(click.Group):
         return ctx.exit(code or 0)
 
 
-def _mind_memory_limit() -> None:
-    """Before NumPy is imported: refuse a memory limit that is too low, and save memory under any other."""
+def _check_memory_limit() -> None:
+    """Refuse a memory limit that is too low."""
     if sys.platform == "win32":
         return
     import resource
@@ -91,8 +93,6 @@ def _mind_memory_limit() -> None:
     if limit_bytes < _LEAST_MEMORY_MIB * 2**20:
         given = limit_bytes // 2**20
         raise OspcError(f"{given} MiB of memory are too few; allow {_LEAST_MEMORY_MIB} MiB at least (ulimit -v)")
-    # With more threads, OpenBLAS needs some hundred MiB more.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
-from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
 from ospc.correspondence.registration import Registration, displacement_at
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
@@ -30,6 +30,25 @@ _PARTS_PER_SIDE = 4
 
 _MIN_PART_PLACES = 8
 """Fewest places of such a part: with fewer, noise does not cancel, and a camera that stands still seems to move."""
+
+
+@dataclass(frozen=True)
+class Keyframe(ReducedFrame):
+    """A frame that later ones are compared with, as far as they need it: with a tenth of the memory.
+
+    Attributes
+    ----------
+    places
+        Places (x, y) of the grid on which scene points are chosen, in reduced pixels, shape (n, 2).
+    grey, variance, gradient, clipped
+        The values of the frame there, shape (n,).
+    """
+
+    places: FloatArray
+    grey: Float32Array
+    variance: Float32Array
+    gradient: Float32Array
+    clipped: BoolArray
 
 
 @dataclass(frozen=True)
@@ -81,43 +100,67 @@ class FlatSampler:
     max_forward_backward_error_px: float = 2.0
     max_points: int = 400
 
+    def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
+        """Return what later frames need of a frame: its small images, and its values on the grid."""
+        width, height = frame.reduced_size
+        columns, rows = (slice(self.margin_px, side - self.margin_px, self.spacing_px) for side in (width, height))
+        return Keyframe(
+            frame.number,
+            frame.size,
+            frame.reduction,
+            frame.small,
+            frame.thumbnail,
+            frame.pixels_averaged,
+            _grid((width, height), self.spacing_px, self.margin_px),
+            frame.grey[rows, columns].ravel(),
+            frame.variance[rows, columns].ravel(),
+            frame.gradient[rows, columns].ravel(),
+            frame.clipped[rows, columns].ravel(),
+        )
+
     def __call__(
-        self, frame0: PreprocessedFrame, frame1: PreprocessedFrame, registration: Registration, group: int
+        self, keyframe: Keyframe, frame: PreprocessedFrame, registration: Registration, group: int
     ) -> Samples:
         """Compare two frames.
 
         Parameters
         ----------
-        frame0, frame1
-            The frames.
+        keyframe
+            The first, as :meth:`keyframe` returns it.
+        frame
+            The second.
         registration
             Displacements from the first to the second.
         group
             Number of the pair.
         """
-        places0 = _grid((frame0.grey.shape[1], frame0.grey.shape[0]), self.spacing_px, self.margin_px)
-        scale = frame0.grey.shape[1] / registration.forward.shape[1]
+        places0 = keyframe.places
+        scale = keyframe.reduced_size[0] / registration.forward.shape[1]
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement
-        found = (forward_backward_error < self.max_forward_backward_error_px) & self._inside(frame1, places1)
-        flat = found & self._usable(frame0, places0) & self._usable(frame1, places1)
-        position0, position1 = (normalised(f.to_frame(p), f.size) for f, p in ((frame0, places0), (frame1, places1)))
+        found = (forward_backward_error < self.max_forward_backward_error_px) & self._inside(frame, places1)
+        gradient0 = keyframe.gradient.astype(np.float64)
+        flat = found & (gradient0 < self.max_gradient) & ~keyframe.clipped & self._usable(frame, places1)
+        position0, position1 = (
+            normalised(one.to_frame(places), one.size) for one, places in ((keyframe, places0), (frame, places1))
+        )
         radial = np.linalg.norm(position0[found], axis=1) - np.linalg.norm(position1[found], axis=1)
-        motion = _typical_motion(places0[found], displacement[found], _at(frame0.gradient, places0[found]))
+        motion = _typical_motion(places0[found], displacement[found], gradient0[found])
         index = np.flatnonzero(flat)
         # By the mean of both frames: a choice by one grey level would be a choice by its noise.
-        grey = np.sqrt(np.clip(_at(frame0.grey, places0[index]) * _at(frame1.grey, places1[index]), 0, 1))
+        grey = np.sqrt(np.clip(keyframe.grey[index] * _at(frame.grey, places1[index]), 0, 1))
         chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
-        ends = [(frame0, places0[chosen], position0[chosen]), (frame1, places1[chosen], position1[chosen])]
+        first = _End.of_keyframe(keyframe, chosen, position0[chosen])
+        second = _End.of_frame(frame, places1[chosen], position1[chosen])
         return Samples(
-            _interleaved(ends, group),
+            _interleaved((first, second), group),
             float(found.mean()) if found.size else 0.0,
             float(np.sqrt(np.mean(radial**2))) if radial.size else 0.0,
-            motion * frame0.reduction,
+            motion * keyframe.reduction,
         )
 
     def _inside(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
-        far = np.array(frame.grey.shape[::-1]) - 1 - self.margin_px
+        far = np.array(frame.reduced_size) - 1 - self.margin_px
         return np.asarray(np.all((places >= self.margin_px) & (places <= far), axis=1))
 
     def _usable(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
@@ -134,11 +177,11 @@ class FlatSampler:
         cell = grey_cell * _RADIUS_CELLS + radius_cell
         random = np.random.default_rng(seed).random(n)
         # First one of each cell, then a second one of each, and so on.
-        order = np.lexsort((random, cell))
-        _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
-        rank = np.empty(n, np.int64)
-        rank[order] = np.arange(n) - np.repeat(start, count)
-        return np.sort(np.lexsort((random, rank))[: self.max_points])
+        order = np.argsort(cell + random)
+        count = np.bincount(cell)
+        rank = np.empty(n)
+        rank[order] = np.arange(n) - np.repeat(np.cumsum(count) - count, count)
+        return np.sort(np.argpartition(rank + random, self.max_points)[: self.max_points])
 
 
 @cache
@@ -173,30 +216,54 @@ def _at(image: Float32Array, places: FloatArray) -> FloatArray:
     return np.asarray(values, dtype=np.float64).reshape(-1)
 
 
-def _surroundings(frame: PreprocessedFrame, places: FloatArray) -> FloatArray:
-    """Return the moments around places in the grey image, shape (n, 4)."""
+@dataclass(frozen=True)
+class _End:
+    """What one of the two frames shows of n scene points; arrays of shape (n,) or (n, columns)."""
+
+    frame: ReducedFrame
+    grey: FloatArray
+    variance: FloatArray
+    gradient: FloatArray
+    position: FloatArray
+    surround_moments: FloatArray
+
+    @classmethod
+    def of_keyframe(cls, keyframe: Keyframe, chosen: IntArray, position: FloatArray) -> _End:
+        values = (keyframe.grey, keyframe.variance, keyframe.gradient)
+        grey, variance, gradient = (value[chosen].astype(np.float64) for value in values)
+        surround_moments = _surroundings(keyframe, keyframe.places[chosen])
+        return cls(keyframe, grey, variance, gradient, position, surround_moments)
+
+    @classmethod
+    def of_frame(cls, frame: PreprocessedFrame, places: FloatArray, position: FloatArray) -> _End:
+        grey, variance, gradient = (_at(image, places) for image in (frame.grey, frame.variance, frame.gradient))
+        return cls(frame, grey, variance, gradient, position, _surroundings(frame, places))
+
+
+def _surroundings(frame: ReducedFrame, places: FloatArray) -> FloatArray:
+    """Return the moments around places in the reduced size, shape (n, 4)."""
     coarse = frame.surround_moments
-    scale = np.array(coarse.shape[1::-1]) / np.array(frame.grey.shape[::-1])
+    scale = np.array(coarse.shape[1::-1]) / np.array(frame.reduced_size)
     there = (places + 0.5) * scale - 0.5
     return np.stack([_at(np.ascontiguousarray(moment), there) for moment in np.moveaxis(coarse, -1, 0)], axis=1)
 
 
-def _interleaved(ends: list[tuple[PreprocessedFrame, FloatArray, FloatArray]], group: int) -> Observations:
+def _interleaved(ends: tuple[_End, _End], group: int) -> Observations:
     """Return the two observations of each point one after the other."""
-    n = len(ends[0][1])
+    n = len(ends[0].grey)
 
     def alternate(columns: list[FloatArray]) -> FloatArray:
         return np.stack(columns, axis=1).reshape(2 * n, *columns[0].shape[1:])
 
     return Observations(
-        grey=alternate([_at(frame.grey, places) for frame, places, _ in ends]),
-        grey_variance=alternate([_at(frame.variance, places) for frame, places, _ in ends]),
-        position=alternate([position for _, _, position in ends]),
-        gradient=alternate([_at(frame.gradient, places) for frame, places, _ in ends]),
-        pixels_averaged=alternate([np.full(n, frame.pixels_averaged) for frame, _, _ in ends]),
-        frame_moments=np.tile([frame.moments for frame, _, _ in ends], (n, 1)),
-        surround_moments=alternate([_surroundings(frame, places) for frame, places, _ in ends]),
-        frame=np.tile([frame.number for frame, _, _ in ends], n).astype(np.int64),
+        grey=alternate([end.grey for end in ends]),
+        grey_variance=alternate([end.variance for end in ends]),
+        position=alternate([end.position for end in ends]),
+        gradient=alternate([end.gradient for end in ends]),
+        pixels_averaged=alternate([np.full(n, end.frame.pixels_averaged) for end in ends]),
+        frame_moments=np.tile([end.frame.moments for end in ends], (n, 1)),
+        surround_moments=alternate([end.surround_moments for end in ends]),
+        frame=np.tile([end.frame.number for end in ends], n).astype(np.int64),
         point=np.repeat(np.arange(n), 2),
         group=np.full(2 * n, group, np.int64),
     )

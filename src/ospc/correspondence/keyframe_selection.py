@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.correspondence.flat_sampling import Samples
-from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.correspondence.flat_sampling import Keyframe, Samples
 
 AGES = 16
 """Classes of age, two for each doubling: up to 256 processed frames."""
@@ -37,8 +36,8 @@ _OLDER_THAN_OLDEST = 1.5
 
 
 @dataclass
-class _Keyframe:
-    frame: PreprocessedFrame
+class _Kept:
+    frame: Keyframe
     order: int
     log_exposure: float
     uses: int = 0
@@ -90,7 +89,7 @@ class KeyframeSelector:
 
     capacity: int = 20
     max_log_ratio: float = 1.2
-    _kept: list[_Keyframe] = field(default_factory=list, repr=False)
+    _kept: list[_Kept] = field(default_factory=list, repr=False)
     _added: int = field(default=0, repr=False)
     _selections: int = field(default=0, repr=False)
     _overlap: FloatArray = field(default_factory=lambda: np.full(AGES, _FIRST_OVERLAP), repr=False)
@@ -99,7 +98,7 @@ class KeyframeSelector:
     )
     _trials: FloatArray = field(default_factory=lambda: np.full(AGES, _FIRST_TRIALS), repr=False)
 
-    def select(self, frame: PreprocessedFrame, log_exposure: float) -> PreprocessedFrame | None:
+    def select(self, log_exposure: float) -> Keyframe | None:
         """Return the keyframe to compare a frame of this ln exposure with; None where there is none yet."""
         if not self._kept:
             return None
@@ -109,16 +108,16 @@ class KeyframeSelector:
         best.uses += 1
         return best.frame
 
-    def learn(self, keyframe: PreprocessedFrame, samples: Samples) -> None:
+    def learn(self, keyframe: Keyframe, samples: Samples) -> None:
         """Update the expected overlap and radial motion from a comparison of the newest frame."""
         age = self._age_class(next(kept.order for kept in self._kept if kept.frame is keyframe))
         self._trials[age] += 1
         self._overlap[age] += (samples.overlap - self._overlap[age]) / self._trials[age]
         self._motion[age] += (samples.radial_motion - self._motion[age]) / self._trials[age]
 
-    def add(self, frame: PreprocessedFrame, log_exposure: float) -> None:
+    def add(self, frame: Keyframe, log_exposure: float) -> None:
         """Keep a frame as a keyframe, and drop the least useful one if there are too many."""
-        self._kept.append(_Keyframe(frame, self._added, log_exposure))
+        self._kept.append(_Kept(frame, self._added, log_exposure))
         self._added += 1
         if len(self._kept) > self.capacity:
             ages = self._added - np.array([k.order for k in self._kept], dtype=np.float64)
@@ -160,14 +159,14 @@ class KeyframeSelector:
         self._kept, self._added, self._selections = [], state.added, state.selections
         self._overlap, self._motion, self._trials = (table.copy() for table in tables)
 
-    def recall(self, frame: PreprocessedFrame, state: KeyframeSelectorState) -> None:
+    def recall(self, frame: Keyframe, state: KeyframeSelectorState) -> None:
         """Keep a frame again that was a keyframe when the state was taken; any other is ignored."""
         for at in np.flatnonzero(state.frames == frame.number):
             order, uses = int(state.orders[at]), int(state.uses[at])
-            self._kept.append(_Keyframe(frame, order, float(state.log_exposure[at]), uses))
+            self._kept.append(_Kept(frame, order, float(state.log_exposure[at]), uses))
         self._kept.sort(key=lambda kept: kept.order)
 
-    def _worth(self, kept: _Keyframe, log_exposure: float, for_response: bool) -> float:
+    def _worth(self, kept: _Kept, log_exposure: float, for_response: bool) -> float:
         age = self._age_class(kept.order)
         change = min(abs(kept.log_exposure - log_exposure), self.max_log_ratio)
         gain = change**2 if for_response else self._motion[age] ** 2 + _RESPONSE_SHARE * change**2

@@ -31,8 +31,8 @@ _MIN_FURTHER_VARIANCE_PX2 = 0.25
 
 
 @dataclass(frozen=True)
-class PreprocessedFrame:
-    """A frame reduced to the size at which it is compared.
+class ReducedFrame:
+    """The small images of a frame, by which it is registered.
 
     Attributes
     ----------
@@ -41,33 +41,26 @@ class PreprocessedFrame:
     size
         Width and height of the frame in pixels.
     reduction
-        Pixels of the frame, along each side, per pixel of :attr:`grey`.
-    grey
-        Grey levels in [0, 1], smoothed, shape (h, w): each is a weighted mean over ``pixels_averaged`` pixels.
-    variance
-        Variance of the pixels that each of these is a mean over, noise included, shape (h, w).
-    gradient
-        Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w).
-    clipped
-        Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w).
+        Pixels of the frame, along each side, per pixel of the reduced size, at which grey levels are read.
     small
         Grey levels at the size at which frames are registered, 8 bit, shape (h', w').
     thumbnail
         A still smaller image, for the comparison of brightness with the neighbouring frames.
     pixels_averaged
-        Number of pixels of the frame over which their noise is averaged.
+        Number of pixels of the frame over which the noise of a grey level is averaged.
     """
 
     number: int
     size: ImageSize
     reduction: int
-    grey: Float32Array
-    variance: Float32Array
-    gradient: Float32Array
-    clipped: BoolArray
     small: npt.NDArray[np.uint8]
     thumbnail: Thumbnail
     pixels_averaged: float
+
+    @property
+    def reduced_size(self) -> ImageSize:
+        """Width and height at which grey levels are read."""
+        return self.size[0] // self.reduction, self.size[1] // self.reduction
 
     @cached_property
     def grey_quantiles(self) -> FloatArray:
@@ -97,8 +90,30 @@ class PreprocessedFrame:
         return np.bincount(self.small.ravel(), minlength=256)
 
     def to_frame(self, points: FloatArray) -> FloatArray:
-        """Return pixel coordinates in the frame of places (x, y) in :attr:`grey`, shape (..., 2)."""
+        """Return pixel coordinates in the frame of places (x, y) in the reduced size, shape (..., 2)."""
         return np.asarray((points + 0.5) * self.reduction - 0.5, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class PreprocessedFrame(ReducedFrame):
+    """A frame with everything that is read from it.
+
+    Attributes
+    ----------
+    grey
+        Grey levels in [0, 1], smoothed, shape (h, w): each is a weighted mean over ``pixels_averaged`` pixels.
+    variance
+        Variance of the pixels that each of these is a mean over, noise included, shape (h, w).
+    gradient
+        Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w).
+    clipped
+        Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w).
+    """
+
+    grey: Float32Array
+    variance: Float32Array
+    gradient: Float32Array
+    clipped: BoolArray
 
 
 @dataclass(frozen=True)
@@ -141,9 +156,14 @@ class Preprocessor:
         height, width = image.shape
         reduction = self._reduction((width, height))
         reduced = _reduced(image, reduction)
-        grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px) / np.float32(white)
+        # In place: each of these images takes a megabyte or more.
+        grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px)
+        grey /= np.float32(white)
         squares = _reduced(cv2.multiply(image, image, dtype=cv2.CV_32F), reduction)
-        variance = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px) / np.float32(white) ** 2 - grey**2
+        variance = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px, dst=squares)
+        variance /= np.float32(white) ** 2
+        variance -= grey**2
+        np.maximum(variance, 0, out=variance)
         # Variances of smoothings add up, so that the one for gradients continues from that of the grey levels.
         further = max(self.flatness_px**2 - self.smoothing_px**2, _MIN_FURTHER_VARIANCE_PX2)
         flatter = cv2.GaussianBlur(grey, (0, 0), np.sqrt(further))
@@ -155,13 +175,13 @@ class Preprocessor:
             frame.index,
             (width, height),
             reduction,
-            np.asarray(grey, dtype=np.float32),
-            np.maximum(variance, 0),
-            np.asarray(gradient, dtype=np.float32),
-            self._clipped_nearby(image, white, reduction, grey_range) | self._masked_nearby(frame.mask, reduction),
             self._small(reduced, white),
             thumbnail_of(frame.index, reduced, white, frame.mask, (width, height)),
             4 * np.pi * self.smoothing_px**2 * reduction**2,
+            np.asarray(grey, dtype=np.float32),
+            np.asarray(variance, dtype=np.float32),
+            np.asarray(gradient, dtype=np.float32),
+            self._clipped_nearby(image, white, reduction, grey_range) | self._masked_nearby(frame.mask, reduction),
         )
 
     def thumbnail(self, frame: Frame) -> Thumbnail:
@@ -214,7 +234,7 @@ class Preprocessor:
 
 def _reduced(image: Image, factor: int) -> Float32Array:
     """Return the means over squares of ``factor`` pixels a side, as float32; a remainder at the edge is cut off."""
-    values = image.astype(np.float32)
+    values = image.astype(np.float32, copy=False)
     if factor == 1:
         return values
     height, width = (side // factor for side in image.shape)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
-from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.second_thread import SecondThread
 from ospc.correspondence.thumbnail_registration import (
     ThumbnailRegistration,
@@ -59,6 +59,10 @@ _DARKEST_IRRADIANCE = 1e-6
 _GRADIENT_STEPS, _PATCH_STRIDE_PX = 12, 4
 """Steps of descent per patch, and distance between patches in pixels: half of OpenCV's steps on a coarser lattice.
 Flat places, where grey values are sampled, forgive the rest."""
+
+_REFINEMENTS = 3
+"""Iterations of the variational refinement: on simulated recordings, errors of response and vignette are the same as
+with OpenCV's five."""
 
 _OUTSIDE_PX = 1e4
 """Displacement on the way back from outside the image: so far that no place comes back from there."""
@@ -108,9 +112,7 @@ class ExposureNormalizer:
         self._lift: dict[tuple[int, ...], Float32Array] = {}
         self._register = ThumbnailRegistration()
 
-    def __call__(
-        self, frame0: PreprocessedFrame, frame1: PreprocessedFrame, stated_log_ratio: float
-    ) -> tuple[Image8, Image8]:
+    def __call__(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> tuple[Image8, Image8]:
         """Return the small images of both as they would be at the longer exposure, shapes (h, w).
 
         Parameters
@@ -129,7 +131,7 @@ class ExposureNormalizer:
         # At the longer exposure both images clip at the same radiance, so that clipped areas have the same edges.
         return self._brightened(frame0, max(0.0, log_ratio)), self._brightened(frame1, max(0.0, -log_ratio))
 
-    def log_ratio(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame) -> tuple[float, bool]:
+    def log_ratio(self, frame0: ReducedFrame, frame1: ReducedFrame) -> tuple[float, bool]:
         """Return ln of the irradiance of the same places, second frame over first, and whether it is certain."""
         small0, small1 = frame0.thumbnail, frame1.thumbnail
         there, found = self._register(small0, small1)
@@ -143,10 +145,10 @@ class ExposureNormalizer:
         spread = 1.4826 * np.median(np.abs(difference - middle))  # the standard deviation of normal errors
         return float(middle), bool(spread < _LARGEST_SPREAD)
 
-    def _plainly_agrees(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame, stated_log_ratio: float) -> bool:
+    def _plainly_agrees(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> bool:
         return abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < _PLAIN_AGREEMENT
 
-    def _log_ratio_of_quantiles(self, frame0: PreprocessedFrame, frame1: PreprocessedFrame) -> float:
+    def _log_ratio_of_quantiles(self, frame0: ReducedFrame, frame1: ReducedFrame) -> float:
         """Return the same for frames that hardly overlap: the median over quantiles of grey exposed in both."""
         grey0, grey1 = frame0.grey_quantiles, frame1.grey_quantiles
         exposed = (np.minimum(grey0, grey1) > _DARKEST) & (np.maximum(grey0, grey1) < _BRIGHTEST)
@@ -160,7 +162,7 @@ class ExposureNormalizer:
         lift = np.log(self._lift_of(grey.shape, size))
         return np.asarray(log_irradiance + _DISPLAY_GAMMA * lift, dtype=np.float32)
 
-    def _brightened(self, frame: PreprocessedFrame, log_gain: float) -> Image8:
+    def _brightened(self, frame: ReducedFrame, log_gain: float) -> Image8:
         table = (self._root * (np.exp(log_gain / _DISPLAY_GAMMA) * 255)).astype(np.float32)
         if self._vignette is None:
             # A table of bytes has to be clipped here; below, the conversion to bytes clips.
@@ -181,8 +183,8 @@ class Registrar(Protocol):
 
     def __call__(
         self,
-        frame0: PreprocessedFrame,
-        frame1: PreprocessedFrame,
+        frame0: ReducedFrame,
+        frame1: ReducedFrame,
         normalize: ExposureNormalizer,
         stated_log_ratio: float = np.nan,
     ) -> Registration:
@@ -223,8 +225,8 @@ class DenseRegistration:
 
     def __call__(
         self,
-        frame0: PreprocessedFrame,
-        frame1: PreprocessedFrame,
+        frame0: ReducedFrame,
+        frame1: ReducedFrame,
         normalize: ExposureNormalizer,
         stated_log_ratio: float = np.nan,
     ) -> Registration:
@@ -267,6 +269,7 @@ def _flow(finest_scale: int) -> cv2.DISOpticalFlow:
     flow = optical_flow(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, finest_scale)
     flow.setGradientDescentIterations(_GRADIENT_STEPS)
     flow.setPatchStride(_PATCH_STRIDE_PX)
+    flow.setVariationalRefinementIterations(_REFINEMENTS)
     return flow
 
 

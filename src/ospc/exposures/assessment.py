@@ -11,7 +11,7 @@ from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.errors import OspcError
 from ospc.exposures.brightness import BrightnessChange
-from ospc.exposures.evidence import EvidenceState, ExposureEvidence
+from ospc.exposures.evidence import ComparedAhead, EvidenceState, ExposureEvidence
 from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures
 from ospc.exposures.lag_change import LagChange, lag_change
 from ospc.exposures.table import ExposureTable
@@ -97,10 +97,10 @@ class ExposureAssessment:
         """Expect frames of a width and height in pixels."""
         self.evidence = ExposureEvidence(size)
 
-    def observe(self, frame: Thumbnail) -> BrightnessChange | None:
-        """Compare a frame with the one before; return what that gave."""
+    def observe(self, frame: Thumbnail, ahead: ComparedAhead | None = None) -> BrightnessChange | None:
+        """Compare a frame with the one before, unless that was done ahead; return what that gave."""
         assert self.evidence is not None
-        return self.evidence.observe(frame)
+        return self.evidence.observe(frame, ahead)
 
     def reassess(self) -> None:
         """Judge the exposures again if there is much more evidence than the last time."""

@@ -58,6 +58,15 @@ class EvidenceState:
     position1: FloatArray
 
 
+@dataclass(frozen=True)
+class ComparedAhead:
+    """What comparing two frames gave, made before the second was observed."""
+
+    first: Thumbnail
+    second: Thumbnail
+    change: BrightnessChange
+
+
 @dataclass
 class ExposureEvidence:
     """Collects the changes of brightness from each processed frame to the next; bounded in memory.
@@ -83,8 +92,11 @@ class ExposureEvidence:
         """Prepare the comparison of frames of this size."""
         self._compare = BrightnessComparer(self.size)
 
-    def observe(self, frame: Thumbnail) -> BrightnessChange | None:
-        """Compare a frame with the one before, and return what that gave; None if the one before was not observed."""
+    def observe(self, frame: Thumbnail, ahead: ComparedAhead | None = None) -> BrightnessChange | None:
+        """Compare a frame with the one before, and return what that gave; None if the one before was not observed.
+
+        A comparison of just these two that was made ahead is taken as it is.
+        """
         previous, self._previous = self._previous, frame
         if previous is None or frame.frame != previous.frame + 1:
             return None
@@ -93,7 +105,10 @@ class ExposureEvidence:
         if np.array_equal(previous.grey, frame.grey) and np.ptp(frame.grey) > 0:
             self.repeated = [*self.repeated, frame.frame][:MOST_REPEATED]
             return None
-        change = self._compare(previous, frame)
+        if ahead is not None and ahead.first is previous and ahead.second is frame:
+            change = ahead.change
+        else:
+            change = self._compare(previous, frame)
         kept = change if len(self._changes) < MOST_SAMPLED else replace(change, samples=PixelSamples.none())
         self._changes.append(kept)
         if len(self._changes) > CAPACITY:

@@ -112,14 +112,14 @@ class MaximumLikelihoodMethod:
         measured = self._second.submit(self._noise.observe, frame)
         self._circle.observe(prepared, frame.mask)
         self._observe_standing_still(frame)
-        keyframe = self._select_keyframe.select(prepared, log_exposure)
+        keyframe = self._select_keyframe.select(log_exposure)
         if keyframe is not None:
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
             registration = self._register(keyframe, prepared, self._normalize, stated)
             samples = self._sample(keyframe, prepared, registration, self._pairs)
             self._select_keyframe.learn(keyframe, samples)
             self._accumulate(samples)
-        self._select_keyframe.add(prepared, log_exposure)
+        self._select_keyframe.add(self._sample.keyframe(prepared), log_exposure)
         measured.result()
         if keyframe is None or self._latest is None:
             return None
@@ -254,7 +254,7 @@ class MaximumLikelihoodMethod:
     def recall(self, prepared: PreprocessedFrame) -> None:
         """Take a keyframe of the state it goes on from again."""
         if self._recalled is not None:
-            self._select_keyframe.recall(prepared, self._recalled)
+            self._select_keyframe.recall(self._sample.keyframe(prepared), self._recalled)
 
     # The steps of push.
 

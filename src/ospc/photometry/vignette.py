@@ -87,6 +87,9 @@ LARGEST_LOG = 50.0
 """Largest |ln V| that is evaluated, so that the exponential stays finite: a fit to wrong exposures may reach any
 value."""
 
+_BAND_ROWS = 32
+"""Rows of an image that are evaluated at once: few enough to stay in the cache, and to need little memory."""
+
 
 def _exp(log_v: FloatArray) -> FloatArray:
     return np.asarray(np.exp(np.clip(log_v, -LARGEST_LOG, LARGEST_LOG)))
@@ -152,7 +155,11 @@ class LogVignette:
         # x is the same in every column and y in every row: a row and a column broadcast to all pixels.
         diagonal = normalised(np.stack([np.arange(max(self.size))] * 2, axis=1).astype(np.float64), self.size)
         x, y = diagonal[:width, 0] - self.centre[0], diagonal[:height, 1, None] - self.centre[1]
-        return _exp(self._log_at_offsets(x, y)).astype(np.float32)
+        image = np.empty((height, width), np.float32)
+        for top in range(0, height, _BAND_ROWS):
+            rows = slice(top, top + _BAND_ROWS)
+            image[rows] = _exp(self._log_at_offsets(x, y[rows]))
+        return image
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""

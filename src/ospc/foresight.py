@@ -1,0 +1,101 @@
+"""Frames prepared ahead, by the thread that decodes them, while the engine is busy with earlier ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from ospc.arrays import Image, ImageSize
+from ospc.correspondence.frame_sampling import FrameSampler
+from ospc.correspondence.preprocessing import PreprocessedFrame, Preprocessor
+from ospc.correspondence.thumbnail import Thumbnail
+from ospc.exposures.brightness import BrightnessComparer
+from ospc.exposures.evidence import ComparedAhead
+from ospc.photometry.grey_range import GreyRange
+from ospc.recording.frame import Frame
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """What was made of a frame: everything or only its thumbnail, and for which black and white."""
+
+    image: Image
+    grey_range: GreyRange | None
+    frame: PreprocessedFrame | None
+    thumbnail: Thumbnail
+    compared: ComparedAhead | None
+
+
+class Foresight:
+    """Knows which frames will most likely be processed, and prepares them ahead.
+
+    What was prepared is used only if it is what would be made now, so that results do not depend on it.
+
+    Parameters
+    ----------
+    preprocess
+        Prepares a frame.
+    sampler
+        Chooses the frames.
+    grey_range
+        Returns black and white as they are known now.
+    """
+
+    def __init__(self, preprocess: Preprocessor, sampler: FrameSampler, grey_range: Callable[[], GreyRange]) -> None:
+        self._preprocess, self._grey_range = preprocess, grey_range
+        self._expected = (False, replace(sampler))
+        self._size: ImageSize = (0, 0)
+        self._compare = BrightnessComparer(self._size)
+        self._prepared: dict[int, _Prepared] = {}
+        self._latest: Thumbnail | None = None
+
+    def expect(self, sampler: FrameSampler, size: ImageSize, *, every: bool) -> None:
+        """Take a copy of what decides on the next frames, and the size that they should have."""
+        self._expected = (every, replace(sampler))
+        if size != self._size:
+            self._size, self._compare = size, BrightnessComparer(size)
+
+    def needs(self, number: int) -> bool:
+        """Whether the image of the frame with this number will most likely be needed; waits for no other thread."""
+        every, sampler = self._expected
+        return every or sampler.foreseen(number).compares_next
+
+    def prepare(self, number: int, frame: Frame) -> None:
+        """Prepare a frame that will be pushed with this number; one thread at a time may, and waits for no other."""
+        if frame.image.shape != self._size[::-1]:
+            return
+        every, sampler = self._expected
+        numbered = replace(frame, index=number)
+        if every or sampler.foreseen(number).processes_next:
+            grey_range = self._grey_range()
+            prepared = self._preprocess(numbered, grey_range)
+            made = _Prepared(frame.image, grey_range, prepared, prepared.thumbnail, None)
+        else:
+            previous, thumbnail, compared = self._latest, self._preprocess.thumbnail(numbered), None
+            if previous is not None and previous.frame == number - 1:
+                compared = ComparedAhead(previous, thumbnail, self._compare(previous, thumbnail))
+            made = _Prepared(frame.image, None, None, thumbnail, compared)
+        self._prepared[number], self._latest = made, made.thumbnail
+
+    def frame(self, frame: Frame) -> PreprocessedFrame:
+        """Return a frame prepared: ahead of time, where black and white have not moved since."""
+        grey_range, made = self._grey_range(), self._prepared.get(frame.index)
+        if (
+            made is not None
+            and made.frame is not None
+            and made.image is frame.image
+            and made.grey_range == grey_range
+        ):
+            return made.frame
+        return self._preprocess(frame, grey_range)
+
+    def thumbnail(self, frame: Frame) -> tuple[Thumbnail, ComparedAhead | None]:
+        """Return the thumbnail of a frame, and its comparison with the frame before where that was made ahead."""
+        made = self._prepared.get(frame.index)
+        if made is not None and made.frame is None and made.image is frame.image:
+            return made.thumbnail, made.compared
+        return self._preprocess.thumbnail(frame), None
+
+    def forget(self, number: int) -> None:
+        """Drop what was prepared of a frame."""
+        self._prepared.pop(number, None)
