@@ -44,6 +44,11 @@ def test_the_headline_says_what_is_known(response, vignette, sentence, state):
     assert overall_state(known) == state
 
 
+def test_three_parts_are_listed_as_in_a_sentence():
+    known = calibration(verdicts=dict.fromkeys(("response", "vignette", "exposures"), WELL))
+    assert headline(known).startswith("The response, the vignette and the exposures of this camera are well")
+
+
 def said(**changes):
     return " ".join(facts(calibration(**changes)))
 

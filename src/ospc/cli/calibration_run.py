@@ -12,7 +12,7 @@ from ospc.cli.calibration_result import Outcome, ResultFolder
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.terminal import say
 from ospc.cli.watching import COMPARING, Watcher, Watching
-from ospc.errors import OspcError, one_line
+from ospc.errors import OspcError, counted, one_line
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
@@ -81,7 +81,7 @@ class CalibrationRun:
             show(calibrator, "estimating", None)
             if early and not self.result.quiet:
                 frames = calibrator.status.frames
-                say(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
+                say(f"interrupted: estimating from {counted(frames, 'frame')}; Ctrl-C again gives up", err=True)
             calibration = labelled(_estimate(calibrator, failure, early=early), self.recording)
             if self.checkpoints is not None:
                 self.checkpoints.at_the_end(calibrator)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.errors import counted
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
@@ -128,7 +129,7 @@ def _late_exposures(halves: Halves, exposures: ExposureTable, usual_error: float
     if not found:
         return None
     lag = min(found)[1]
-    frames = f"{abs(lag)} frame{'' if abs(lag) == 1 else 's'}"
+    frames = counted(abs(lag), "frame")
     return "exposures", f"the exposures are written {frames} {'later' if lag > 0 else 'earlier'} than before"
 
 
