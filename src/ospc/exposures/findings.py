@@ -306,7 +306,9 @@ def _verdicts(
 
 
 def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
-    either = " or ".join(str(frames) for frames in sorted(lag.candidates))
+    lags = sorted(lag.candidates)
+    is_range = len(lags) > 2 and lags[-1] - lags[0] == len(lags) - 1
+    either = f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
     reasons = {
         "changes too small": "the exposures change too little, where they could be compared, to check them",
         "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",

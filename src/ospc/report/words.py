@@ -84,10 +84,15 @@ def _shape_fact(response: Response, max_grey: int) -> str:
         return ""
     low, high = response.support
     seen = (response.levels >= low) & (response.levels <= high)
+    if not seen.any():
+        return ""
+    typical, most = (float(of(response.log_sigma[seen])) for of in (np.median, np.max))
+    known = _spread(typical)
+    if most > 2 * typical:
+        known += f" in the median and to {_spread(most)} at the worst"
     return (
         f" Between grey levels {low * max_grey:.0f} and {high * max_grey:.0f} the ratio of two irradiances is known "
-        f"to {_spread(float(np.max(response.log_sigma[seen], initial=0.0)))}; the scale, g = 1 at white, does not "
-        "affect it."
+        f"to {known}; the scale, g = 1 at white, does not affect it."
     )
 
 
