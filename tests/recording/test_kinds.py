@@ -66,6 +66,13 @@ def test_what_is_no_recording_is_one_error_that_says_what_is(
     assert str(path) in str(caught.value)
 
 
+def test_the_output_of_a_calibration_is_known_for_what_it_is(tmp_path: Path) -> None:
+    for name, data in (("calibration.json", b"{}"), ("times.txt", b"0 0.0 1\n"), ("figure.png", PNG), ("a.png", PNG)):
+        _written(tmp_path / name, data)
+    with pytest.raises(RecordingError, match="is a calibration; name a recording in its place"):
+        open_recording(tmp_path)
+
+
 def _written(path: Path, data: bytes) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
