@@ -133,6 +133,8 @@ def _warn(outcome: Outcome, out: Path) -> None:
     failed = [f"{row.recording}: {row.error} (tried {counted(row.attempts, 'time')})" for row in outcome.failed]
     say_notes(_shortened(failed, f"in {out / 'batch.csv'}"), "failed")
     for camera in outcome.cameras:
+        if camera.error:
+            say(f"warning: {camera.name}: {camera.error}", err=True)
         for difference in camera.differing[:_MOST_LISTED]:
             say(f"warning: {difference.name} contradicts others of {camera.name}: {difference.text}", err=True)
 
