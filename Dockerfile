@@ -13,8 +13,8 @@ RUN /opt/ospc/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
 FROM python:3.12-slim
 COPY --from=build /opt/ospc /opt/ospc
 ENV PATH="/opt/ospc/bin:$PATH" MPLCONFIGDIR=/tmp/matplotlib
-RUN useradd --create-home ospc
-USER ospc
+RUN useradd --create-home --uid 1000 ospc
+USER 1000
 WORKDIR /data
 ENTRYPOINT ["ospc"]
 CMD ["--help"]

@@ -33,6 +33,7 @@ nitpicky = True
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"ospc {release}"
+html_show_copyright = False
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3

@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
 
 import pytest
+import yaml
 
 import ospc
 
@@ -49,6 +50,26 @@ def test_the_version_is_the_same_everywhere(name: str) -> None:
     stated = re.search(r'^version\s*[:=]\s*"?([\d.]+)', (ROOT / name).read_text(), re.MULTILINE)
     assert stated is not None
     assert stated[1] == ospc.__version__
+
+
+CONDA = {"opencv-python-headless": "py-opencv", "matplotlib": "matplotlib-base"}
+"""Packages with another name in conda, whose \"matplotlib\" brings windows, too."""
+
+
+def test_the_conda_recipe_follows_the_package() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    stated, building = project["project"], project["build-system"]["requires"]
+    recipe = yaml.safe_load((ROOT / "recipe" / "recipe.yaml").read_text())
+    split = [re.match(r"([\w-]+)(.*)", text) for text in [*stated["dependencies"], *building]]
+    wanted = [f"{CONDA.get(m[1], m[1])} {m[2]}" for m in split if m]
+    python = f"python {stated['requires-python']}"
+    needed = recipe["requirements"]
+    assert sorted([*needed["run"], *needed["host"]]) == sorted([*wanted, python, python, "pip"])
+    assert recipe["context"]["version"] == stated["version"]
+    assert recipe["build"]["python"]["entry_points"] == [f"ospc = {stated['scripts']['ospc']}"]
+    about = recipe["about"]
+    assert (about["summary"], about["license"]) == (stated["description"], stated["license"])
+    assert about["license_file"] == stated["license-files"]
 
 
 BUILDING = {"editables", "hatchling", "pathspec", "pluggy", "tomlkit", "trove-classifiers"}

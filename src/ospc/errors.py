@@ -12,6 +12,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import SupportsIndex
 
 UNREADABLE = (
     *(LookupError, TypeError, ValueError, RecursionError, MemoryError, EOFError, OverflowError),
@@ -132,3 +133,8 @@ def listed(items: Sequence[object]) -> str:
     shown = ", ".join(escaped(str(item)) for item in items[:_SHOWN_ITEMS])
     rest = len(items) - _SHOWN_ITEMS
     return f"{shown} and {rest} more" if rest > 0 else shown
+
+
+def counted(number: SupportsIndex, noun: str) -> str:
+    """Return a number with its noun, such as '1 frame' and '2 frames'."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -144,7 +144,7 @@ def test_interrupted_it_writes_what_is_done_and_goes_on_later(entries, tmp_path)
     outcome = run_batch(entries[:4], tmp_path / "out", ThisProcess(), progress=stop)
     assert outcome.interrupted
     assert [row.status for row in outcome.rows] == ["done", "done", "not done", "not done"]
-    assert "2 recordings are not done yet" in (tmp_path / "out" / "index.html").read_text()
+    assert "2 recordings not done yet" in (tmp_path / "out" / "index.html").read_text()
     runner = Pretending()
     outcome = run_batch(entries[:4], tmp_path / "out", runner)
     assert [name for what, name in runner.asked if what == "calibrate"] == ["r2", "r3"]

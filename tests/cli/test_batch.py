@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from functools import partial
 
 import pytest
@@ -11,6 +12,7 @@ from batch_recordings import QUICK, simulated, variant
 from command_line import ospc
 from ospc.batch.local import ThisProcess
 from ospc.errors import RecordingError
+from ospc.simulation import SimulationSettings, simulate
 
 SETTINGS = [part for name, value in QUICK for part in ("--set", f"{name}={value}")]
 
@@ -92,3 +94,12 @@ def test_folders_without_a_recording_are_named_with_the_reason(folder, tmp_path)
     assert (
         len(json.loads(run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS, "--json").stdout)["left_out"]) == 2
     )
+
+
+def test_why_a_camera_has_no_calibration_is_said(folder, tmp_path):
+    shutil.copytree(folder / "A" / "r0", tmp_path / "data" / "r0")
+    simulate(tmp_path / "data" / "r1", SimulationSettings(size=(96, 64), frames=20, exposure="cycle"))
+    result = run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS)
+    assert "0 of 1 camera fully calibrated" in result.stdout
+    assert "warning: data: " in result.stderr
+    assert "pixels" in result.stderr

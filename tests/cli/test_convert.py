@@ -79,5 +79,5 @@ def test_frames_left_out_are_told(recording: Path, tmp_path: Path) -> None:
         _ = list(open_recording(recording))[2].image
     result = convert(recording, "-o", tmp_path / "out")
     assert result.exit_code == 0
-    assert "1 frame was left out" in result.stderr
+    assert "1 frame left out" in result.stderr
     assert open_recording(tmp_path / "out").exposures_ms.tolist() == [1, 2, 4, 5]

@@ -120,7 +120,7 @@ def test_of_an_unfinished_run_the_frames_so_far_count(tmp_path):
     for name in ("checkpoint", "finished"):
         result = run(tmp_path / f"{name}.ospc", "-o", tmp_path / name)
         assert result.exit_code in (0, 3), result.output
-        assert "from 1 recordings, 20 frames" in result.stdout
+        assert "from 1 recording, 20 frames" in result.stdout
     checkpoint, finished = (Pool.load(tmp_path / name).summaries[0] for name in ("checkpoint", "finished"))
     assert checkpoint.key == finished.key
     assert np.allclose(checkpoint.vector, finished.vector)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -53,6 +55,15 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     monkeypatch.setattr("ospc.recording.live.open_camera", opened)
     return said
+
+
+def test_a_camera_that_is_not_there_is_one_line_without_the_drivers_own(tmp_path: Path) -> None:
+    script = "import sys; from ospc.cli.main import main; sys.argv[1:] = ['record', 'opencv:97', '-o', 'out']; main()"
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("ospc: error: camera 97: cannot be opened")
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_filmed_is_a_recording(asked: dict[str, Any], tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def test_focal_length_in_either_unit():
     assert Optics(focal_mm=focal_mm, crop_factor=5.0).focal_ratio(size) == pytest.approx(700 / half)
     with pytest.raises(SettingError, match="focal length"):
         Optics(focal_mm=4.0).focal_ratio(size)
-    with pytest.raises(SettingError, match="millimetres"):
+    with pytest.raises(SettingError, match="--focal-mm"):
         Optics(focal_px=700.0).focal_in_mm(size)
     with pytest.raises(SettingError, match="aperture must be positive"):
         Optics(aperture=-1.0)

@@ -40,7 +40,7 @@ def mended(path: Path, program="mono", size=None) -> Repair:
         (COUNTING + "\nscale: 1.0\n", "after the first line"),
         (COUNTING.replace(" ", "\n"), "256 lines put on one line"),
         (COUNTING.replace(" ", ", "), "commas"),
-        (COUNTING.replace(" 100 ", " nan "), "1 values that are not finite interpolated"),
+        (COUNTING.replace(" 100 ", " nan "), "1 value not finite, interpolated"),
         (" ".join(str(i / 64) for i in range(65536 // 4)), "16384 values resampled to 256"),
     ],
 )

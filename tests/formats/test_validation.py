@@ -61,8 +61,12 @@ def test_what_this_project_writes_is_faultless(folder, program):
         (COUNTING.replace(" ", ","), "dso", "',1,2,3"),
         (COUNTING.replace(" 100 ", " nan "), "dso", "'nan' stands in place 101"),
         (COUNTING.replace(" 100 ", " 1e60 "), "dso", "'1e+60' stands in place 101"),
-        (COUNTING.replace(" 100 ", " 98 "), "dso", "after grey level 99 it is not (1 values fall, 0 equal"),
-        (COUNTING.replace(" 100 ", " 99.00000001 "), "dso", "after grey level 99 it is not (0 values fall, 1 equal"),
+        (COUNTING.replace(" 100 ", " 98 "), "dso", "after grey level 99 it is not (1 value falling, 0 equal"),
+        (
+            COUNTING.replace(" 100 ", " 99.00000001 "),
+            "dso",
+            "after grey level 99 it is not (0 values falling, 1",
+        ),
         (COUNTING + " 256", "mono", "exactly 256 values on the first line; there are 257"),
         (" ".join(map(str, range(65537))), "dso", "at most 65536"),
         ("", "mono", "exactly 256 values on the first line; there are 0"),
@@ -138,9 +142,9 @@ def test_vignette_of_another_size_is_refused(folder):
         (lambda v: np.dstack([v] * 3), "mono", "error", "there are 3"),
         (lambda v: np.dstack([v] * 4), "mono", "error", "there are 4"),
         (lambda v: v * 0, "dso", "error", "black"),
-        (lambda v: np.where(np.arange(v.size).reshape(v.shape) == 5000, 0, v), "dso", "error", "1 are, inside"),
-        (lambda v: np.where(np.arange(v.shape[1]) < 3, 0, v), "dso", "warning", "288 are, in a surround"),
-        (lambda v: np.where(np.arange(v.shape[1]) < 2, 1, v), "dso", "warning", "192 pixels are below 1/20"),
+        (lambda v: np.where(np.arange(v.size).reshape(v.shape) == 5000, 0, v), "dso", "error", "1 pixel of 0 inside"),
+        (lambda v: np.where(np.arange(v.shape[1]) < 3, 0, v), "dso", "warning", "288 pixels of 0 in a surround"),
+        (lambda v: np.where(np.arange(v.shape[1]) < 2, 1, v), "dso", "warning", "192 pixels below 1/20"),
         (lambda v: (v // 257).astype(np.uint8), "dso", "note", "16 bits"),
     ],
 )
@@ -289,8 +293,8 @@ def test_vignette_without_response_is_noted(folder):
 @pytest.mark.parametrize(
     ("name", "program", "expected"),
     [
-        ("dji_pcalib.txt", "dso", [("error", "after grey level 54 it is not (30 values fall")]),
-        ("dji_pcalib.txt", "mono", [("error", "after grey level 54 it is not (30 values fall")]),
+        ("dji_pcalib.txt", "dso", [("error", "after grey level 54 it is not (30 values falling")]),
+        ("dji_pcalib.txt", "mono", [("error", "after grey level 54 it is not (30 values falling")]),
         ("denguetim_pcalib.txt", "dso", [("warning", "'vis_exponent: 1.000000'")]),
         ("tum_vi_pcalib_65536.txt", "dso", [("warning", "65536 values"), ("note", "from 0 to 65535")]),
         ("tum_vi_pcalib_65536.txt", "mono", [("error", "exactly 256 values"), ("note", "from 0 to 65535")]),

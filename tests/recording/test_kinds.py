@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from ospc.errors import RecordingError
@@ -12,6 +14,8 @@ from ospc.recording import open_recording
 from ospc.recording.kinds import kinds
 
 Make = Callable[..., Path]
+
+PNG = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
 
 
 def test_names_are_unique_and_each_says_what_it_needs(tmp_path: Path) -> None:
@@ -41,12 +45,14 @@ def test_the_kind_may_be_given(tum_folder: Make) -> None:
         (lambda p: _written(p / "notes.txt", b"hello"), "a file of this kind is not a recording; expected"),
         (lambda p: _written(p / "blob.bin", bytes(100)), "a file of this kind is not a recording; expected"),
         (lambda p: p / ("x" * 300), "cannot be read"),
-        (lambda p: _written(p / "a.png", b"image"), "is a single image, and a recording is many"),
+        (lambda p: _written(p / "a.png", PNG), "is a single image, and a recording is many"),
+        (lambda p: _written(p / "a.jpg", b"a text"), "its content is not PNG, JPEG"),
+        (lambda p: _written(p / "a.png", PNG[:40]), "is truncated"),
         (
             lambda p: _written(p / "a.webp", b"photo").parent,
             "images such as a.webp are not read .*; convert them to PNG",
         ),
-        (lambda p: _written(p / "a.cr2", b"photo"), "is a single image, and a recording is many"),
+        (lambda p: _written(p / "a.cr2", b"photo"), "is damaged, or of an unknown camera"),
         (lambda p: _written(p / "seq" / "image_00" / "data" / "0.png", b"image").parents[3], "do: seq/image_00/data"),
         (lambda p: _written(p / "images" / "dslr" / "0.JPG", b"image").parents[2], "folders in it that do: dslr"),
     ],
@@ -58,6 +64,13 @@ def test_what_is_no_recording_is_one_error_that_says_what_is(
     with pytest.raises(RecordingError, match=message) as caught:
         open_recording(path)
     assert str(path) in str(caught.value)
+
+
+def test_the_output_of_a_calibration_is_known_for_what_it_is(tmp_path: Path) -> None:
+    for name, data in (("calibration.json", b"{}"), ("times.txt", b"0 0.0 1\n"), ("figure.png", PNG), ("a.png", PNG)):
+        _written(tmp_path / name, data)
+    with pytest.raises(RecordingError, match="is a calibration; name a recording in its place"):
+        open_recording(tmp_path)
 
 
 def _written(path: Path, data: bytes) -> Path:

@@ -225,7 +225,10 @@ def test_any_field_can_be_named_with_its_unit(tmp_path: Path) -> None:
         exposure_topic="x/y", exposure_field="exposure_time", exposure_unit=ExposureUnit.US100, gain_field="gain"
     )
     assert open_recording(path, options=options).exposures_ms == pytest.approx([us / 10 * 2 for us in US])
-    with pytest.raises(RecordingError, match="no field shutter; it has header, camera_time"):
+    with pytest.raises(
+        RecordingError,
+        match=r"no field shutter; it has header, camera_time, brightness, exposure_time, max_exposure_time, gain$",
+    ):
         open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="shutter"))
     sent = metadata([{"shutter": 1.0, "name": ""}] * 4, CUSTOM, "/own")
     options = ReadingOptions(exposure_topic="/own")
@@ -258,7 +261,7 @@ def test_images_without_exposure_are_left_out(tmp_path: Path) -> None:
     recording = open_recording(write_bag2(tmp_path / "made", images(FRAMES) + sent[:1] + sent[2:]))
     assert recording.exposures_ms == pytest.approx([1.5, 6, 12])
     np.testing.assert_array_equal([f.image for f in recording], [FRAMES[i] for i in (0, 2, 3)])
-    assert any("1 of 4 images have no exposure" in note for note in recording.notes)
+    assert any("1 of 4 images left out, without exposure" in note for note in recording.notes)
     with pytest.raises(ExposureError, match="exposure for 1 of 4 images only"):
         open_recording(write_bag1(tmp_path / "few", images(FRAMES) + sent[:1]))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,6 +45,11 @@ def test_the_headline_says_what_is_known(response, vignette, sentence, state):
     assert overall_state(known) == state
 
 
+def test_three_parts_are_listed_as_in_a_sentence():
+    known = calibration(verdicts=dict.fromkeys(("response", "vignette", "exposures"), WELL))
+    assert headline(known).startswith("The response, the vignette and the exposures of this camera are well")
+
+
 def said(**changes):
     return " ".join(facts(calibration(**changes)))
 
@@ -52,7 +58,7 @@ def test_the_middle_grey_is_that_of_the_response():
     assert (
         "Middle grey (128 of 255) corresponds to 25.0 ± 0.9 % of the irradiance that saturates the sensor" in said()
     )
-    assert "Between grey levels 13 and 230 the ratio of two irradiances is known to ±2 %" in said()
+    assert "Between grey levels 13 and 230 the ratio of two irradiances is known to ±1.6 %" in said()
     assert "linear camera" in said(response=Response.gamma(1.0))
 
 
@@ -88,3 +94,10 @@ def test_agreement_weights_pairs_by_their_samples():
     frames = np.stack([np.arange(40), np.arange(40) + 1], axis=1)
     ratios = ExposureRatios(frames, k, np.where(wrong, k * 3, k * np.exp(0.02)), np.where(wrong, 4, 200))
     assert "agree with the metadata to 2.0 % (median over 40 pairs" in said(exposure_ratios=ratios)
+
+
+def test_the_ends_of_the_grey_levels_do_not_stand_for_all_of_them():
+    spread = np.full(256, 0.001)
+    spread[:30] = 0.4
+    sure = replace(Response.gamma(2.0), log_sigma=spread, scale_sigma=0.001)
+    assert "is known to ±0.1 % in the median and to ±40 % at the worst" in said(response=sure)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ospc.batch.cameras import Camera
 from ospc.batch.table import Row
+from ospc.errors import counted
 from ospc.formats.files import write_bytes
 from ospc.photometry.calibration import Calibration
 from ospc.report.html import Html, document, join, tag
@@ -37,9 +38,9 @@ def write_overview(cameras: Sequence[Camera], rows: Sequence[Row], path: Path) -
 def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
     """Return the page as HTML; it needs neither network nor scripts."""
     done = sum(row.status == "done" for row in rows)
-    title = f"{done} of {len(rows)} recordings of {len(cameras)} cameras calibrated"
+    title = f"{done} of {counted(len(rows), 'recording')} of {counted(len(cameras), 'camera')} calibrated"
     failed = [
-        (row.recording, row.camera, f"{row.error} (tried {row.attempts} times)")
+        (row.recording, row.camera, f"{row.error} (tried {counted(row.attempts, 'time')})")
         for row in rows
         if row.status == "failed"
     ]
@@ -50,7 +51,7 @@ def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
         _STYLE,
         tag("h1", title),
         _table("Failed", ("recording", "camera", "why"), failed),
-        tag("p", f"{left} recordings are not done yet: run the same command again to go on.") if left else "",
+        tag("p", f"{counted(left, 'recording')} not done yet: run the same command again to go on.") if left else "",
         _table("Contradicting the others of their camera", ("recording", "camera", "in what"), differing),
         _cameras(cameras),
     )
@@ -80,7 +81,7 @@ def _item(camera: Camera) -> Html:
     return tag(
         "li",
         tag("h3", tag("a", camera.name, href=link) if camera.folder else camera.name),
-        tag("p", f"{camera.recordings - camera.failed} of {camera.recordings} recordings"),
+        tag("p", f"{camera.recordings - camera.failed} of {counted(camera.recordings, 'recording')}"),
         *(tag("p", tag("strong", text)) for text in attention if text),
         Html() if camera.calibration is None else _calibration(camera.calibration),
         class_="good" if camera.is_good else "bad",

@@ -141,7 +141,7 @@ class _Batch:
         self.rows[answer.number] = replace(
             self.rows[answer.number],
             status="failed" if answer.error else "done",
-            error=answer.error,
+            error=answer.error.removeprefix(f"{self.rows[answer.number].recording}: "),
             attempts=attempt,
             seconds=round(answer.seconds, 3),
             worker=answer.worker,

@@ -12,6 +12,7 @@ from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.options import exit_codes, force_option, json_option, named, out_option, quiet_option
 from ospc.cli.progress import progress_line
 from ospc.cli.terminal import say
+from ospc.errors import counted
 
 if TYPE_CHECKING:
     from ospc.batch.entries import Entry
@@ -129,9 +130,11 @@ def _exit_code(outcome: Outcome) -> int:
 
 
 def _warn(outcome: Outcome, out: Path) -> None:
-    failed = [f"{row.recording}: {row.error} (tried {row.attempts} times)" for row in outcome.failed]
+    failed = [f"{row.recording}: {row.error} (tried {counted(row.attempts, 'time')})" for row in outcome.failed]
     say_notes(_shortened(failed, f"in {out / 'batch.csv'}"), "failed")
     for camera in outcome.cameras:
+        if camera.error:
+            say(f"warning: {camera.name}: {camera.error}", err=True)
         for difference in camera.differing[:_MOST_LISTED]:
             say(f"warning: {difference.name} contradicts others of {camera.name}: {difference.text}", err=True)
 
@@ -142,10 +145,10 @@ def _say(outcome: Outcome, out: Path) -> None:
     earlier = sum(row.attempts == 0 for row in done)
     known = sum(camera.calibration is not None and camera.calibration.complete for camera in outcome.cameras)
     say(
-        f"{len(done)} of {len(outcome.rows)} recordings calibrated ({earlier} of them before), "
+        f"{len(done)} of {counted(len(outcome.rows), 'recording')} calibrated ({earlier} of them before), "
         f"{len(outcome.failed)} failed"
     )
-    say(f"{known} of {len(outcome.cameras)} cameras fully calibrated")
+    say(f"{known} of {counted(len(outcome.cameras), 'camera')} fully calibrated")
     if outcome.interrupted:
         say("interrupted; run the same command again to go on")
     say(f"written to {out}: {', '.join(file.name for file in outcome.files)}")

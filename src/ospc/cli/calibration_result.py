@@ -12,6 +12,7 @@ from ospc.cli.interruption import INTERRUPTED, Interruption
 from ospc.cli.options import COMPLETE, UNDETERMINED
 from ospc.cli.progress import progress_line
 from ospc.cli.terminal import say, styled
+from ospc.errors import counted
 
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
@@ -53,15 +54,17 @@ class Outcome:
         counts = self.calibration.counts
         if counts.get("skipped"):
             more = "; …" if counts["skipped"] > len(self.skipped) else ""
-            yield f"{counts['skipped']} of {counts['frames']} frames skipped: {'; '.join(self.skipped)}{more}"
+            of = counted(counts["frames"], "frame")
+            yield f"{counts['skipped']} of {of} skipped: {'; '.join(self.skipped)}{more}"
 
     def basis(self, recording: Recording | None) -> Iterator[str]:
         """Return what the calibration rests on, as lines."""
         counts, partial = self.calibration.counts, self.calibration.partial
-        seen = f"{counts['frames']} frames"
+        seen = counted(counts["frames"], "frame")
         if partial and recording is not None:
-            seen = f"{counts['frames']} of {len(recording)} frames"
-        yield f"from {seen}, {counts.get('pairs', 0)} pairs, {counts.get('samples', 0)} samples"
+            seen = f"{counts['frames']} of {counted(len(recording), 'frame')}"
+        pairs, samples = (counted(counts.get(f"{noun}s", 0), noun) for noun in ("pair", "sample"))
+        yield f"from {seen}, {pairs}, {samples}"
         if self.interrupted:
             yield "partial: the run was interrupted; more frames would tell more"
         elif partial:

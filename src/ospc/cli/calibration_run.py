@@ -13,7 +13,7 @@ from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.terminal import say
 from ospc.cli.watching import COMPARING, Watcher, Watching
-from ospc.errors import OspcError, one_line
+from ospc.errors import OspcError, counted, one_line
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
@@ -89,7 +89,7 @@ class CalibrationRun:
             show(calibrator, "estimating", None)
             if early and not self.result.quiet:
                 frames = calibrator.status.frames
-                say(f"interrupted: estimating from {frames} frames; Ctrl-C again gives up", err=True)
+                say(f"interrupted: estimating from {counted(frames, 'frame')}; Ctrl-C again gives up", err=True)
             calibration = labelled(_estimate(calibrator, failure, early=early), self.recording)
         stopped = self.interruption.requested
         calibration = replace(calibration, partial=stopped or bool(failure))

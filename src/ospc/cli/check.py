@@ -23,6 +23,7 @@ from ospc.cli.options import (
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
 from ospc.cli.terminal import say
+from ospc.errors import counted
 
 if TYPE_CHECKING:
     from ospc.diagnosis import RecordingReport
@@ -91,7 +92,7 @@ def command(
         print_json(report.as_dict())
         return code
     width, height = report.size
-    say(f"{path}: {report.frames} frames {width}×{height}, {report.processed} of them processed")
+    say(f"{path}: {counted(report.frames, 'frame')} {width}×{height}, {report.processed} of them processed")
     say_verdicts(report.verdicts)
     for label, figure in _figures(report).items():
         say(f"{label:{_LABEL_COLUMNS}}{figure}")
@@ -137,4 +138,4 @@ def _lag(report: RecordingReport) -> str:
     if lag.frames is None:
         candidates = f" (one of {', '.join(map(str, lag.candidates))})" if len(lag.candidates) > 1 else ""
         return f"not determinable: {lag.state}{candidates}"
-    return f"{lag.frames} frames, from {lag.pairs} pairs of frames"
+    return f"{counted(lag.frames, 'frame')}, from {counted(lag.pairs, 'pair')} of frames"

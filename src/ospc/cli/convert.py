@@ -13,6 +13,7 @@ from ospc.cli.options import PATH, force_option, out_option, quiet_option
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import Reading, reading_options
 from ospc.cli.terminal import say
+from ospc.errors import counted
 
 if TYPE_CHECKING:
     from ospc.recording.writing.images import ImageFormat
@@ -71,4 +72,4 @@ def command(
     if not quiet:
         say_notes((*recording.notes, *converted.notes))
         camera = ", times.txt and camera.txt" if converted.has_camera else " and times.txt"
-        say(f"{converted.path}: {converted.frames} images ({converted.copied} of them copied){camera}")
+        say(f"{converted.path}: {counted(converted.frames, 'image')} ({converted.copied} of them copied){camera}")

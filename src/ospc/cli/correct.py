@@ -22,6 +22,7 @@ from ospc.cli.options import (
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import stated_options, taken_options
 from ospc.cli.terminal import say
+from ospc.errors import counted
 
 _REASONS_SHOWN = 3
 
@@ -114,13 +115,13 @@ def command(
     if quiet:
         return
     if result.kept:
-        say(f"{result.kept} images of an interrupted run were kept", err=True)
+        say(f"{counted(result.kept, 'image')} of an interrupted run kept", err=True)
     warn_of_assumed(result.assumed)
     if result.skipped:
         reasons = "; ".join(result.reasons[:_REASONS_SHOWN])
-        say(f"warning: {result.skipped} frames were skipped: {reasons}", err=True)
+        say(f"warning: {counted(result.skipped, 'frame')} skipped: {reasons}", err=True)
     say_notes(result.notes)
-    say(f"{result.path / 'images'}: {len(result.frames)} images")
+    say(f"{result.path / 'images'}: {counted(len(result.frames), 'image')}")
     say(f"each pixel is {result.formula}")
     share = f"{result.saturated:.2%} of the values were saturated"
     say(share + (f", {result.clipped:.2%} more are brighter than white" if result.clipped else ""))

@@ -14,6 +14,7 @@ from ospc.cli.evaluate_odometry import odometry
 from ospc.cli.options import PATH, assume_missing_option, json_option, kind_option
 from ospc.cli.progress import progress_of
 from ospc.cli.terminal import say
+from ospc.errors import counted
 
 if TYPE_CHECKING:
     from ospc.evaluation.tracking import TrackingComparison
@@ -131,13 +132,16 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
     from ospc.report.sections import tracking_rows
 
     for label, before, after, unit in [("", "raw", "corrected", ""), *tracking_rows(result)]:
-        say(f"{label:20} {before:>10} {after:>10}   {unit}".rstrip())
+        say(f"{label:22} {before:>10} {after:>10}   {unit}".rstrip())
     exposures = (
         f"exposures change by up to {result.largest_step:.3g}:1 from frame to frame"
         if exposures_known
         else "exposures are unknown and taken as equal, so only the vignette is corrected"
     )
-    say(f"{result.tracks} tracks in {result.frames} frames, watched for up to {result.horizon}; {exposures}")
+    say(
+        f"{counted(result.tracks, 'track')} in {counted(result.frames, 'frame')}, watched for up to "
+        f"{result.horizon}; {exposures}"
+    )
     if result.skipped:
-        say(f"{result.skipped} frames could not be read", err=True)
+        say(f"{counted(result.skipped, 'frame')} could not be read", err=True)
     say(result.sentence)

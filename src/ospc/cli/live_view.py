@@ -14,6 +14,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.cli.terminal import console, say
+from ospc.errors import counted
 from ospc.pace import Pace
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ class LiveView:
 
 def figures(status: LiveStatus) -> str:
     """Return frames and uncertainty in one line."""
-    parts = [f"{status.frames} frames", f"{status.progress.pairs} pairs"]
+    parts = [counted(status.frames, "frame"), counted(status.progress.pairs, "pair")]
     if status.dropped:
         parts.append(f"{status.dropped} dropped")
     for name, sigma in (("g", status.instruction.response_sigma), ("V", status.instruction.vignette_sigma)):

@@ -103,6 +103,9 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command; expected errors become one line on standard error and exit code 1."""
+    # OpenCV and its decoders would print their own view of what becomes one line of ours.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # what the terminal cannot show must not end a run

@@ -21,7 +21,7 @@ from ospc.cli.options import (
     quiet_option,
     truth_option,
 )
-from ospc.errors import FormatError
+from ospc.errors import FormatError, counted
 
 if TYPE_CHECKING:
     from ospc.pooling.summary import Summary
@@ -86,7 +86,7 @@ def command(
         counts = calibration.counts
         if repeated:
             say_notes([f"{repeated} of the {len(found)} given are of a recording given already; it counts once"])
-        basis = f"from {counts['recordings']} recordings, {counts['frames']} frames, {counts['samples']} samples"
+        basis = "from " + ", ".join(counted(counts[f"{noun}s"], noun) for noun in ("recording", "frame", "sample"))
         say_result(calibration, folder, written, known, [basis])
     if written.problems:
         raise FormatError("; ".join(written.problems))

@@ -13,7 +13,7 @@ import click
 
 from ospc.cli.options import PATH
 from ospc.cli.terminal import console, say
-from ospc.errors import ExposureError, OspcError, RecordingError, SettingError
+from ospc.errors import ExposureError, RecordingError, SettingError
 from ospc.recording import Recording, cameras_of
 from ospc.recording.kinds import kinds
 from ospc.recording.masking import Region, masked, read_mask
@@ -79,20 +79,14 @@ class Reading:
         try:
             recording = opener(self.options)
         except RecordingError as error:
-            if self.options.unknown_exposures or not self._opens_without_exposures(opener):
+            if self.options.unknown_exposures:
                 raise
+            # What keeps it from being opened without exposures, too, is to be mended first.
+            opener(replace(self.options, unknown_exposures=True))
             hint = "if there are none, 'ospc calibrate --unknown-exposures' estimates them from the images"
             raise ExposureError(f"{error}; {hint}") from error
         mask = None if self.mask is None else read_mask(self.mask, recording.size)
         return masked(recording, mask, self.region)
-
-    def _opens_without_exposures(self, opener: Callable[[ReadingOptions], Recording]) -> bool:
-        """Tell whether nothing but exposures is missing."""
-        try:
-            opener(replace(self.options, unknown_exposures=True))
-        except OspcError:
-            return False
-        return True
 
 
 def _check_kind(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:

@@ -12,6 +12,7 @@ from ospc.cli.options import out_option, quiet_option
 from ospc.cli.progress import progress_line
 from ospc.cli.reading import stated_option
 from ospc.cli.terminal import say
+from ospc.errors import counted
 
 _MAX_FRAMES = 1_000_000
 """Most frames of one recording: nine hours at 30 per second."""
@@ -58,4 +59,4 @@ def command(
     if not quiet:
         low, high = filmed.exposure_range_ms
         repeated = f", {filmed.repeated} repeated ones left out" if filmed.repeated else ""
-        say(f"{filmed.path}: {filmed.frames} frames of {low:.4g} to {high:.4g} ms{repeated}")
+        say(f"{filmed.path}: {counted(filmed.frames, 'frame')} of {low:.4g} to {high:.4g} ms{repeated}")

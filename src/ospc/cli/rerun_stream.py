@@ -11,7 +11,7 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.cli.watching import Watcher
-from ospc.errors import FormatError, MissingExtraError, SettingError
+from ospc.errors import FormatError, MissingExtraError, SettingError, counted
 from ospc.pace import Pace
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.correction import Corrector
@@ -74,7 +74,9 @@ class RerunStream:
             sinks.append(rr.GrpcSink())
         stream.set_sinks(*sinks, default_blueprint=_blueprint(rrb))
         stream.log(
-            "recording", rr.TextDocument(f"{recording.path}, {recording.kind}, {len(recording)} frames"), static=True
+            "recording",
+            rr.TextDocument(f"{recording.path}, {recording.kind}, {counted(len(recording), 'frame')}"),
+            static=True,
         )
         _style(rr, stream)
         try:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ospc.cli.progress import progress_line
+from ospc.errors import counted
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator, Status
@@ -63,7 +64,7 @@ def _bar_shown(total: int) -> Iterator[Watcher]:
 def figures(status: Status) -> str:
     """Return the method's own figures in one line."""
     progress = status.progress
-    parts = [f"{progress.pairs} pairs"]
+    parts = [counted(progress.pairs, "pair")]
     if progress.response_sigma is not None:
         parts.append(f"g ±{progress.response_sigma:.2g}")
     if progress.vignette_sigma is not None:

@@ -173,7 +173,7 @@ def correct_recording(
         counts[index] = counted
         progress(len(counts) + len(reasons), len(recording))
     if not counts:
-        raise RecordingError(f"{recording.path}: none of its {len(recording)} images can be read; {reasons[0]}")
+        raise RecordingError(f"{recording.path}: no image can be read; {reasons[0]}")
     values, saturated, clipped = (sum(column) for column in zip(*counts.values(), strict=True))
     if values > len(counts) * recording.size[0] * recording.size[1]:
         notes = (*notes, "images are in colour: response and vignette are applied to each of their channels")

@@ -87,11 +87,8 @@ def open_source(paths: Sequence[str | Path], kind: str | None = None, options: R
     try:
         return Source(open_recording(places[0], kind, options))
     except (RecordingError, MissingExtraError) as error:
-        try:
-            without = open_recording(places[0], kind, replace(options, unknown_exposures=True))
-        except OspcError:
-            raise error from None
-        return Source(without, error)
+        # What keeps it from being opened without exposures, too, is to be mended first.
+        return Source(open_recording(places[0], kind, replace(options, unknown_exposures=True)), error)
 
 
 def _expanded(path: Path) -> list[Path]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.diagnosis.timing import Timing
+from ospc.errors import counted
 from ospc.exposures.course import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag import MAX_LAG
@@ -41,7 +42,7 @@ def notes(found: ExposureFindings, pixels: PixelReport, timing: Timing, unreadab
 
 def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:
     if unreadable:
-        yield f"{unreadable} of the frames cannot be used; remove them or copy them again"
+        yield f"{counted(unreadable, 'frame')} cannot be used; remove or copy again"
     if timing.duplicate_frames:
         yield (
             f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the image of the one before, "
@@ -50,13 +51,9 @@ def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:
         )
     if timing.dropped_frames and timing.interval_s < _SLOWEST_VIDEO_S:
         yield (
-            f"{_count(timing.dropped_frames, 'frame')} missing in {_count(timing.gaps, 'gap')} between time stamps, "
-            f"of {1 / timing.interval_s:.3g} frames a second"
+            f"{counted(timing.dropped_frames, 'frame')} missing in {counted(timing.gaps, 'gap')} between time "
+            f"stamps, of {1 / timing.interval_s:.3g} frames a second"
         )
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _about_lag(found: ExposureFindings) -> Iterator[str]:

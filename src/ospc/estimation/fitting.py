@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.errors import NotObservableError, SettingError
+from ospc.errors import NotObservableError, SettingError, counted
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.response_basis import ResponseBasis
@@ -100,7 +100,7 @@ def _check_observable(observations: ExposedObservations, settings: DefaultSettin
     points = len(observations.starts)
     if points < settings.min_points:
         raise NotObservableError(
-            f"only {points} scene points have known exposures; at least {settings.min_points} are needed"
+            f"only {counted(points, 'scene point')} with known exposures; at least {settings.min_points} are needed"
         )
     log_exposure, starts = observations.log_exposure, observations.starts
     change = np.maximum.reduceat(log_exposure, starts) - np.minimum.reduceat(log_exposure, starts)

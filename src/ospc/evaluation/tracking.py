@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from ospc.errors import FrameError, NotObservableError
+from ospc.errors import FrameError, NotObservableError, counted
 from ospc.evaluation.tracks import EVERY, TrackFigures, Tracks
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
@@ -131,8 +131,8 @@ def compare_tracking(
     raw, corrected, horizon = tracks.figures()
     if raw.steps == 0:
         raise NotObservableError(
-            f"{recording.path}: nothing to follow in {used} readable frames; tracks need at least two frames with "
-            f"structure that is not saturated"
+            f"{recording.path}: nothing to follow in {counted(used, 'readable frame')}; tracks need at least two "
+            f"frames with structure that is not saturated"
         )
     return TrackingComparison(raw, corrected, tracks.begun, used, skipped, horizon, largest)
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.errors import FormatError, NotObservableError, SettingError
+from ospc.errors import FormatError, NotObservableError, SettingError, counted
 from ospc.evaluation.similarity import Similarity, align_similarity
 from ospc.formats.files import read_text
 
@@ -246,7 +246,7 @@ def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, IntArr
     """Return which poses have a truth, shape (n,), and the rows of the truth that belong to these."""
     if not estimate.known.all():
         raise FormatError(
-            f"{np.count_nonzero(~estimate.known)} of {len(estimate)} estimated positions are not finite; "
+            f"{np.count_nonzero(~estimate.known)} of {counted(len(estimate), 'estimated position')} not finite; "
             f"the odometry failed"
         )
     partner = associate(estimate.stamps_s, truth.stamps_s)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import SettingError
+from ospc.errors import SettingError, counted
 from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.course import (
     DRIFT_FRAMES,
@@ -144,8 +144,8 @@ def _assess_choice(
         return found
     corrected = _assess_shifted(changes, written, certain, max_lag)
     note = (
-        f"exposures are written {lag_in_words(certain)}, as {found.lag.pairs} pairs of frames show, and were moved "
-        "to the frames they belong to; --correct-lag never leaves them"
+        f"exposures are written {lag_in_words(certain)}, as {counted(found.lag.pairs, 'pair')} of frames show, and "
+        "were moved to the frames they belong to; --correct-lag never leaves them"
     )
     return replace(corrected, lag=found.lag, corrected_frames=certain, notes=(note,))
 
@@ -209,7 +209,9 @@ def check_lag(choice: LagChoice, frames: int) -> None:
         If fewer than two frames have an exposure of their own.
     """
     if isinstance(choice, int) and frames - abs(choice) < 2:
-        raise SettingError(f"a lag of {choice} frames leaves nothing of the {frames} frames; give a smaller one")
+        raise SettingError(
+            f"a lag of {counted(choice, 'frame')} leaves nothing of {counted(frames, 'frame')}; give a smaller one"
+        )
 
 
 def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int, max_lag: int) -> ExposureFindings:
@@ -256,12 +258,12 @@ def _verdicts(
 ) -> Iterator[Verdict]:
     """Give the verdicts that hold, the one that matters most first."""
     if brightness is None and frames < _FEW_FRAMES:
-        few = f"the recording has only {frames} frames, too few to check whether exposures belong to them"
+        few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
         yield Verdict("marginal", few, _MORE_FRAMES)
         return
     if brightness is None:
-        few = f"only {lag.pairs} pairs of consecutive frames could be compared, too few to check the exposures"
-        yield Verdict("marginal", few, SLOWER)
+        few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
+        yield Verdict("marginal", f"{few}, too few to check the exposures", SLOWER)
         return
     if brightness.stale:
         course_of = "stay as they are" if course.values == 1 else "often stay as they are"
@@ -296,10 +298,12 @@ def _verdicts(
 
 
 def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
-    either = " or ".join(str(frames) for frames in sorted(lag.candidates))
+    lags = sorted(lag.candidates)
+    is_range = len(lags) > 2 and lags[-1] - lags[0] == len(lags) - 1
+    either = f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
     reasons = {
         "changes too small": "the exposures change too little, where they could be compared, to check them",
-        "too few pairs": f"only {lag.pairs} pairs of consecutive frames could be compared",
+        "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",
         "follows flicker": "the exposures follow a flickering light, which hides by how many frames they are late",
         "between frames": f"the exposures fit best between two frames ({lag.fraction_frames:+.1f})",
         "out of range": f"the exposures fit best with a lag of {either} frames, the largest tried, which is unlikely",
@@ -313,7 +317,7 @@ def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
 
 def lag_in_words(lag: int) -> str:
     """Return a lag as words, such as "2 frames late"."""
-    return f"{abs(lag)} frame{'' if abs(lag) == 1 else 's'} {'late' if lag > 0 else 'early'}"
+    return f"{counted(abs(lag), 'frame')} {'late' if lag > 0 else 'early'}"
 
 
 def _percent(log_change: float) -> str:

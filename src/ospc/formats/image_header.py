@@ -63,8 +63,9 @@ def read_header(data: bytes, name: str) -> ImageHeader:
             if header.width <= 0 or header.height <= 0:
                 raise FrameError(f"{name}: its header states a size of {header.width}x{header.height} pixels")
             return header
-    what = "the file is empty" if not data else "its content is not PNG, JPEG, TIFF, BMP, PGM or PPM"
-    raise FrameError(f"{name}: {what}; convert it to PNG or remove it from the recording")
+    if not data:
+        raise FrameError(f"{name}: the file is empty; copy or download it again")
+    raise FrameError(f"{name}: its content is not PNG, JPEG, TIFF, BMP, PGM or PPM; convert it to PNG or remove it")
 
 
 class DamagedError(Exception):

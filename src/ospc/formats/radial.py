@@ -141,7 +141,7 @@ class Optics:
             return self.focal_mm
         if self.focal_px is not None and self.crop_factor is not None:
             return self.focal_ratio(size) * FULL_FRAME_HALF_DIAGONAL_MM / self.crop_factor
-        raise SettingError("this format needs the focal length in millimetres, or in pixels with the crop factor")
+        raise SettingError("this format needs the focal length; add --focal-mm, or --focal-px and --crop-factor")
 
 
 def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialFit:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ospc.arrays import Float32Array
-from ospc.errors import FormatError
+from ospc.errors import FormatError, counted
 from ospc.formats.files import read_text, write_text
 from ospc.formats.pcalib_table import FEWEST_VALUES, MOST_VALUES, PcalibText, table_text
 from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
@@ -52,7 +52,7 @@ def _about_the_line(table: PcalibText, context: Context) -> Iterator[Broken]:
         yield Broken(
             "warning" if complete else "error",
             f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}",
-            f"stops reading there, with {values.size} values",
+            f"stops reading there, with {counted(values.size, 'value')}",
             "write only the values on the first line, separated by spaces",
             _keep_numbers_only,
         )
@@ -75,7 +75,7 @@ def _about_the_order(table: PcalibText, context: Context) -> Iterator[Broken]:
         yield Broken(
             "error",
             f"strictly increasing as 32-bit floats; after grey level {bad[0]} it is not "
-            f"({falls} values fall, {bad.size - falls} equal the one before)",
+            f"({counted(falls, 'value')} falling, {bad.size - falls} equal to the one before)",
             UNCORRECTED[context.program],
             "calibrate again" if falls else "write 9 significant digits",
             _make_increasing,
@@ -159,7 +159,9 @@ def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText
         if not (known[0] and known[-1]) or np.mean(~known) > _MOST_INTERPOLATED:
             raise FormatError("an end, or too many values, are not finite numbers; calibrate again")
         values[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), values[known])
-        changes.append(f"{np.count_nonzero(~known)} values that are not finite interpolated between their neighbours")
+        changes.append(
+            f"{counted(np.count_nonzero(~known), 'value')} not finite, interpolated between their neighbours"
+        )
     return PcalibText(" ".join(f"{value:.17g}" for value in values)), "; ".join(changes)
 
 
@@ -179,9 +181,9 @@ def _make_increasing(table: PcalibText, _context: Context) -> tuple[PcalibText, 
     changes = []
     if falls:
         changes.append(
-            f"{falls} values that fall levelled by isotonic regression, which moves "
-            f"{np.count_nonzero(moved > 1e-9 * span)} values by up to {100 * float(moved.max()) / span:.3g} % of the "
-            f"range"
+            f"{counted(falls, 'falling value')} levelled by isotonic regression, which moves "
+            f"{counted(np.count_nonzero(moved > 1e-9 * span), 'value')} by up to "
+            f"{100 * float(moved.max()) / span:.3g} % of the range"
         )
     changes.append("values that are equal as 32-bit floats moved apart by the smallest representable steps")
     return PcalibText(table_text(monotone)), "; ".join(changes)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray
-from ospc.errors import FormatError
+from ospc.errors import FormatError, counted
 from ospc.formats.dso import LARGEST_ID, write_times
 from ospc.formats.files import read_text
 from ospc.formats.rules import Broken, Context, Format
@@ -101,7 +101,7 @@ def _broken(times: TimesText, context: Context) -> Iterator[Broken]:
     yield from _about_the_count(times, context)
     yield from _about_the_ids(times)
     if context.images is None and times.rows:
-        rule = f"one line per image; there are {len(times.rows)} lines"
+        rule = f"one line per image; the file has {counted(len(times.rows), 'line')}"
         effect = f"was not compared, because the images were not found; if they differ, it {_lost(context)}"
         yield Broken("note", rule, effect, "check the whole folder")
     yield from _about_the_exposures(times, context)
@@ -125,7 +125,8 @@ def _about_the_count(times: TimesText, context: Context) -> Iterator[Broken]:
     if not times.rows:
         yield Broken("error", "one line per image; there is none", _lost(context), _WRITE_ANEW)
     elif context.images is not None and len(times.rows) != len(context.images):
-        rule = f"one line per image; {len(times.rows)} lines for {len(context.images)} files in images"
+        found = f"{counted(len(times.rows), 'line')} for {counted(len(context.images), 'file')} in images"
+        rule = f"one line per image; {found}"
         yield Broken("error", rule, _lost(context), "remove the surplus", _drop_lines_without_image)
 
 
@@ -197,7 +198,7 @@ def _separate_by_spaces(times: TimesText, _context: Context) -> tuple[TimesText,
 
 def _drop_lines_without_stamp(times: TimesText, _context: Context) -> tuple[TimesText, str]:
     kept = [row.words for row in times.rows if _has_stamp(row)]
-    return times.with_rows(kept), f"{len(times.rows) - len(kept)} lines without stamp dropped"
+    return times.with_rows(kept), f"{counted(len(times.rows) - len(kept), 'line')} without stamp dropped"
 
 
 def _drop_lines_without_image(times: TimesText, context: Context) -> tuple[TimesText, str]:
@@ -207,11 +208,12 @@ def _drop_lines_without_image(times: TimesText, context: Context) -> tuple[Times
     missing = next((image for image in images if Path(image).stem not in line_of), None)
     if missing is not None or not images:
         raise FormatError(
-            f"{len(times.rows)} lines for {len(images)} images, and no line is called like the image "
-            f"{missing or '(there is none)'}, so nothing says which line belongs to which image; {_WRITE_ANEW}"
+            f"{counted(len(times.rows), 'line')} for {counted(len(images), 'image')}, and no line is called like "
+            f"the image {missing or '(there is none)'}, so nothing says which line belongs to which "
+            f"image; {_WRITE_ANEW}"
         )
     kept = [line_of[Path(image).stem] for image in images]
-    return times.with_rows(kept), f"{len(times.rows) - len(kept)} lines without an image dropped"
+    return times.with_rows(kept), f"{counted(len(times.rows) - len(kept), 'line')} without an image dropped"
 
 
 def _number_lines(times: TimesText, _context: Context) -> tuple[TimesText, str]:
@@ -232,7 +234,9 @@ def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str
     places = np.arange(exposures.size)
     exposures[~known] = np.exp(np.interp(places[~known], places[known], np.log(exposures[known])))
     rows = [[*row.words[:2], f"{exposure:.9g}"] for row, exposure in zip(times.rows, exposures, strict=True)]
-    return times.with_rows(rows), f"{missing} missing or invalid exposures interpolated between their neighbours"
+    return times.with_rows(
+        rows
+    ), f"{counted(missing, 'missing or invalid exposure')} interpolated between their neighbours"
 
 
 def _has_commas(row: _Row) -> bool:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Image, ImageSize
-from ospc.errors import FormatError
+from ospc.errors import FormatError, counted
 from ospc.formats.png import read_png, write_png
 from ospc.formats.resize import same_aspect
 from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
@@ -68,14 +68,17 @@ def _about_the_values(image: Image, context: Context) -> Iterator[Broken]:
     zeros = values == 0
     at_border = _connected_to_border(zeros)
     if inside := np.count_nonzero(zeros & ~at_border):
-        rule, effect = f"no pixel is 0; {inside} are, inside the image", "divides by them: infinite brightness"
+        rule, effect = (
+            f"no pixel is 0; {counted(inside, 'pixel')} of 0 inside the image",
+            "divides by them: infinite brightness",
+        )
         yield Broken("error", rule, effect, "calibrate the vignette again", _raise_zeros)
     if surround := np.count_nonzero(at_border):
-        rule = f"no pixel is 0; {surround} are, in a surround at the border"
+        rule = f"no pixel is 0; {counted(surround, 'pixel')} of 0 in a surround at the border"
         effect = "divides by them: infinite brightness there, harmless only if the rectification crops all of it"
         yield Broken("warning", rule, effect, "crop the images", _raise_zeros)
     if dim := np.count_nonzero((values < values.max() / _STEEPEST_GAIN) & (values > 0)):
-        rule = f"{dim} pixels are below 1/{_STEEPEST_GAIN} of the largest"
+        rule = f"{counted(dim, 'pixel')} below 1/{_STEEPEST_GAIN} of the largest"
         rectified = " (it corrects before it rectifies)" if context.program == "dso" else ""
         effect = f"multiplies them, and their noise, by more than that{rectified}"
         yield Broken("warning", rule, effect, "mask or crop that part of the image")
@@ -105,7 +108,7 @@ def _widen(image: Image, _context: Context) -> tuple[Image, str]:
 
 
 def _raise_zeros(image: Image, _context: Context) -> tuple[Image, str]:
-    return np.maximum(image, 1), f"{np.count_nonzero(image == 0)} pixels of 0 set to 1"
+    return np.maximum(image, 1), f"{counted(np.count_nonzero(image == 0), 'pixel')} of 0 set to 1"
 
 
 def _size_of(image: Image) -> ImageSize:

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from ospc.calibrator import OnlineCalibrator
-from ospc.errors import FrameError, OspcError, SettingError, said_by
+from ospc.errors import FrameError, OspcError, SettingError, counted, said_by
 from ospc.exposures.findings import LagChoice
 from ospc.live.advice import Adviser
 from ospc.live.knowledge import GOAL
@@ -333,7 +333,7 @@ class LiveCalibrator:
     def _estimate(self) -> Calibration:
         found = self._engine.calibration()
         if found.converged and (self._latest is None or not self._latest.converged):
-            self._note(f"response and vignette are known after {self._frames} frames")
+            self._note(f"response and vignette are known after {counted(self._frames, 'frame')}")
             self._converged_after = self._converged_after or self._frames
         self._latest = self._confirmed = found
         self._estimated_after = self._engine.processed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ospc.errors import counted
 from ospc.estimation.fit import Fit
 from ospc.photometry.calibration import ExposureRatios, Verdict
 from ospc.settings import DefaultSettings
@@ -74,7 +75,7 @@ def response_verdict(
     if fit is None:
         return Verdict(
             "not identifiable",
-            f"only {points} scene points could be followed (at least {settings.min_points} are needed)",
+            f"only {counted(points, 'scene point')} could be followed (at least {settings.min_points} are needed)",
             "record a longer sequence of a well-exposed scene with even surfaces and some texture, moving slowly",
         )
     return response_verdict_of_fit(fit, exposure_range_ms, unexplained_share(ratios))

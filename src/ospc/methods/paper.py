@@ -21,6 +21,7 @@ from scipy.optimize import nnls
 from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.correspondence.features import Features, extract, make_extractor, match
 from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.errors import counted
 from ospc.estimation.robust import robust_scale
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress, check_size
@@ -689,7 +690,7 @@ def _verdict_of_accepted(estimates: Estimates) -> Verdict:
 
 def _why_none(estimates: Estimates, wanted: str) -> str:
     if estimates.rejected:
-        return f"none of {estimates.rejected} estimates predicted the exposure ratios of the metadata"
+        return f"none of {counted(estimates.rejected, 'estimate')} predicted the exposure ratios of the metadata"
     if estimates.impossible:
-        return f"none of {estimates.impossible} estimates is positive everywhere"
+        return f"none of {counted(estimates.impossible, 'estimate')} is positive everywhere"
     return f"too few matches with {wanted} between frames of different exposure"

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
 from ospc.atomic import write_atomically
-from ospc.errors import FormatError
+from ospc.errors import FormatError, counted
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.exposure_ratios import ExposureRatios
@@ -164,7 +164,7 @@ class Calibration:
     def _basis(self) -> str:
         parts = [str(self.source.get("name") or "a camera"), f"{self.size[0]}×{self.size[1]} pixels"]
         if "frames" in self.counts:
-            parts.append(f"{self.counts['frames']} frames")
+            parts.append(counted(self.counts["frames"], "frame"))
         return ", ".join([*parts, "partial"] if self.partial else parts)
 
     def correct(

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.errors import FormatError
+from ospc.errors import FormatError, counted
 from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.effect_estimate import EffectEstimate
@@ -182,7 +182,7 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
     elif model["name"] == "log_polynomial":
         non_radial = tuple(_signed(model["non_radial"], "non_radial", (None,)).tolist())
         if len(non_radial) not in (0, 4):
-            raise FormatError(f"non_radial has {len(non_radial)} values instead of 4 or none")
+            raise FormatError(f"non_radial has {counted(len(non_radial), 'value')} instead of 4 or none")
         x, y = _signed(model["centre"], "centre", (2,)).tolist()
         limit = float(_array(model["limit"], "limit", ())) if "limit" in model else math.inf
         vignette = LogVignette(size, coefficients, (x, y), non_radial, limit)

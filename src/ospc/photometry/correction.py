@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize
-from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError
+from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
@@ -71,7 +71,9 @@ class Corrector:
         if not 1 <= self.max_grey <= 65535:
             raise SettingError(f"max_grey is {self.max_grey}; give the largest grey value of the images, up to 65535")
         if isinstance(self.response, Sequence) and len(self.response) != 3:
-            raise SettingError(f"{len(self.response)} responses given; give one, or three for colour images")
+            raise SettingError(
+                f"{counted(len(self.response), 'response')} given; give one, or three for colour images"
+            )
 
     @property
     def assumed(self) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ class Response:
     log_sigma: FloatArray | None = field(default=None, repr=False)
     scale_sigma: float | None = None
     support: tuple[float, float] = (0.0, 1.0)
-    model: dict[str, Any] = field(default_factory=dict)
+    model: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         """Check and freeze the table."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.errors import SettingError
+from ospc.errors import SettingError, counted
 from ospc.estimation.fit import Fit
 from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
 from ospc.methods.summary import covariance_of, vignette_sigma
@@ -136,7 +136,7 @@ def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) ->
             f"{len(differing)} of {recordings} recordings contradict the others ({names}), and no majority agrees",
             "merge only recordings of one camera whose lens, focus and aperture were not changed",
         )
-    reason = f"{verdict.reason}, from {recordings - len(differing)} of {recordings} recordings"
+    reason = f"{verdict.reason}, from {recordings - len(differing)} of {counted(recordings, 'recording')}"
     if differing:
         reason += f"; {names} left out, because it differs" if len(differing) == 1 else f"; {names} left out"
     return replace(verdict, reason=reason)

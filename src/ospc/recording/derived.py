@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.errors import SettingError
+from ospc.errors import SettingError, counted
 from ospc.recording.frame import Frame
 from ospc.recording.recording import HasStoredBytes, Recording, StoredRecording
 
@@ -95,11 +95,12 @@ def with_exposure_lag(recording: Recording, lag: int) -> Recording:
     count, missing = len(recording), abs(lag)
     if missing >= count:
         raise SettingError(
-            f"{recording.path}: a lag of {lag} frames leaves none of its {count} frames; give a smaller lag"
+            f"{recording.path}: a lag of {counted(lag, 'frame')} leaves none of its {counted(count, 'frame')}; "
+            f"give a smaller lag"
         )
     frames = np.arange(max(0, -lag), count - max(0, lag))
-    end = "last" if lag > 0 else "first"
-    note = f"exposures are corrected for a lag of {lag} frames; the {end} {missing} frames are left out"
+    end = "end" if lag > 0 else "beginning"
+    note = f"exposures are corrected for a lag of {counted(lag, 'frame')}, leaving out {missing} at the {end}"
     return DerivedRecording.of(recording, frames, recording.exposures_ms[frames + lag], note=note)
 
 

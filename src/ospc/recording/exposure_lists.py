@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, RecordingError, listed
+from ospc.errors import ExposureError, RecordingError, counted, listed
 from ospc.recording.column_names import Columns, name_columns
 from ospc.recording.exposure_units import ExposureUnit, infer_unit
 from ospc.recording.frame_table import FrameTable, make_table
@@ -107,7 +107,7 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
         if len(fields) == 2:
             raise ExposureError(f"{source}, line {line}: has no exposure; {_TIMES_LINE}")
         if len(fields) != 3:
-            raise RecordingError(f"{source}, line {line}: has {len(fields)} columns, not 3; {_TIMES_LINE}")
+            raise RecordingError(f"{source}, line {line}: has {counted(len(fields), 'column')}, not 3; {_TIMES_LINE}")
     columns = Columns(3, image=0, stamp=1, exposure=2, unit=ExposureUnit.MS)
     table = _table(_Layout(columns, rows), source, options)
     interval_ms = 1e3 * float(np.median(np.diff(table.stamps_s))) if len(table) > 1 else math.inf
@@ -236,7 +236,8 @@ def _table(layout: _Layout, source: str, options: ReadingOptions) -> FrameTable:
     for line, fields in layout.rows:
         if len(fields) != columns.count:
             raise RecordingError(
-                f"{source}, line {line}: has {len(fields)} columns where the others have {columns.count}; correct it"
+                f"{source}, line {line}: has {counted(len(fields), 'column')} where the others have "
+                f"{columns.count}; correct it"
             )
 
     def numbers(column: int, what: str) -> FloatArray:

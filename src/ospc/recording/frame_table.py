@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, MissingExtraError, RecordingError, listed, quoted
+from ospc.errors import ExposureError, MissingExtraError, RecordingError, counted, listed, quoted
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.image_source import by_name, is_image_name
 
@@ -199,9 +199,10 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
             return tuple(names), (f"{table.source}: its ids are not names of images; they are matched by order",)
         detail = f"; no image for {listed(missing)}" if missing else ""
         detail += f"; no line for {listed(unused)}" if unused else ""
-    same = "other images than the" if as_many else f"{len(table)} frames but there are"
+    same = "other images than the" if as_many else f"{counted(len(table), 'frame')} but there are"
     raise RecordingError(
-        f"{table.source}: lists {same} {len(names)} images in {place}{detail}; there must be one line per image"
+        f"{table.source}: lists {same} {counted(len(names), 'image')} in {place}{detail}; there must be one line "
+        f"per image"
     )
 
 

@@ -88,7 +88,13 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     except OSError as error:
         raise RecordingError(f"{place}: cannot be read ({error.strerror}); check the path and its rights") from None
     if chosen is not None:
-        return chosen.open(place, options)
+        try:
+            return chosen.open(place, options)
+        except RecordingError:
+            if not (place / "calibration.json").is_file():
+                raise
+            # Its pictures look like images, and its times.txt like a list of exposures.
+            raise RecordingError(f"{place}: is a calibration; name a recording in its place") from None
     if kind is not None:
         names = ", ".join(k.name for k in known)
         raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")

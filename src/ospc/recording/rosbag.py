@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, IntArray
-from ospc.errors import ExposureError, RecordingError, escaped, listed
+from ospc.errors import ExposureError, RecordingError, counted, escaped, listed
 from ospc.recording.bags.bag import Bag, is_bag
 from ospc.recording.bags.carriers import Carrier, carrier_of
 from ospc.recording.bags.container import Topic
@@ -233,8 +233,8 @@ def _increasing(times: Times, messages: IntArray, path: str) -> tuple[IntArray, 
     latest = np.maximum.accumulate(stamps_ns)
     later = np.concatenate([[True], stamps_ns[1:] > latest[:-1]])
     if not later.all():
-        count = np.count_nonzero(~later)
-        notes.append(f"{path}: {count} images whose time stamps do not increase are left out")
+        count = int(np.count_nonzero(~later))
+        notes.append(f"{path}: {counted(count, 'image')} left out, whose time stamps do not increase")
     return messages[later], stamps_ns[later], notes
 
 

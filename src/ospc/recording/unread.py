@@ -6,6 +6,7 @@ from collections import deque
 from pathlib import Path
 
 from ospc.errors import escaped, listed
+from ospc.recording.decoding import decode_grey
 from ospc.recording.image_source import FolderImages, is_image_name
 
 _MOST_FOLDERS = 1000
@@ -16,9 +17,13 @@ _UNREAD = frozenset({".webp", ".avif", ".jxl", ".jp2", ".exr", ".gif"})
 
 
 def why_unread(place: Path) -> str | None:
-    """Return why no images are found at an existing path, with a remedy; None if nothing there looks like images."""
+    """Return why no images are found at an existing path, with a remedy; None if nothing there looks like images.
+
+    Raises FrameError if it is a file that is called like an image but cannot be decoded.
+    """
     if place.is_file():
         if is_image_name(place.name):
+            decode_grey(FolderImages(place.parent, (place.name,)).read(place.name), str(place))
             return "is a single image, and a recording is many; name the folder that holds them"
         return _conversion(place)
     if not place.is_dir():

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import FloatArray, Image
-from ospc.errors import FrameError, RecordingError, escaped
+from ospc.errors import FrameError, RecordingError, counted, escaped
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_lists import only_list, read_list
 from ospc.recording.frame import Frame, check_size, size_of
@@ -72,7 +72,8 @@ class Video:
         frames = stated if stated == len(table) else count_frames(path)
         if frames != len(table):
             raise RecordingError(
-                f"{table.source}: lists {len(table)} frames but {path} has {frames}; there must be one line per frame"
+                f"{table.source}: lists {counted(len(table), 'frame')} but {path} has {frames}; there must be one "
+                f"line per frame"
             )
         stamps_s, notes = _stamps(table, fps, path, options.channel)
         return VideoRecording(

@@ -9,6 +9,7 @@ import numpy as np
 
 from ospc.correspondence.pixel_statistics import GREY_CELLS, RADIUS_CELLS
 from ospc.diagnosis.report import RecordingReport
+from ospc.errors import counted
 from ospc.report.curves import RADIUS_LABEL, logarithmic
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, printable, rules, save
 
@@ -26,8 +27,8 @@ def plot_report(report: RecordingReport, path: str | Path) -> Path:
     """Draw brightness against exposure, the score of each lag, and the coverage; return the path of the picture."""
     lag = report.exposure_lag_frames
     title = (
-        f"{report.name}: {report.processed} of {report.frames} frames, exposure lag "
-        f"{'not determined' if lag is None else f'{lag} frames'}"
+        f"{report.name}: {report.processed} of {counted(report.frames, 'frame')}, exposure lag "
+        f"{'not determined' if lag is None else counted(lag, 'frame')}"
     )
     with rules():
         figure = new_figure(11, 7)

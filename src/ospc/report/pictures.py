@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import Image
+from ospc.errors import counted
 from ospc.photometry.calibration import Calibration
 from ospc.report.charts import Chart, Findings, charts_of
 from ospc.report.style import DPI, ORANGE, as_image, new_figure, printable, rules
@@ -85,7 +86,7 @@ def _title(calibration: Calibration) -> str:
     counts = calibration.counts
     parts = [str(calibration.source.get("name", "")), f"{calibration.size[0]}×{calibration.size[1]} pixels"]
     if "frames" in counts:
-        parts.append(f"{counts['frames']} frames")
+        parts.append(counted(counts["frames"], "frame"))
     if calibration.partial:
         parts.append("partial: the run stopped before the end")
     return " · ".join(part for part in parts if part)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from ospc.errors import counted
 from ospc.evaluation.tracking import TrackingComparison
 from ospc.evaluation.tracks import TrackFigures
 from ospc.photometry.calibration import Calibration, Verdict
@@ -94,9 +95,9 @@ def sections_of(findings: Findings) -> Iterator[Section]:
 
 def _tracking(tracking: TrackingComparison, first: int, end: int) -> Section:
     remark = (
-        f"{tracking.tracks} points, tracked through frames {first} to {end - 1} by the same method with the same "
-        f"settings; the exposure changes by up to {tracking.largest_step:.3g}:1 from frame to frame. 'ospc evaluate "
-        "tracking' does this for a whole recording."
+        f"{counted(tracking.tracks, 'point')}, tracked through frames {first} to {end - 1} by the same method with "
+        f"the same settings; the exposure changes by up to {tracking.largest_step:.3g}:1 from frame to frame. "
+        "'ospc evaluate tracking' does this for a whole recording."
     )
     rows = tuple(tracking_rows(tracking))
     return Section("Effect on tracking", (tracking.sentence,), figures=rows, remark=remark)
@@ -132,9 +133,9 @@ def basis_of(calibration: Calibration) -> str:
     """Return what the calibration was made from, on one line."""
     counts = calibration.counts
     parts = [f"{calibration.size[0]}×{calibration.size[1]} pixels", f"grey levels up to {calibration.max_grey}"]
-    parts += [f"{counts[name]} {name}" for name in ("frames", "pairs", "samples") if name in counts]
+    parts += [counted(counts[f"{noun}s"], noun) for noun in ("frame", "pair", "sample") if f"{noun}s" in counts]
     if counts.get("skipped"):
-        parts.append(f"{counts['skipped']} frames skipped")
+        parts.append(f"{counted(counts['skipped'], 'frame')} skipped")
     if calibration.partial:
         parts.append("partial")
     return " · ".join(parts)

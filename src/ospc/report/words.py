@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.errors import counted
 from ospc.evaluation.tracking import TrackingComparison
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
@@ -59,7 +60,7 @@ def facts(calibration: Calibration, tracking: TrackingComparison | None = None) 
     if ratios.metadata.size and calibration.response is not None and not calibration.exponent_sigma:
         found.append(
             f"Exposure ratios estimated from the images agree with the metadata to {_percent(ratios.misfit)} "
-            f"(median over {ratios.metadata.size} pairs of frames, weighted by their samples)."
+            f"(median over {counted(ratios.metadata.size, 'pair')} of frames, weighted by their samples)."
         )
     if tracking is not None:
         sentence = tracking.sentence
@@ -83,10 +84,15 @@ def _shape_fact(response: Response, max_grey: int) -> str:
         return ""
     low, high = response.support
     seen = (response.levels >= low) & (response.levels <= high)
+    if not seen.any():
+        return ""
+    typical, most = (float(of(response.log_sigma[seen])) for of in (np.median, np.max))
+    known = _spread(typical)
+    if most > 2 * typical:
+        known += f" in the median and to {_spread(most)} at the worst"
     return (
         f" Between grey levels {low * max_grey:.0f} and {high * max_grey:.0f} the ratio of two irradiances is known "
-        f"to {_spread(float(np.max(response.log_sigma[seen], initial=0.0)))}; the scale, g = 1 at white, does not "
-        "affect it."
+        f"to {known}; the scale, g = 1 at white, does not affect it."
     )
 
 
@@ -130,7 +136,8 @@ def _percent(share: float, sigma: float | None = None) -> str:
 
 
 def _both(names: list[str]) -> str:
-    return " and the ".join(names)
+    *first, last = names
+    return f"{', the '.join(first)} and the {last}" if first else last
 
 
 def _are(names: list[str]) -> str:

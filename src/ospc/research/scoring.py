@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError
+from ospc.errors import ExposureError, counted
 from ospc.evaluation.metrics import (
     coverage,
     log_ratio_error,
@@ -156,8 +156,8 @@ def exposure_error(estimate: Mapping[int, float], truth: Mapping[int, float]) ->
     unknown = len(estimate.keys() - truth.keys())
     if unknown or not estimate:
         raise ExposureError(
-            f"exposures were estimated for {len(estimate)} frames, of which the recording lacks {unknown}; "
-            f"give one for each frame"
+            f"exposures were estimated for {counted(len(estimate), 'frame')}, of which the recording lacks {unknown}"
+            f"; give one for each frame"
         )
     return float(np.std(np.log(values) - np.log([truth[frame] for frame in estimate])))
 

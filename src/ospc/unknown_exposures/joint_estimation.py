@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import lsqr
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
-from ospc.errors import NotObservableError
+from ospc.errors import NotObservableError, counted
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
 from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learned_model
@@ -147,8 +147,8 @@ def estimate_jointly(
     """
     if tracks.grey.size < _FEWEST or tracks.frames.size < 2:
         raise NotObservableError(
-            f"joint estimation has {tracks.grey.size} observations in {tracks.frames.size} frames; "
-            f"it needs {_FEWEST} in two frames or more"
+            f"joint estimation has {counted(tracks.grey.size, 'observation')} in "
+            f"{counted(tracks.frames.size, 'frame')}; it needs {_FEWEST} in two frames or more"
         )
     model = model or learned_model()
     c, v, log_e = np.zeros(len(model.components)), np.zeros(3), np.zeros(tracks.frames.size)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.calibrator import calibrate
-from ospc.errors import FrameError, NotObservableError
+from ospc.errors import FrameError, NotObservableError, counted
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.recording import open_recording
 from ospc.recording.derived import DerivedRecording
@@ -81,7 +81,7 @@ def recover_exposures(
     exposures = np.exp(log_e - np.median(log_e))
     exposures.setflags(write=False)
     missing = len(recording) - len(exposures)
-    left_out = f"; {missing} frames, whose exposure was not estimated, are left out" if missing else ""
+    left_out = f"; {counted(missing, 'frame')} left out, whose exposure was not estimated" if missing else ""
     note = f"exposures are estimated from the images: relative, and up to one exponent{left_out}"
     return RecoveredRecording.of(recording, found.frames, exposures, note=note)
 

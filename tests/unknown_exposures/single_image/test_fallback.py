@@ -67,7 +67,7 @@ def test_the_command_answers_only_where_it_is_asked_and_says_what_it_rests_on(ph
     assert said in (out / "EXPOSURES_UNKNOWN.txt").read_text()
     assert said.encode("latin-1", "ignore") in (out / "vignette.png").read_bytes()
     assert Calibration.load(out).rests_on == said
-    assert "Guessed from one image" in (out / "report.html").read_text()
+    assert "Guessed from 1 image" in (out / "report.html").read_text()
     wrong = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", "--unknown-exposures")
     assert wrong.exit_code == 2
 

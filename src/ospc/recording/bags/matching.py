@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import IntArray
-from ospc.errors import ExposureError
+from ospc.errors import ExposureError, counted
 
 _LEAST_SHARE = 0.5
 """Share of the images that must have an exposure; with fewer, the time stamps are wrong."""
@@ -59,12 +59,12 @@ def match(images: Times, exposures: Times, source: str) -> tuple[IntArray, list[
             notes = [] if what == "time stamp" else [f"{source}: exposures are matched to images by {what}"]
             if known < len(found):
                 notes.append(
-                    f"{source}: {len(found) - known} of {len(found)} images have no exposure within "
-                    f"{tolerance_ns / 1e6:.3g} ms and are left out"
+                    f"{source}: {len(found) - known} of {counted(len(found), 'image')} left out, without exposure "
+                    f"within {tolerance_ns / 1e6:.3g} ms"
                 )
             return found, notes
     raise ExposureError(
-        f"{source}: has an exposure for {known} of {len(found)} images only; record an exposure with the "
+        f"{source}: has an exposure for {known} of {counted(len(found), 'image')} only; record an exposure with the "
         f"time stamp of every image"
     )
 

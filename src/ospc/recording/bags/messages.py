@@ -194,7 +194,8 @@ def shown(fields: Sequence[str]) -> str:
 def _fields(value: Any) -> list[str]:
     """Return the names of the fields of a message, of rosbags or of a ROS 2 node."""
     of_node = getattr(value, "get_fields_and_field_types", dict)
-    return list(getattr(value, "__dataclass_fields__", None) or of_node())
+    names = getattr(value, "__dataclass_fields__", None) or of_node()
+    return [name for name in names if not name.startswith("_")]  # the package adds fields of its own
 
 
 def is_field(text: str) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.errors import FrameError, RecordingError, SettingError
+from ospc.errors import FrameError, RecordingError, SettingError, counted
 from ospc.folders import check_usable
 from ospc.formats.dso import write_times
 from ospc.formats.files import write_text
@@ -150,9 +150,8 @@ def _write(
             said = f"{Path(finding.file).name}: {finding.rule}; DSO {finding.effect}; {finding.remedy}"
             notes.append(said.rstrip("; "))
     if problems:
-        count = "1 frame was" if len(problems) == 1 else f"{len(problems)} frames were"
         more = "; …" if len(problems) > _SHOWN_REASONS else ""
-        notes.insert(0, f"{count} left out: {'; '.join(problems[:_SHOWN_REASONS])}{more}")
+        notes.insert(0, f"{counted(len(problems), 'frame')} left out: {'; '.join(problems[:_SHOWN_REASONS])}{more}")
     return Converted(place, len(written), copied, len(problems), camera is not None, tuple(notes))
 
 

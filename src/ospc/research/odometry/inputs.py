@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import RecordingError, SettingError
+from ospc.errors import RecordingError, SettingError, counted
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.opening import Photometry
 from ospc.recording import Recording
@@ -137,6 +137,7 @@ def images_of(recording: Recording, cache: Path) -> Path:
     made = convert_recording(recording, place)
     if made.frames != len(recording):
         raise RecordingError(
-            f"{recording.path}: {made.skipped} of its {len(recording)} images cannot be read; odometry needs them all"
+            f"{recording.path}: {made.skipped} of its {counted(len(recording), 'image')} cannot be read; odometry "
+            f"needs them all"
         )
     return place / "images"

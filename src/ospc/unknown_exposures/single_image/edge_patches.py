@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray
-from ospc.errors import NotObservableError
+from ospc.errors import NotObservableError, counted
 
 _SIDE_PX = 15
 """Side of a window, as published."""
@@ -78,8 +78,8 @@ class EdgePatches:
         found = [patch for image in images for patch in _patches_in(image)]
         if len(found) < _FEWEST_PATCHES:
             raise NotObservableError(
-                f"only {len(found)} edges between even regions were found, of the {_FEWEST_PATCHES} that a response "
-                f"takes; use an image of distinct, evenly lit surfaces"
+                f"only {counted(len(found), 'edge')} between even regions found, of the {_FEWEST_PATCHES} that a "
+                f"response takes; use an image of distinct, evenly lit surfaces"
             )
         first, second, edges = zip(*found, strict=True)
         window = np.repeat(np.arange(len(edges)), [len(edge) for edge in edges])

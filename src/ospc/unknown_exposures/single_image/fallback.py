@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
-from ospc.errors import FrameError, NotObservableError
+from ospc.errors import FrameError, NotObservableError, counted
 from ospc.formats.files import read_bytes
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.photometry.response import Response
@@ -105,7 +105,7 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
     eight = _in_8_bits(images)
     response, basis = _response(eight)
     vignette, shading = _vignette(size, eight, response)
-    count = "one image" if len(eight) == 1 else f"{len(eight)} images"
+    count = counted(len(eight), "image")
     reason = f"from {count} without known exposures: it rests on {{}}, and its band is that of simulated photographs"
     return Calibration(
         size,
