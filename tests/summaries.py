@@ -54,6 +54,7 @@ def plain(key: str, frames: int = 10, seed: int = 0) -> Summary:
         estimate=estimate,
         triangle=triangle_of(matrix),
         vector=matrix @ estimate,
+        systematic=np.zeros_like(triangle_of(matrix)),
         exposure_range_ms=(1.0, 10.0),
         reach=0.5,
         standing_still=False,

@@ -13,6 +13,8 @@ from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignet
 from ospc.methods.summary import summarise
 from ospc.pooling.pool import Pool
 from ospc.pooling.pooled_calibration import merge
+from ospc.pooling.summary import summary_of
+from ospc.research.faults.judging import step_sigma
 from ospc.settings import DefaultSettings
 from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, inputs_of, summary
 
@@ -81,6 +83,18 @@ def test_one_recording_alone_stays_what_it_was():
         np.log(pooled.response.inverse([0.2, 0.8])), np.log(alone.response.inverse([0.2, 0.8])), atol=0.02
     )
     np.testing.assert_allclose(pooled.vignette.image(), alone.vignette.image(), atol=0.01)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.05])
+def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
+    inputs = inputs_of(CAMERA, 0)
+    suspected = error * inputs.fit.parameters
+    fit = replace(inputs.fit, covariance=inputs.fit.covariance + np.outer(suspected, suspected))
+    inputs = replace(inputs, fit=fit)
+    pooled = merge(Pool.of([summary_of(inputs, "frames", {}, 100)])).calibration
+    alone = summarise(inputs, DefaultSettings())
+    assert step_sigma(pooled) == pytest.approx(step_sigma(alone), rel=0.35)
+    assert pooled.vignette_sigma[-1] == pytest.approx(alone.vignette_sigma[-1], rel=0.35)
 
 
 def test_a_ninth_recording_of_another_lens_is_named_and_its_vignette_left_out(recordings, merged, other_lens):

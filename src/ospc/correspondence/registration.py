@@ -60,10 +60,6 @@ _GRADIENT_STEPS, _PATCH_STRIDE_PX = 12, 4
 """Steps of descent per patch, and distance between patches in pixels: half of OpenCV's steps on a coarser lattice.
 Flat places, where grey values are sampled, forgive the rest."""
 
-_REFINEMENTS = 3
-"""Iterations of the variational refinement: on simulated recordings, errors of response and vignette are the same as
-with OpenCV's five."""
-
 _OUTSIDE_PX = 1e4
 """Displacement on the way back from outside the image: so far that no place comes back from there."""
 
@@ -269,7 +265,6 @@ def _flow(finest_scale: int) -> cv2.DISOpticalFlow:
     flow = optical_flow(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, finest_scale)
     flow.setGradientDescentIterations(_GRADIENT_STEPS)
     flow.setPatchStride(_PATCH_STRIDE_PX)
-    flow.setVariationalRefinementIterations(_REFINEMENTS)
     return flow
 
 

@@ -36,27 +36,32 @@ _SIMPLER = (
 
 @dataclass(frozen=True)
 class Information:
-    """The sum of summaries: A and b of their common likelihood.
+    """The sum of summaries: A and b of their common likelihood, and the errors that more samples do not reduce.
 
     Attributes
     ----------
     matrix, vector
         A and b, shapes (p, p) and (p,).
+    systematic
+        Sum of A S A, shape (p, p): recordings err independently of one another.
     points, groups
         Scene points and groups of them behind it.
     """
 
     matrix: FloatArray
     vector: FloatArray
+    systematic: FloatArray
     points: int = 0
     groups: int = 0
 
     @classmethod
     def of(cls, summaries: Sequence[Summary]) -> Information:
         """Return the sum over summaries, which depends on their order by its last bits only."""
+        nothing = np.zeros((PARAMETERS, PARAMETERS))
         return cls(
-            np.sum([s.matrix for s in summaries], axis=0) if summaries else np.zeros((PARAMETERS, PARAMETERS)),
-            np.sum([s.vector for s in summaries], axis=0) if summaries else np.zeros(PARAMETERS),
+            np.sum([nothing, *(s.matrix for s in summaries)], axis=0),
+            np.sum([nothing[0], *(s.vector for s in summaries)], axis=0),
+            np.sum([nothing, *(s.systematic_matrix for s in summaries)], axis=0),
             sum(s.points for s in summaries),
             sum(s.groups for s in summaries),
         )
@@ -66,13 +71,15 @@ class Information:
         return Information(
             self.matrix - summary.matrix,
             self.vector - summary.vector,
+            self.systematic - summary.systematic_matrix,
             self.points - summary.points,
             self.groups - summary.groups,
         )
 
     def weakened(self, factor: float) -> Information:
         """Return the information with all variances multiplied by a factor."""
-        return Information(self.matrix / factor, self.vector / factor, self.points, self.groups)
+        matrix, vector, systematic = self.matrix / factor, self.vector / factor, self.systematic / factor
+        return Information(matrix, vector, systematic, self.points, self.groups)
 
 
 def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: Fit | None = None) -> Fit:
@@ -106,14 +113,15 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
             precision = equations.posterior_precision(prior, hyperparameters)
             if float(change @ precision @ change) < _SETTLED:
                 break
-        covariance = cho_solve(cho_factor(precision), np.eye(p))
+        chance = cho_solve(cho_factor(precision), np.eye(p))
+        covariance = chance + chance @ information.systematic[:p, :p] @ chance
         return Fit(
             RESPONSE,
             vignette,
             Effects(),
             parameters,
             covariance,
-            covariance,
+            chance,
             ErrorModel(),
             hyperparameters,
             0.0,

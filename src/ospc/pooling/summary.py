@@ -73,6 +73,9 @@ class Summary:
     triangle, vector
         Lower triangle of A, row by row, and b of the approximation, shapes (p (p + 1) / 2,) and (p,), scaled for
         errors that samples have in common.
+    systematic
+        Lower triangle of A S A, where S is the covariance of errors that more samples do not reduce, shape
+        (p (p + 1) / 2,): what the parts of the recording disagree about, and effects that it cannot tell.
     exposure_range_ms
         Shortest and longest exposure.
     reach
@@ -100,6 +103,7 @@ class Summary:
     estimate: FloatArray
     triangle: FloatArray
     vector: FloatArray
+    systematic: FloatArray
     exposure_range_ms: tuple[float, float]
     reach: float
     standing_still: bool
@@ -111,9 +115,10 @@ class Summary:
     def __post_init__(self) -> None:
         """Refuse arrays that do not belong to the common models."""
         p = PARAMETERS
-        if (self.estimate.shape, self.triangle.shape, self.vector.shape) != ((p,), (p * (p + 1) // 2,), (p,)):
+        arrays = (self.estimate, self.vector, self.triangle, self.systematic)
+        if [values.shape for values in arrays] != 2 * [(p,)] + 2 * [(p * (p + 1) // 2,)]:
             raise ValueError(f"a summary has {p} parameters")
-        if not all(np.isfinite(values).all() for values in (self.estimate, self.triangle, self.vector)):
+        if not all(np.isfinite(values).all() for values in arrays):
             raise ValueError("a summary has values that are not finite")
 
     def check(self) -> None:
@@ -140,19 +145,24 @@ class Summary:
             and all(0 <= variance <= 1 for variance in noise)
             and len(noise) <= LARGEST_GREY
             and max(np.abs(self.estimate).max(), np.abs(self.vector).max(), np.abs(self.triangle).max()) <= _LARGEST
+            and np.abs(self.systematic).max() <= _LARGEST**2
         )
         if not holds:
             raise FormatError("a number of a summary is out of range")
-        information = np.linalg.eigvalsh(self.matrix)
-        if information[0] < -_ROUNDING * max(information[-1], 1.0):
-            raise FormatError("the matrix of a summary is not positive semidefinite")
+        for matrix in (self.matrix, self.systematic_matrix):
+            values = np.linalg.eigvalsh(matrix)
+            if values[0] < -_ROUNDING * max(values[-1], 1.0):
+                raise FormatError("a matrix of a summary is not positive semidefinite")
 
     @property
     def matrix(self) -> FloatArray:
         """A, shape (p, p), symmetric."""
-        full = np.zeros((PARAMETERS, PARAMETERS))
-        full[_TRIANGLE] = self.triangle
-        return np.asarray(full + np.tril(full, -1).T)
+        return _full(self.triangle)
+
+    @property
+    def systematic_matrix(self) -> FloatArray:
+        """A S A, shape (p, p), symmetric."""
+        return _full(self.systematic)
 
     @property
     def rank(self) -> tuple[int, int, str]:
@@ -177,7 +187,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
     fit, observations = inputs.fit, inputs.observations
     if fit is None or observations is None:
         return None
-    matrix, vector, estimate = _information(inputs, fit, observations)
+    matrix, vector, systematic, estimate = _information(inputs, fit, observations)
     support = inputs.grey_range.grey(np.quantile(observations.grey, SUPPORT_QUANTILES))
     return Summary(
         key=_key(first_frames, source),
@@ -191,6 +201,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         estimate=estimate,
         triangle=triangle_of(matrix),
         vector=vector,
+        systematic=triangle_of(systematic),
         exposure_range_ms=inputs.exposure_range_ms,
         reach=0.0 if inputs.standing_still else observations.radial_reach,
         standing_still=inputs.standing_still,
@@ -206,6 +217,12 @@ def triangle_of(matrix: FloatArray) -> FloatArray:
     return np.asarray(((matrix + matrix.T) / 2)[_TRIANGLE])
 
 
+def _full(triangle: FloatArray) -> FloatArray:
+    full = np.zeros((PARAMETERS, PARAMETERS))
+    full[_TRIANGLE] = triangle
+    return np.asarray(full + np.tril(full, -1).T)
+
+
 def joint_range(ranges: Iterable[tuple[float, float]]) -> tuple[float, float]:
     """Return the least and the largest value of ranges."""
     lows, highs = zip(*ranges, strict=True)
@@ -219,23 +236,35 @@ def _key(first_frames: str, source: dict[str, Any]) -> str:
 
 def _information(
     inputs: FitInputs, fit: Fit, observations: ExposedObservations
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return A, b and the estimate in the common parameters."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return A, b, A S A and the estimate in the common parameters."""
     noise = None if observations.pixels_averaged.max() <= 1 else inputs.grey_range.stretched_noise(inputs.noise)
     estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise, effects=fit.effects)
-    estimate = np.concatenate([_response_in_common(fit), _vignette_in_common(fit)])
+    estimate = _in_common(fit, fit.parameters)
     equations = estimator.information(observations, fit, np.concatenate([estimate, fit.effect_parameters]))
     equations = equations.without_last(len(fit.effects), 1 / fit.effects.sigma**2)
-    return equations.information_scale * equations.matrix, equations.information_scale * equations.vector, estimate
+    matrix = equations.information_scale * equations.matrix
+    systematic = matrix @ _systematic_errors(fit)
+    return matrix, equations.information_scale * equations.vector, systematic @ systematic.T, estimate
 
 
-def _response_in_common(fit: Fit) -> FloatArray:
-    return np.interp(RESPONSE.knots, fit.response_basis.grid, fit.response_basis.gamma_of(fit.response_parameters))
+def _systematic_errors(fit: Fit) -> FloatArray:
+    """Return errors of the common parameters that more samples do not reduce, independent columns, shape (p, k)."""
+    curves = fit.vignette_part.stop
+    variance, directions = np.linalg.eigh(fit.covariance[:curves, :curves] - fit.chance[:curves, :curves])
+    in_common = np.stack([_in_common(fit, parameter) for parameter in np.eye(curves)], axis=1)
+    return np.asarray(in_common @ (directions * np.sqrt(np.maximum(variance, 0.0))))
 
 
-def _vignette_in_common(fit: Fit) -> FloatArray:
+def _in_common(fit: Fit, parameters: FloatArray) -> FloatArray:
+    """Return parameters of a fit's curves in the common models."""
+    gamma = fit.response_basis.gamma_of(parameters[: len(fit.response_basis)])
+    response = np.interp(RESPONSE.knots, fit.response_basis.grid, gamma)
+    return np.concatenate([response, _vignette_in_common(fit.vignette_basis, parameters[fit.vignette_part])])
+
+
+def _vignette_in_common(own: VignetteBasis, given: FloatArray) -> FloatArray:
     """Return the vignette's parameters in the common model, radial terms fitted where their number differs."""
-    own, given = fit.vignette_basis, fit.vignette_parameters
     common = np.zeros(len(VIGNETTE))
     if own.free_centre:
         common[VIGNETTE.radial : VIGNETTE.radial + 2] = own.centre(given)
@@ -270,7 +299,10 @@ def without_part(summary: Summary, part: slice, prior_precision: FloatArray) -> 
     # The prior is centred on the recording's own estimate: it only says that the part is free.
     inner_vector = summary.vector[part] + prior_precision[part, part] @ summary.estimate[part]
     carried = np.linalg.solve(inner, whole[part][:, other])
-    matrix, vector = np.zeros((p, p)), np.zeros(p)
+    reduced = np.eye(p)[other]
+    reduced[:, part] -= carried.T
+    matrix, vector, systematic = np.zeros((p, p)), np.zeros(p), np.zeros((p, p))
+    systematic[np.ix_(other, other)] = reduced @ summary.systematic_matrix @ reduced.T
     matrix[np.ix_(other, other)] = whole[np.ix_(other, other)] - whole[other, part] @ carried
     vector[other] = summary.vector[other] - carried.T @ inner_vector
-    return replace(summary, triangle=triangle_of(matrix), vector=vector)
+    return replace(summary, triangle=triangle_of(matrix), vector=vector, systematic=triangle_of(systematic))
