@@ -95,13 +95,14 @@ class Film:
         return _WALL_PX / 2 + wide * (self.speed_px > 0) + shake
 
 
-def found(film: Film, choice: LagChoice = "auto") -> ExposureFindings:
+def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarray | None = None) -> ExposureFindings:
     """Return what a run finds out about the exposures, without the rest of the run."""
     recording, evidence = film.recording(), ExposureEvidence(SIZE)
     preprocess = DefaultSettings().preprocessor()
     for frame in recording:
         evidence.observe(preprocess.thumbnail(frame))
-    return assess_exposures(evidence, np.log(recording.exposures_ms), choice)
+    stated = np.log(recording.exposures_ms) if stated_log_exposure is None else stated_log_exposure
+    return assess_exposures(evidence, stated, choice)
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:

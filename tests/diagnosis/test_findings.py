@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from filmed import Film, found, wandering
 
 from ospc.calibrator import OnlineCalibrator, calibrate
@@ -100,3 +101,12 @@ def test_a_frame_without_an_exposure_hides_nothing_of_the_others() -> None:
     calibrator = OnlineCalibrator()
     assert [calibrator.push(frame) for frame in broken].count(False) == 3
     assert calibrator.exposure_findings().lag_frames == 1
+
+
+@pytest.mark.parametrize("share", [0.15, 0.25])
+def test_exposures_swapped_between_neighbours_are_not_relied_on(share: float) -> None:
+    film = Film(wandering(100, 4))
+    swapped = film.log_exposure.copy()
+    for i in np.random.default_rng(1).permutation(np.arange(1, 100))[: int(share * 100)]:
+        swapped[[i - 1, i]] = swapped[[i, i - 1]]
+    assert found(film, stated_log_exposure=swapped).warnings

@@ -247,8 +247,8 @@ def _assess(changes: BrightnessChanges, written: FloatArray, max_lag: int) -> Ex
 
 
 def _unlike(brightness: BrightnessReport | None, lag: LagEstimate) -> bool:
-    """Return whether exposures that do belong to their frames leave much of the brightness unexplained."""
-    if brightness is None or lag.frames is None:
+    """Return whether exposures leave much of the brightness unexplained, at their lag or at whichever fits best."""
+    if brightness is None or (lag.frames is None and lag.state != "ambiguous"):
         return False
     return brightness.unexplained_share > _UNEXPLAINED_SHARE and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
 
@@ -279,11 +279,11 @@ def _verdicts(
     if lag.state == "no response to exposure":
         silent = f"exposures range over {course.in_words()}, but the brightness of things does not follow them"
         yield Verdict("not identifiable", silent, FIX_METADATA)
-    if lag.frames is None:
+    figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
+    if lag.frames is None and not _unlike(brightness, lag):
         yield _unknown_lag(course, lag)
         return
-    figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
-    if lag.frames != 0:
+    if lag.frames:
         yield Verdict(
             "marginal",
             f"exposures are written {lag_in_words(lag.frames)}; moved back, {figure}",
