@@ -172,7 +172,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "frame0": _count("changes", most=CAPACITY),
         "log_ratio": Numbers(-_LOG, _LOG, ("changes", "bins")),
         "weight": Numbers(0, _LARGEST, ("changes", "bins")),
-        "moved": Numbers(-2, 2, ("changes", "bins", 2)),
+        "moved": Numbers(-3, 3, ("changes", "bins", 4)),
         "found": _share("changes"),
         "radial_motion": Numbers(0, 2, ("changes",), unknown=True),
         "motion_px": Numbers(0, MOST_PIXELS, ("changes",), unknown=True),

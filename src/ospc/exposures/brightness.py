@@ -120,7 +120,8 @@ class BrightnessChange:
     weight
         Number of those places, limited; 0 where there are too few, shape (bins,).
     moved
-        Mean changes of R² and R⁴ over them, R in half diagonals: what a vignette acts through, shape (bins, 2).
+        Mean changes of R², R⁴, x and y over them, in half diagonals: what a vignette acts through, that may be
+        decentred, shape (bins, 4).
     found
         Share of the first frame that is well exposed and was found again in the second.
     radial_motion
@@ -172,7 +173,9 @@ class BrightnessComparer:
         radius0 = _squared_radius((width, height))
         radius1 = values_at(radius0, there)
         squared0, squared1 = radius0[flat], radius1[flat]
-        moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2])
+        half_diagonal = np.float32(np.hypot(width, height) / 2)
+        shift = (there - places)[flat] / half_diagonal
+        moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
         log_ratio, weight, mean_moved = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], moved)
         # Black surrounds and saturated windows would seem to stand still.
         visible = found & first.exposed

@@ -29,7 +29,7 @@ class EvidenceState:
     Attributes
     ----------
     frame0, log_ratio, weight, moved, found, radial_motion, motion_px
-        As in :class:`~ospc.exposures.brightness.BrightnessChange`; shapes (n,), (n, b), (n, b), (n, b, 2), (n,), (n,)
+        As in :class:`~ospc.exposures.brightness.BrightnessChange`; shapes (n,), (n, b), (n, b), (n, b, 4), (n,), (n,)
         and (n,).
     previous
         Number of the last frame processed, -1 before the first.
@@ -150,7 +150,7 @@ class ExposureEvidence:
             np.array([c.frame0 for c in self._changes], dtype=np.int64),
             stacked("log_ratio", bins),
             stacked("weight", bins),
-            stacked("moved", bins, 2),
+            stacked("moved", bins, 4),
             stacked("found"),
             stacked("radial_motion"),
             stacked("motion_px"),

@@ -46,7 +46,7 @@ def response_verdict(
     fit: Fit | None,
     exposure_range_ms: tuple[float, float],
     points: int,
-    ratios: ExposureRatios,
+    unexplained: float,
 ) -> Verdict:
     """Return whether the response is known, and what to record instead where it is not.
 
@@ -60,8 +60,8 @@ def response_verdict(
         Shortest and longest exposure.
     points
         Number of scene points seen.
-    ratios
-        Re-estimated exposure ratios.
+    unexplained
+        Share of a typical change of exposure that the images do not show.
     """
     low, high = exposure_range_ms
     if high < low:
@@ -78,7 +78,7 @@ def response_verdict(
             f"only {counted(points, 'scene point')} could be followed (at least {settings.min_points} are needed)",
             "record a longer sequence of a well-exposed scene with even surfaces and some texture, moving slowly",
         )
-    return response_verdict_of_fit(fit, exposure_range_ms, unexplained_share(ratios))
+    return response_verdict_of_fit(fit, exposure_range_ms, unexplained)
 
 
 def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
@@ -101,7 +101,13 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
 
 
 def vignette_verdict(
-    settings: DefaultSettings, fit: Fit | None, reach: float, standing_still: bool, usable_radius: float = 1.0
+    settings: DefaultSettings,
+    fit: Fit | None,
+    reach: float,
+    standing_still: bool,
+    unexplained: float,
+    *,
+    usable_radius: float = 1.0,
 ) -> Verdict:
     """Return whether the vignette is known, and what to record instead where it is not.
 
@@ -115,6 +121,8 @@ def vignette_verdict(
         Radial displacement that a tenth of the scene points exceed.
     standing_still
         Whether the camera did not move.
+    unexplained
+        Share of a typical change of exposure that the images do not show.
     usable_radius
         Radius in half diagonals that the usable part of the image reaches.
     """
@@ -127,7 +135,7 @@ def vignette_verdict(
             f"({settings.min_radial_reach:g} is needed)",
             _MOVE_RADIALLY,
         )
-    if fit is None:
+    if fit is None or unexplained > _CONTRADICTED:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
     sigma = float(fit.log_vignette_sigma(np.array([usable_radius]))[0])
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"

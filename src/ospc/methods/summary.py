@@ -9,7 +9,7 @@ from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.robust import robust_scale
 from ospc.methods.coverage import coverage_of
 from ospc.methods.effect_findings import contradictions_of, judged, notes_of
-from ospc.methods.identifiability import response_verdict, vignette_verdict
+from ospc.methods.identifiability import response_verdict, unexplained_share, vignette_verdict
 from ospc.methods.inputs import FitInputs
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
@@ -25,9 +25,12 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
     points = 0 if observations is None else len(observations.starts)
     low, high = inputs.grey_range.grey((0.0, 1.0) if observations is None else measured_greys(observations)).tolist()
+    unexplained = unexplained_share(ratios)
     verdicts = {
-        "response": response_verdict(settings, fit, inputs.exposure_range_ms, points, ratios),
-        "vignette": vignette_verdict(settings, fit, reach, inputs.standing_still, inputs.usable_radius),
+        "response": response_verdict(settings, fit, inputs.exposure_range_ms, points, unexplained),
+        "vignette": vignette_verdict(
+            settings, fit, reach, inputs.standing_still, unexplained, usable_radius=inputs.usable_radius
+        ),
     }
     contradictions = () if fit is None else contradictions_of(fit)
     verdicts = {name: judged(verdict, contradictions) for name, verdict in verdicts.items()}

@@ -123,7 +123,9 @@ def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
 def _vignette_verdict(fit: Fit, used: Sequence[Summary], agreed: Agreement) -> Verdict:
     moved = [s for s in used if not agreed.differs(s, "vignette")]
     standing_still = bool(moved) and all(s.standing_still for s in moved)
-    return vignette_verdict(DefaultSettings(), fit, max((s.reach for s in moved), default=0.0), standing_still)
+    unexplained = float(np.median([s.unexplained for s in moved])) if moved else 0.0
+    reach = max((s.reach for s in moved), default=0.0)
+    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained)
 
 
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:

@@ -54,6 +54,11 @@ MAX_DEVIATION_SIGMAS = 6.0
 point of linearisation to where the response is quite another. 3 has no effect on the response; 12 raises κ by a
 quarter and the vignette error by half."""
 
+CONVEX_ROUNDS = 2
+"""Rounds in which every scene point counts, without an earlier fit. The first is linearised at the measured grey
+levels, whose noise makes gamma too small where most pairs have the same exposure. The other pairs, which tell the
+response, would then be outliers. After a second round they are not."""
+
 LATENT_ITERATIONS = 3
 """Rounds of predicting the grey levels from their point's mean and linearising anew. Chosen by hand; no effect from 1
 to 6."""
