@@ -31,7 +31,7 @@ RECORDINGS = {
 
 LIMITS: dict[str, dict[str, float]] = {
     "texture": {"shape": 0.0015, "kappa": 0.002, "vignette": 0.002},
-    "curved": {"shape": 0.003, "kappa": 0.01, "vignette": 0.0033},
+    "curved": {"shape": 0.0035, "kappa": 0.01, "vignette": 0.0033},
     "dark": {"shape": 0.0014, "kappa": 0.0012, "dark": 0.007, "vignette": 0.0034},
     "wide": {"shape": 0.001, "kappa": 0.0024, "vignette": 0.0018},
 }

@@ -4,9 +4,9 @@ The observed change of pair i is the weighted mean over grey bins b of ln M₁/M
 
     d_ib = β_b x_i + a · q_ib + noise,        β_b ≥ 0,
 
-with x_i the change of ln exposure, q_ib the mean changes of R², R⁴, x and y, of which ln of a vignette is about a linear
-combination, and β_b = d ln M/d ln e, the slope of whatever response there is. The noise has a slow part (no scene is
-registered perfectly) and heavy tails: it is an autoregressive process driven by Student's t.
+with x_i the change of ln exposure, q_ib the mean changes of R², R⁴, x and y, of which ln of a vignette is about a
+linear combination, and β_b = d ln M/d ln e, the slope of whatever response there is. The noise has a slow part (no
+scene is registered perfectly) and heavy tails: it is an autoregressive process driven by Student's t.
 """
 
 from __future__ import annotations
