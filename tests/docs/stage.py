@@ -12,10 +12,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from command_line import leave_out
 from ospc.arrays import Image
 from ospc.cli.main import cli
 from ospc.recording import open_recording
@@ -97,7 +99,9 @@ def _simulated(**changes: object) -> Callable[[Stage, Path], None]:
 def _calibrated(recording: str) -> Callable[[Stage, Path], None]:
     def make(stage: Stage, to: Path) -> None:
         stage._ensure(recording, MAKERS[recording])
-        run_command(["calibrate", str(stage.root / recording), "-o", str(to), "--quiet"])
+        with pytest.MonkeyPatch.context() as patch:
+            leave_out(patch, "draw", "report")
+            run_command(["calibrate", str(stage.root / recording), "-o", str(to), "--quiet"])
 
     return make
 
