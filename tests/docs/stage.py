@@ -205,9 +205,9 @@ def _broken_files(_: Stage, to: Path) -> None:
 MAKERS: dict[str, Callable[[Stage, Path], None]] = {
     "my_recording": _simulated(),
     "my_camera": _calibrated("my_recording"),
-    "second_recording": _simulated(seed=2),
+    "second_recording": _simulated(seed=2, scene_seed=1),
     "other_camera": _calibrated("second_recording"),
-    "late_recording": _simulated(exposure="auto", lag=1, seed=3),
+    "late_recording": _simulated(exposure="auto", lag=1, seed=3, scene_seed=1),
     "tripod_series": _simulated(motion="static"),
     "brackets": _brackets,
     "constant_exposure": _simulated(exposure="constant", exposures_ms=(8.0,)),
