@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
 # Workers and the processes they start share the processor: their matrices are small, and threads only get in each
@@ -16,12 +17,16 @@ import pytest
 from hypothesis import settings
 
 import browser
+from ospc.simulation import scene
 
 # How long an example takes says something about the machine, not about the property; and what is tested is the same
 # everywhere: to look for more, run with --hypothesis-seed and other profiles.
 settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.load_profile("repeatable")
 
+
+# Tests film the same few rooms in turn, and each takes longer to build than a short recording to film.
+scene._room = lru_cache(maxsize=4)(scene._room.__wrapped__)
 
 # What is imported and collected stays to the end. To look through it for garbage, again and again, takes a sixth of
 # the time of all tests.

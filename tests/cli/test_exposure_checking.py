@@ -17,7 +17,7 @@ from command_line import leave_out, ospc
 from ospc.photometry.calibration import Calibration
 from ospc.recording.writing.conversion import convert_recording
 
-FRAMES = 80
+FRAMES = 60
 GREY = np.arange(30, 230) / 255
 
 

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 
@@ -32,6 +33,10 @@ from ospc.live.knowledge import GOAL
 from ospc.pace import Pace
 from ospc.recording import Frame
 from ospc.simulation import SimulationSettings, simulate
+
+needs_main_thread = pytest.mark.skipif(
+    threading.current_thread() is not threading.main_thread(), reason="signals reach only the main thread"
+)
 
 
 @pytest.fixture(scope="module")
@@ -187,12 +192,16 @@ def stalled(recording, tmp_path):
     return tmp_path / "stalled"
 
 
-def live_process(recording, out, begin="", **streams):
-    # The tests themselves may run under nohup, which what they start would inherit.
-    default = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL); "
-    program = f"{default}{begin}from ospc.cli.main import main; main()"
-    words = ["live", str(recording), "-o", str(out), "--no-page"]
-    return subprocess.Popen([sys.executable, "-c", program, *words], **streams)
+def waiting_an_hour(then):
+    """Return a sleep that does something when it is asked to last."""
+    sleep = time.sleep
+
+    def slept(duration_s):
+        if duration_s > 60:
+            then()
+        sleep(duration_s)
+
+    return slept
 
 
 def check_kept(out):
@@ -200,40 +209,66 @@ def check_kept(out):
     assert known["partial"]
     assert known["counts"]["frames"] == 12
     assert (out / "state.ospc").exists()
-    assert (out / "report.html").exists()
 
 
+@needs_main_thread
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signals_end_it_even_while_it_waits_and_keep_what_is_known(stalled, tmp_path, number):
-    running = live_process(stalled, tmp_path / "out", stderr=subprocess.PIPE, text=True)
-    assert running.stderr.readline()  # it films
-    time.sleep(2)
-    running.send_signal(number)
-    assert running.wait(30) == 130
-    running.stderr.close()
+def test_signals_end_it_even_while_it_waits_and_keep_what_is_known(stalled, tmp_path, monkeypatch, number):
+    leave_out(monkeypatch, "draw", "report")
+    soon = threading.Timer(0.2, os.kill, (os.getpid(), number))
+    monkeypatch.setattr(time, "sleep", waiting_an_hour(soon.start))
+    # The tests themselves may run under nohup.
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        assert ospc("live", stalled, "-o", tmp_path / "out", "--no-page").exit_code == 130
+    finally:
+        signal.signal(signal.SIGHUP, before)
     check_kept(tmp_path / "out")
+
+
+@needs_main_thread
+def test_nohup_keeps_it_running(recording, tmp_path, monkeypatch):
+    leave_out(monkeypatch, "draw", "report")
+
+    def hung_up(frames, _pace):
+        for frame in frames:
+            if frame.index == 5:
+                os.kill(os.getpid(), signal.SIGHUP)
+            yield frame
+
+    monkeypatch.setattr("ospc.live.capture.replayed", hung_up)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert ospc("live", recording.path, "-o", tmp_path / "out", "--no-page").exit_code in (0, 3)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert json.loads((tmp_path / "out" / "calibration.json").read_text())["counts"]["frames"] == len(recording)
+
+
+PROGRAM = """
+import fcntl, signal, sys, termios, time
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests themselves may run under nohup
+sleep = time.sleep
+time.sleep = lambda duration_s: (duration_s > 60 and print("waiting", flush=True), sleep(duration_s))
+from ospc.cli.main import main
+main()
+"""
 
 
 def test_a_closed_terminal_ends_it_and_keeps_what_is_known(stalled, tmp_path):
     ours, theirs = os.openpty()
-    own_terminal = "import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
     streams = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
-    running = live_process(stalled, tmp_path / "out", own_terminal, start_new_session=True, **streams)
+    words = ["live", stalled, "-o", tmp_path / "out", "--no-page"]
+    running = subprocess.Popen([sys.executable, "-c", PROGRAM, *words], start_new_session=True, **streams)
     os.close(theirs)
-    assert os.read(ours, 100)  # it films
-    time.sleep(2)
+    shown = b""
+    while b"waiting" not in shown:
+        shown += os.read(ours, 1000)
     os.close(ours)
     assert running.wait(30) == 130
     check_kept(tmp_path / "out")
-
-
-def test_nohup_keeps_it_running(recording, tmp_path):
-    ignored = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); "
-    running = live_process(recording.path, tmp_path / "out", ignored, stderr=subprocess.PIPE, text=True)
-    assert running.stderr.readline()
-    running.send_signal(signal.SIGHUP)
-    assert running.wait(60) in (0, 3)
-    running.stderr.close()
+    assert (tmp_path / "out" / "report.html").exists()
 
 
 @pytest.mark.parametrize("source", ["nothing/there", "a_camera"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ SIZE = (160, 120)
 _WALL_PX = 700
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Film:
     """How the wall is filmed.
 
@@ -95,14 +96,20 @@ class Film:
         return _WALL_PX / 2 + wide * (self.speed_px > 0) + shake
 
 
-def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarray | None = None) -> ExposureFindings:
-    """Return what a run finds out about the exposures, without the rest of the run."""
+@lru_cache(maxsize=8)
+def observed(film: Film) -> tuple[ExposureEvidence, np.ndarray]:
+    """Return what is seen of the exposures, and ln of those stated. Tests ask for the same film many times."""
     recording, evidence = film.recording(), ExposureEvidence(SIZE)
     preprocess = DefaultSettings().preprocessor()
     for frame in recording:
         evidence.observe(preprocess.thumbnail(frame))
-    stated = np.log(recording.exposures_ms) if stated_log_exposure is None else stated_log_exposure
-    return assess_exposures(evidence, stated, choice)
+    return evidence, np.log(recording.exposures_ms)
+
+
+def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarray | None = None) -> ExposureFindings:
+    """Return what a run finds out about the exposures, without the rest of the run."""
+    evidence, stated = observed(film)
+    return assess_exposures(evidence, stated if stated_log_exposure is None else stated_log_exposure, choice)
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:

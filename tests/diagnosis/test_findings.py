@@ -11,6 +11,8 @@ from ospc.recording import Frame
 
 FRAMES = 56
 LATE = Film(wandering(FRAMES), lag=2)
+STALE = Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES))
+RISING = Film(np.linspace(-0.6, 0.6, 60))
 
 
 def test_where_all_is_well_nothing_is_said() -> None:
@@ -48,7 +50,7 @@ def test_a_short_cycle_is_corrected_whichever_lag_it_is() -> None:
 
 
 def test_stale_exposures_are_a_warning() -> None:
-    findings = found(Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES)))
+    findings = found(STALE)
     assert "stale" in findings.warnings[0]
     assert findings.verdict.remedy
     assert findings.corrected_frames == 0
@@ -60,28 +62,25 @@ def test_constant_exposures_that_are_true_are_none() -> None:
 
 
 def test_what_is_open_is_said_without_alarm() -> None:
-    findings = found(Film(np.linspace(-0.6, 0.6, 60)))
+    findings = found(RISING)
     assert findings.lag_frames is None
     assert findings.warnings == ()
     assert "not certain" in findings.notes[0]
 
 
 def test_a_lag_that_is_stated_settles_what_only_the_images_left_open() -> None:
-    rising = Film(np.linspace(-0.6, 0.6, 60))
-    stated = found(rising, 0)
+    stated = found(RISING, 0)
     assert (stated.verdict.state, stated.notes, stated.warnings) == ("identifiable", (), ())
     assert "as stated" in stated.verdict.reason
-    stale = found(Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES)), 0)
-    assert "stale" in stale.warnings[0]
+    assert "stale" in found(STALE, 0).warnings[0]
 
 
 def test_photographs_hold_their_own_exposures_so_that_none_can_be_late() -> None:
-    rising = Film(np.linspace(-0.6, 0.6, 60))
-    recording = rising.recording()
+    recording = RISING.recording()
     assert OnlineCalibrator.of(recording).correct_lag == "auto"
     object.__setattr__(recording, "kind", "exif_photos")
     assert OnlineCalibrator.of(recording).correct_lag == 0
-    assert found(rising).verdict.state == "marginal"
+    assert found(RISING).verdict.state == "marginal"
     assert calibrate(recording).verdicts["exposures"].state == "identifiable"
 
 

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from filmed import SIZE, Film, jumping, wandering
+from filmed import Film, jumping, observed, wandering
 
 from ospc.exposures.brightness import BrightnessChange
-from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.lag_change import lag_change
-from ospc.settings import DefaultSettings
 
 FRAMES, SWITCH = 200, 120
 CLOUD = -0.4 * np.exp(-(((np.arange(FRAMES) - 130) / 25) ** 2))
+WANDERING, JUMPING = (Film(course(FRAMES, 5)) for course in (wandering, jumping))
 
 
 def changes(film: Film) -> tuple[BrightnessChange, ...]:
     """Return the changes of brightness of a film."""
-    evidence, preprocess = ExposureEvidence(SIZE), DefaultSettings().preprocessor()
-    for frame in film.recording():
-        evidence.observe(preprocess.thumbnail(frame))
-    return evidence.changes
+    return observed(film)[0].changes
 
 
 def stated(true: np.ndarray, before: int, after: int) -> np.ndarray:
@@ -30,10 +26,9 @@ def stated(true: np.ndarray, before: int, after: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("before", "after"), [(0, 2), (0, -1), (2, 0), (1, 3)])
-@pytest.mark.parametrize("course", [wandering, jumping])
-def test_it_is_found_with_its_size_and_about_its_frame(course, before: int, after: int) -> None:
-    true = course(FRAMES, 5)
-    change = lag_change(changes(Film(true)), stated(true, before, after), before)
+@pytest.mark.parametrize("film", [WANDERING, JUMPING], ids=["wandering", "jumping"])
+def test_it_is_found_with_its_size_and_about_its_frame(film: Film, before: int, after: int) -> None:
+    change = lag_change(changes(film), stated(film.log_exposure, before, after), before)
     assert change is not None
     assert change.later_frames == after - before
     assert SWITCH - 10 <= change.frame <= SWITCH + 15
@@ -55,6 +50,5 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
 
 
 def test_a_few_frames_prove_nothing() -> None:
-    true = wandering(FRAMES, 5)
-    few = [change for change in changes(Film(true)) if change.frame0 >= FRAMES - 20]
-    assert lag_change(few, stated(true, 0, 2), 0) is None
+    few = [change for change in changes(WANDERING) if change.frame0 >= FRAMES - 20]
+    assert lag_change(few, stated(WANDERING.log_exposure, 0, 2), 0) is None

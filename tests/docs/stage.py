@@ -12,10 +12,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from command_line import leave_out
 from ospc.arrays import Image
 from ospc.cli.main import cli
 from ospc.recording import open_recording
@@ -23,7 +25,7 @@ from ospc.simulation import SimulationSettings, simulate
 
 _SMALL = SimulationSettings(
     size=(256, 192),
-    frames=20,
+    frames=16,
     exposure="sweep",
     exposure_min_ms=2.0,
     exposure_max_ms=24.0,
@@ -97,7 +99,9 @@ def _simulated(**changes: object) -> Callable[[Stage, Path], None]:
 def _calibrated(recording: str) -> Callable[[Stage, Path], None]:
     def make(stage: Stage, to: Path) -> None:
         stage._ensure(recording, MAKERS[recording])
-        run_command(["calibrate", str(stage.root / recording), "-o", str(to), "--quiet"])
+        with pytest.MonkeyPatch.context() as patch:
+            leave_out(patch, "draw", "report")
+            run_command(["calibrate", str(stage.root / recording), "-o", str(to), "--quiet"])
 
     return make
 
@@ -201,9 +205,9 @@ def _broken_files(_: Stage, to: Path) -> None:
 MAKERS: dict[str, Callable[[Stage, Path], None]] = {
     "my_recording": _simulated(),
     "my_camera": _calibrated("my_recording"),
-    "second_recording": _simulated(seed=2),
+    "second_recording": _simulated(seed=2, scene_seed=1),
     "other_camera": _calibrated("second_recording"),
-    "late_recording": _simulated(exposure="auto", lag=1, seed=3),
+    "late_recording": _simulated(exposure="auto", lag=1, seed=3, scene_seed=1),
     "tripod_series": _simulated(motion="static"),
     "brackets": _brackets,
     "constant_exposure": _simulated(exposure="constant", exposures_ms=(8.0,)),

@@ -14,6 +14,7 @@ from documented_code import DOCS, ROOT, Block, blocks, pages
 from stage import Stage, run_command
 
 from command_line import leave_out
+from ospc.batch.local import ThisProcess
 from ospc.cli.main import cli
 from ospc.correspondence.features import EXTRACTORS
 from ospc.correspondence.registration import REGISTRARS
@@ -28,6 +29,10 @@ RUN = [
     for page in [*pages(), README]
     if page not in ELSEWHERE and any(not b.not_run and (b.commands or b.language == "python") for b in blocks(page))
 ]
+
+
+FEWER_FRAMES = {"demo": ["--frames", "8"], "simulate": ["--frames", "24"]}
+"""The last option of a name counts. What comes of as many frames as a page says, other tests tell."""
 
 
 @pytest.fixture(scope="session")
@@ -73,8 +78,10 @@ def _run(block: Block, names: dict[str, object]) -> None:
     for number, words in enumerate(commands):
         arguments, output = (words[:-2], words[-1]) if ">" in words else (words, "")
         with pytest.MonkeyPatch.context() as patch:
-            # Pictures and reports take most of the time, and have tests of their own.
+            # Pictures, reports and other processes take most of the time, and have tests of their own.
             leave_out(patch, *(["draw"] if words[0] == "report" else ["draw", "report"]))
+            patch.setattr("ospc.batch.local.Processes", lambda _count: ThisProcess())
+            arguments = [*arguments, *FEWER_FRAMES.get(words[0], [])]
             printed = run_command(arguments, block.exit_codes if number == len(commands) - 1 else (0, 3))
         if output:
             Path(output).write_text(printed, encoding="utf-8")

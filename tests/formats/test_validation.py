@@ -304,7 +304,7 @@ def test_vignette_without_response_is_noted(folder):
         (
             "tum_vi_vignette_fisheye_512.png",
             "dso",
-            [("note", "512x512"), ("warning", "16891 are, in a surround"), ("warning", "209 pixels")],
+            [("note", "512x512"), ("warning", "16891 pixels of 0 in a surround"), ("warning", "209 pixels")],
         ),
         ("tum_vi_times.txt", "dso", [("warning", "32 bits"), ("note", "5990 lines")]),
         ("camera_narrow.txt", "dso", [("error", "line 3")]),

@@ -8,7 +8,7 @@ import pytest
 from ospc import OnlineCalibrator, open_recording
 from ospc.simulation import SimulationSettings, simulate
 
-SIZE = (320, 240)
+SIZE = (240, 180)
 FRAMES = 40
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,9 @@ def tiny_room(tmp_path_factory) -> Path:
     return place
 
 
-@pytest.fixture(autouse=True)
-def no_real_data(monkeypatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def no_real_data() -> Iterator[None]:
     """Keep commands from adding real recordings where the machine has some."""
-    monkeypatch.delenv("OSPC_DATA", raising=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("OSPC_DATA", raising=False)
+        yield

@@ -70,7 +70,7 @@ def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, unint
     assert as_text(pushed(recording, calibrator)) == uninterrupted
 
 
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(gone=st.integers(0, 47))
 def test_saved_after_the_recording_was_removed_it_ends_the_same(recording, uninterrupted, tmp_path_factory, gone):
     """From a frame on, none can be read, as when a disk is pulled out; later they are back."""

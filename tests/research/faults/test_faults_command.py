@@ -19,7 +19,9 @@ def invoke(*arguments: object):
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("faults")
     options = ("-o", out, "--frames", 30, "--recordings", 1, "--only", "reciprocal", "--strength", "medium")
-    return options, out, invoke(*options)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ospc.research.faults.recordings.SIZE", (160, 120))
+        yield options, out, invoke(*options)
 
 
 def test_leaves_tables_and_figures(finished):
