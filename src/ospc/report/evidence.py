@@ -75,7 +75,7 @@ def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
     axes.set(xlabel="exposure ratio k by the metadata", ylabel="k from the images")
     logarithmic(axes, "x", low, high)
     logarithmic(axes, "y", low, high * (high / low) ** 0.45)  # room for the legend
-    title = f"median |Δ ln k| of {counted(ratios.metadata.size, 'pair')}: {ratios.misfit:.2g}"
+    title = f"median |Δ ln k| of all {counted(ratios.metadata.size, 'pair')}: {ratios.misfit:.2g}"
     axes.legend(loc="upper left", title=title, title_fontsize=8, alignment="left")
     return axes
 
