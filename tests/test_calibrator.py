@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -31,7 +32,7 @@ class Noting:
     def __init__(self, size, max_grey):
         self.size, self.max_grey, self.frames = size, max_grey, []
 
-    wants_every_frame = False
+    longest_pause = sys.maxsize
 
     def compare(self, brightness, exposures):
         return None

@@ -124,7 +124,7 @@ class Engine:
             self._sampler.skip()
             used = False
         except RecordingError:
-            self._exposures.table = self._exposures.table.until(number)
+            self._exposures.take_back(number)
             raise
         except BaseException:
             self._half_taken = frame.name
@@ -161,7 +161,7 @@ class Engine:
             change = self._change_of_lag(change) or change
         if change is not None:
             method = self._begin_epoch(method, change)
-        self._sampler.advance(pauses=not method.wants_every_frame)
+        self._sampler.advance(method.longest_pause)
         exposures.reassess()
 
     @_one_thread_at_a_time
@@ -376,7 +376,7 @@ class Engine:
 
     def _foresee(self) -> None:
         """Leave a copy of what decides on the next frames, for threads that must not wait."""
-        every = self._method is not None and self._method.wants_every_frame
+        every = self._method is not None and self._method.longest_pause == 0
         self._foresight.expect(self._sampler, self._size, every=every)
 
     def _recognize(self, frame: Frame) -> None:

@@ -14,9 +14,6 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.errors import SettingError
 from ospc.photometry.grey_range import GreyRange
 
-_REACH_QUANTILE = 0.9
-"""Quantile of the points' radial displacement that stands for all of them: a tenth move further."""
-
 MOMENTS = 3
 """Powers of the grey level whose means are kept: a cubic follows the inverse of any usual response to a few per cent,
 and veiling glare is a few per cent of the mean irradiance."""
@@ -211,10 +208,14 @@ class Observations:
 
     @property
     def radial_reach(self) -> float:
-        """Radial displacement, in half diagonals, that a tenth of the scene points exceed."""
+        """Radial displacement, in half diagonals, of the scene points that tell the vignette.
+
+        They tell it with the square of their displacement: half of what is told comes from points that move farther.
+        """
         radius = np.linalg.norm(self.position, axis=1)
-        reach = np.maximum.reduceat(radius, self.starts) - np.minimum.reduceat(radius, self.starts)
-        return float(np.quantile(reach, _REACH_QUANTILE))
+        reach = np.sort(np.maximum.reduceat(radius, self.starts) - np.minimum.reduceat(radius, self.starts))
+        told = np.cumsum(reach**2)
+        return float(reach[np.searchsorted(told, told[-1] / 2)])
 
     @cached_property
     def starts(self) -> IntArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.image_circle import ImageCircle
-from ospc.correspondence.keyframe_selection import AGES, KeyframeSelectorState
+from ospc.correspondence.keyframe_selection import AGES, MOST_TRIALS, KeyframeSelectorState
 from ospc.correspondence.noise_estimation import BINS as NOISE_BINS
 from ospc.correspondence.noise_estimation import REMEMBERED as REMEMBERED_NOISE
 from ospc.correspondence.noise_estimation import NoiseEstimator
@@ -199,14 +199,10 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
     KeyframeSelectorState: {
         "frames": _count("kept"),
-        "orders": _count("kept"),
         "uses": _count("kept"),
         "log_exposure": Numbers(-_LOG, _LOG, ("kept",)),
-        "added": COUNT,
         "selections": COUNT,
-        "overlap": _share(AGES),
-        "motion": Numbers(0, 2, (AGES,)),
-        "trials": Numbers(0, _LARGEST, (AGES,)),
+        "seen": Numbers(0, 2 * MOST_TRIALS, (4, AGES)),
     },
     Reservoir: {"capacity": ELSEWHERE, "_parts": ELSEWHERE, "_halvings": Numbers(0, 64), "points": ELSEWHERE},
     StaticSeries: {
@@ -374,7 +370,7 @@ def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: De
     kept = method.keyframes
     _require(len(kept.frames) <= settings.keyframes, "there are more keyframes than its settings allow")
     _require(np.all(kept.frames < frames), "keyframes are of frames that were not there")
-    _require(np.all(kept.orders < kept.added), "keyframes were added in the future")
+    _require(np.all(np.diff(kept.frames) > 0), "keyframes are not in their order")
     _check_reservoir(method.reservoir, frames, settings)
     if method.series is not None:
         _check_series(method.series, run, settings)

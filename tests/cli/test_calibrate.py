@@ -44,7 +44,7 @@ class Method:
     at_frame: dict[int, object] = {}  # noqa: RUF012 (replaced by tests, never changed)
     at_the_end = None
 
-    wants_every_frame = True
+    longest_pause = 0
 
     def push(self, frame, prepared, exposures):
         happening = self.at_frame.get(frame.index)

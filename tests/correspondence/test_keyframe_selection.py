@@ -54,7 +54,7 @@ def test_ages_of_the_keyframes_grow_geometrically(count):
 
 
 def test_there_is_no_keyframe_for_the_first_frame():
-    assert KeyframeSelector().select(0.0) is None
+    assert KeyframeSelector().select(0, 0.0) is None
 
 
 def with_exposures(log_exposures, **limits):
@@ -64,18 +64,18 @@ def with_exposures(log_exposures, **limits):
     return keyframes
 
 
-def test_every_second_selection_goes_for_the_change_of_exposure():
+def test_every_third_selection_goes_for_the_change_of_exposure():
     keyframes = with_exposures([0.0, 0.1, 0.9, 0.1, 0.0])
-    assert [keyframes.select(0.0).number for _ in range(2)][1] == 2
+    assert [keyframes.select(5, 0.0).number for _ in range(3)][2] == 2
 
 
 def test_without_change_of_exposure_older_keyframes_promise_more_motion():
-    assert with_exposures([0.0] * 12).select(0.0).number < 6
+    assert with_exposures([0.0] * 12).select(12, 0.0).number < 6
 
 
 def test_a_keyframe_that_was_used_steps_back_behind_its_equals():
     keyframes = with_exposures([0.5] * 3)
-    assert {keyframes.select(0.0).number for _ in range(6)} == {0, 1, 2}
+    assert {keyframes.select(3, 0.0).number for _ in range(6)} == {0, 1, 2}
 
 
 def test_changes_beyond_the_limit_count_no_more_than_the_limit():
@@ -85,8 +85,8 @@ def test_changes_beyond_the_limit_count_no_more_than_the_limit():
         keyframes.add(one, log_exposure)
     # The newest overlaps best, and a change by e is as good as one by e⁵.
     for _ in range(12):
-        keyframes.learn(frames[0], lost())
-    assert [keyframes.select(0.0).number for _ in range(2)][1] in (0, 4)
+        keyframes.learn(frames[0], 5, lost())
+    assert [keyframes.select(5, 0.0).number for _ in range(3)][2] in (0, 4)
 
 
 def lost():
@@ -100,10 +100,39 @@ def test_ages_at_which_nothing_was_found_again_are_avoided():
         keyframes.add(one, 0.8 * (one.number % 2))
     for _ in range(20):
         for one in frames[:8]:
-            keyframes.learn(one, lost())
+            keyframes.learn(one, 16, lost())
         for one in frames[8:]:
-            keyframes.learn(one, replace(lost(), overlap=0.9, radial_motion=0.05))
-    assert min(keyframes.select(0.0).number for _ in range(8)) >= 8
+            keyframes.learn(one, 16, replace(lost(), overlap=0.9, radial_motion=0.05))
+    assert min(keyframes.select(16, 0.0).number for _ in range(8)) >= 8
+    assert keyframes.best_age <= 8
+
+
+def test_frames_that_are_farther_apart_are_expected_to_overlap_no_more():
+    # Frames of a fast camera: only neighbours overlap. None of the others is worth many attempts.
+    keyframes, attempts = KeyframeSelector(), []
+    for number in range(0, 400, 4):
+        for one in (number, number + 1):
+            selected = keyframes.select(one, 0.0)
+            if selected is not None:
+                attempts.append(one - selected.number)
+                overlaps = attempts[-1] == 1
+                found = replace(lost(), overlap=0.7, radial_motion=0.02) if overlaps else lost()
+                keyframes.learn(selected, one, found)
+            keyframes.add(frame(one), 0.0)
+    # Every second frame has a neighbour to be compared with.
+    assert np.mean(np.array(attempts[100:]) == 1) > 0.45
+    assert keyframes.best_age <= 2
+
+
+def test_a_camera_that_comes_to_rest_is_noticed():
+    keyframes = KeyframeSelector()
+    for number in range(120):
+        if number:
+            selected = keyframes.select(number, 0.0)
+            found = replace(lost(), overlap=0.8, radial_motion=0.01) if number > 60 else lost()
+            keyframes.learn(selected, number, found)
+        keyframes.add(frame(number), 0.0)
+    assert keyframes.best_age > 1
 
 
 @given(st.lists(st.floats(-2, 2), min_size=2, max_size=40), st.floats(-3, 3))
@@ -111,7 +140,7 @@ def test_the_unit_of_exposure_does_not_matter(course, shift):
     def selections(shift):
         keyframes, made = KeyframeSelector(6), []
         for number, log_exposure in enumerate(np.round(course, 3)):
-            found = keyframes.select(log_exposure + shift)
+            found = keyframes.select(number, log_exposure + shift)
             made.append(None if found is None else found.number)
             keyframes.add(frame(number), log_exposure + shift)
         return made

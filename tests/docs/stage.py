@@ -30,6 +30,7 @@ _SMALL = SimulationSettings(
     exposure_min_ms=2.0,
     exposure_max_ms=24.0,
     response="srgb",
+    speed=1.6,
     seed=1,
 )
 

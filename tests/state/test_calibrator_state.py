@@ -163,7 +163,7 @@ def test_everything_a_method_learns_is_in_its_state():
     """An attribute that is neither saved nor made anew would be forgotten silently."""
     made_anew = {"settings", "size", "max_grey", "register", "normalize", "sample", "basis", "series_basis"}
     made_anew |= {"response_sigma", "second"}
-    not_needed = {"inputs", "recalled", "latest"}
+    not_needed = {"inputs", "recalled", "latest", "lost"}
     saved = {"reservoir", "series", "noise", "fit", "motions", "pairs", "circle", "changes", "trusts_stated"}
     method = MaximumLikelihoodMethod(DefaultSettings(), (64, 48), 255)
     known = {name.lstrip("_") for name in vars(method)}

@@ -11,6 +11,7 @@ import numpy as np
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
 from ospc.correspondence.registration import Registration, displacement_at
+from ospc.correspondence.thumbnail_registration import MIN_OVERLAP
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
 
@@ -60,7 +61,8 @@ class Samples:
     observations
         Two observations for each scene point.
     overlap
-        Share of the places on the grid that the registration found again.
+        Share of the places on the grid that the registration found again; 0 where the views have too little in
+        common.
     radial_motion
         Root mean square of R₀ − R₁ of the places found again.
     motion_px
@@ -71,6 +73,15 @@ class Samples:
     overlap: float
     radial_motion: float
     motion_px: float
+
+
+NOTHING_FOUND = Samples(
+    Observations.of_pairs([], [], np.empty((0, 2)), np.empty((0, 2)), 0, 0),
+    overlap=0.0,
+    radial_motion=0.0,
+    motion_px=float("nan"),
+)
+"""What comparing two views gives that have too little in common."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +150,8 @@ class FlatSampler:
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement
         found = (forward_backward_error < self.max_forward_backward_error_px) & self._inside(frame, places1)
+        if not found.size or found.mean() < MIN_OVERLAP:
+            return NOTHING_FOUND
         gradient0 = keyframe.gradient.astype(np.float64)
         flat = found & (gradient0 < self.max_gradient) & ~keyframe.clipped & self._usable(frame, places1)
         position0, position1 = (
@@ -154,8 +167,8 @@ class FlatSampler:
         second = _End.of_frame(frame, places1[chosen], position1[chosen])
         return Samples(
             _interleaved((first, second), group),
-            float(found.mean()) if found.size else 0.0,
-            float(np.sqrt(np.mean(radial**2))) if radial.size else 0.0,
+            float(found.mean()),
+            float(np.sqrt(np.mean(radial**2))),
             motion * keyframe.reduction,
         )
 

@@ -66,13 +66,13 @@ class FrameSampler:
         self.number += 1
         self._pause = max(self._pause - 1, 0)
 
-    def advance(self, *, pauses: bool = True) -> None:
+    def advance(self, longest_pause: int = sys.maxsize) -> None:
         """Go on by one frame, which was processed if it was to be.
 
         Parameters
         ----------
-        pauses
-            Whether frames may be skipped now.
+        longest_pause
+            Most frames that may be skipped now.
         """
         self.number += 1
         if self._pause == 0:
@@ -80,8 +80,7 @@ class FrameSampler:
             self.processed += 1
         else:
             self._pause -= 1
-        if not pauses:
-            self._pause = 0
+        self._pause = min(self._pause, longest_pause)
 
     def restart(self) -> None:
         """Begin with all frames again: nothing is known of the camera any more."""

@@ -9,17 +9,27 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.flat_sampling import Keyframe, Samples
 
-AGES = 16
-"""Classes of age, two for each doubling: up to 256 processed frames."""
+AGES = 26
+"""Classes of age in frames, two for each doubling: up to 5800 frames."""
 
-_FIRST_OVERLAP = 0.8
-"""Overlap expected of an age before any comparison: high, so that every age is tried."""
+_FIRST_OVERLAP, _FIRST_MOTION = 0.8, 0.01
+"""Overlap, and radial motion in half diagonals, expected of the youngest class before any comparison. Each further
+class is expected to overlap like the one before, and to have moved in proportion to its age."""
+
+_LARGEST_MOTION = 0.3
+"""Largest radial motion expected, in half diagonals."""
+
+_AGE_STEP = 2.0**0.5
+"""Age of a class over that of the one before."""
 
 _FIRST_TRIALS = 1.5
 """Weight of what is expected before any comparison, in comparisons: the first real ones soon outweigh it."""
 
-_FIRST_MOTION, _LARGEST_MOTION = 0.01, 0.3
-"""Radial motion expected at an age of one frame, in half diagonals, and its limit: it doubles with each class."""
+MOST_TRIALS = 100
+"""Comparisons that count: the camera may move faster or slower than so many ago."""
+
+_RESPONSE_TURN = 3
+"""Every so many selections serve the response, of which a pair tells more than of the vignette."""
 
 _RESPONSE_SHARE = 0.01
 """Worth of a change of exposure, squared, where the vignette is the aim: breaks ties between equal motions."""
@@ -38,7 +48,6 @@ _OLDER_THAN_OLDEST = 1.5
 @dataclass
 class _Kept:
     frame: Keyframe
-    order: int
     log_exposure: float
     uses: int = 0
 
@@ -49,26 +58,22 @@ class KeyframeSelectorState:
 
     Attributes
     ----------
-    frames, orders, uses
-        Of every keyframe: its number, how many keyframes were added before it, and how often it was selected, shape
-        (kept,) each.
+    frames, uses
+        Of every keyframe: its number, and how often it was selected, shape (kept,) each.
     log_exposure
         ln of its exposure when it was added, shape (kept,).
-    added, selections
-        Keyframes added, and selections made, so far.
-    overlap, motion, trials
-        What is known of each class of age, shape (16,) each.
+    selections
+        Selections made so far.
+    seen
+        Of each class of age: the number of comparisons, the sum of their overlap, the number that found the view
+        again, and the sum of their radial motion, the latest counting most, shape (4, 26).
     """
 
     frames: IntArray
-    orders: IntArray
     uses: IntArray
     log_exposure: FloatArray
-    added: int
     selections: int
-    overlap: FloatArray
-    motion: FloatArray
-    trials: FloatArray
+    seen: FloatArray
 
 
 @dataclass
@@ -90,37 +95,42 @@ class KeyframeSelector:
     capacity: int = 20
     max_log_ratio: float = 1.2
     _kept: list[_Kept] = field(default_factory=list, repr=False)
-    _added: int = field(default=0, repr=False)
     _selections: int = field(default=0, repr=False)
-    _overlap: FloatArray = field(default_factory=lambda: np.full(AGES, _FIRST_OVERLAP), repr=False)
-    _motion: FloatArray = field(
-        default_factory=lambda: np.minimum(_FIRST_MOTION * 2.0 ** np.arange(AGES), _LARGEST_MOTION), repr=False
-    )
-    _trials: FloatArray = field(default_factory=lambda: np.full(AGES, _FIRST_TRIALS), repr=False)
+    _seen: FloatArray = field(default_factory=lambda: np.zeros((4, AGES)), repr=False)
 
-    def select(self, log_exposure: float) -> Keyframe | None:
-        """Return the keyframe to compare a frame of this ln exposure with; None where there is none yet."""
+    def select(self, number: int, log_exposure: float) -> Keyframe | None:
+        """Return the keyframe to compare a frame of this number and ln exposure with; None where there is none."""
         if not self._kept:
             return None
         self._selections += 1
-        for_response = self._selections % 2 == 0
-        best = max(self._kept, key=lambda kept: self._worth(kept, log_exposure, for_response))
+        change = np.array([min(abs(kept.log_exposure - log_exposure), self.max_log_ratio) for kept in self._kept])
+        overlap, motion = self._expected()
+        age = _age_class(number - np.array([kept.frame.number for kept in self._kept]))
+        for_response = self._selections % _RESPONSE_TURN == 0
+        gain = change**2 if for_response else motion[age] ** 2 + _RESPONSE_SHARE * change**2
+        uses = np.array([kept.uses for kept in self._kept])
+        worth = (gain + _LEAST_WORTH) * overlap[age] ** _OVERLAP_POWER / (1 + uses)
+        best = self._kept[int(np.argmax(worth))]
         best.uses += 1
         return best.frame
 
-    def learn(self, keyframe: Keyframe, samples: Samples) -> None:
-        """Update the expected overlap and radial motion from a comparison of the newest frame."""
-        age = self._age_class(next(kept.order for kept in self._kept if kept.frame is keyframe))
-        self._trials[age] += 1
-        self._overlap[age] += (samples.overlap - self._overlap[age]) / self._trials[age]
-        self._motion[age] += (samples.radial_motion - self._motion[age]) / self._trials[age]
+    @property
+    def best_age(self) -> int:
+        """Age in frames at which a comparison is expected to tell most about the vignette."""
+        overlap, motion = self._expected()
+        return round(_AGE_STEP ** int(np.argmax(motion**2 * overlap**_OVERLAP_POWER)))
+
+    def learn(self, keyframe: Keyframe, number: int, samples: Samples) -> None:
+        """Update the expected overlap and radial motion from a comparison with the frame of this number."""
+        age = _age_class(number - keyframe.number)
+        self._seen *= 1 - 1 / MOST_TRIALS
+        self._seen[:, age] += (1, samples.overlap, samples.overlap > 0, samples.radial_motion)
 
     def add(self, frame: Keyframe, log_exposure: float) -> None:
         """Keep a frame as a keyframe, and drop the least useful one if there are too many."""
-        self._kept.append(_Kept(frame, self._added, log_exposure))
-        self._added += 1
+        self._kept.append(_Kept(frame, log_exposure))
         if len(self._kept) > self.capacity:
-            ages = self._added - np.array([k.order for k in self._kept], dtype=np.float64)
+            ages = 1 + frame.number - np.array([k.frame.number for k in self._kept], dtype=np.float64)
             # Without a keyframe its neighbours become adjacent: drop where that leaves the smallest step in ln age.
             # The newer half stays: only these can become old at other ages.
             step = np.log(np.append(ages[0] * _OLDER_THAN_OLDEST, ages[:-2])) - np.log(ages[1:])
@@ -134,14 +144,10 @@ class KeyframeSelector:
         """Return everything needed to continue with :meth:`restore` and :meth:`recall`."""
         return KeyframeSelectorState(
             np.array([k.frame.number for k in self._kept], dtype=np.int64),
-            np.array([k.order for k in self._kept], dtype=np.int64),
             np.array([k.uses for k in self._kept], dtype=np.int64),
             np.array([k.log_exposure for k in self._kept], dtype=np.float64),
-            self._added,
             self._selections,
-            self._overlap.copy(),
-            self._motion.copy(),
-            self._trials.copy(),
+            self._seen.copy(),
         )
 
     def restore(self, state: KeyframeSelectorState) -> None:
@@ -152,25 +158,30 @@ class KeyframeSelector:
         ValueError
             If its arrays do not fit each other.
         """
-        tables = (state.overlap, state.motion, state.trials)
-        lengths = {len(state.frames), len(state.orders), len(state.uses), len(state.log_exposure)}
-        if any(table.shape != (AGES,) for table in tables) or len(lengths) != 1:
+        lengths = {len(state.frames), len(state.uses), len(state.log_exposure)}
+        if state.seen.shape != self._seen.shape or len(lengths) != 1:
             raise ValueError("the state of the keyframe selection has tables of the wrong length")
-        self._kept, self._added, self._selections = [], state.added, state.selections
-        self._overlap, self._motion, self._trials = (table.copy() for table in tables)
+        self._kept, self._selections = [], state.selections
+        self._seen = state.seen.copy()
 
     def recall(self, frame: Keyframe, state: KeyframeSelectorState) -> None:
         """Keep a frame again that was a keyframe when the state was taken; any other is ignored."""
         for at in np.flatnonzero(state.frames == frame.number):
-            order, uses = int(state.orders[at]), int(state.uses[at])
-            self._kept.append(_Kept(frame, order, float(state.log_exposure[at]), uses))
-        self._kept.sort(key=lambda kept: kept.order)
+            self._kept.append(_Kept(frame, float(state.log_exposure[at]), int(state.uses[at])))
+        self._kept.sort(key=lambda kept: kept.frame.number)
 
-    def _worth(self, kept: _Kept, log_exposure: float, for_response: bool) -> float:
-        age = self._age_class(kept.order)
-        change = min(abs(kept.log_exposure - log_exposure), self.max_log_ratio)
-        gain = change**2 if for_response else self._motion[age] ** 2 + _RESPONSE_SHARE * change**2
-        return float((gain + _LEAST_WORTH) * self._overlap[age] ** _OVERLAP_POWER / (1 + kept.uses))
+    def _expected(self) -> tuple[FloatArray, FloatArray]:
+        """Return the overlap and the radial motion expected of every class of age, shape (26,) each."""
+        expected = np.empty((2, AGES))
+        overlap, motion = _FIRST_OVERLAP, _FIRST_MOTION
+        for age, (trials, overlaps, successes, motions) in enumerate(self._seen.T):
+            overlap = (_FIRST_TRIALS * overlap + overlaps) / (_FIRST_TRIALS + trials)
+            motion = (_FIRST_TRIALS * motion + motions) / (_FIRST_TRIALS + successes)
+            expected[:, age] = overlap, motion
+            motion = min(motion * _AGE_STEP, _LARGEST_MOTION)
+        return expected[0], expected[1]
 
-    def _age_class(self, order: int) -> int:
-        return min(int(2 * np.log2(max(self._added - order, 1))), AGES - 1)
+
+def _age_class(frames: IntArray | int) -> IntArray:
+    """Return the class of an age in frames."""
+    return np.minimum((2 * np.log2(np.maximum(frames, 1))).astype(np.int64), AGES - 1)

@@ -111,7 +111,7 @@ def _check_observable(observations: ExposedObservations, settings: DefaultSettin
         )
     if vignette and observations.radial_reach < settings.min_radial_reach:
         raise NotObservableError(
-            f"nine in ten scene points move radially by less than {observations.radial_reach:.3f} of the half "
-            f"diagonal ({settings.min_radial_reach:g} is needed for the vignette); add pairs of frames between which "
-            "the camera turned, or pass vignette=False"
+            f"scene points move radially by {observations.radial_reach:.3f} of the half diagonal "
+            f"({settings.min_radial_reach:g} is needed for the vignette); add pairs of frames between which the "
+            "camera turned, or pass vignette=False"
         )

@@ -10,6 +10,7 @@ import numpy as np
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import (
+    MIN_OVERLAP,
     ThumbnailRegistration,
     exposed_in_both,
     pixel_places,
@@ -159,6 +160,10 @@ class BrightnessComparer:
     def __call__(self, first: Thumbnail, second: Thumbnail) -> BrightnessChange:
         """Compare two frames."""
         there, found = self._register(first, second)
+        # Black surrounds and saturated windows would seem to stand still.
+        visible = found & first.exposed
+        if np.count_nonzero(visible) < MIN_OVERLAP * np.count_nonzero(first.exposed):
+            return _nothing_in_common(first.frame, second.frame)
         grey1 = values_at(second.grey, there)
         mean = np.sqrt(np.maximum(first.grey * grey1, _DARKEST**2))
         steep = np.maximum(first.gradient, values_at(second.gradient, there))
@@ -177,8 +182,6 @@ class BrightnessComparer:
         shift = (there - places)[flat] / half_diagonal
         moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
         log_ratio, weight, mean_moved = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], moved)
-        # Black surrounds and saturated windows would seem to stand still.
-        visible = found & first.exposed
         radial_motion = np.abs(np.sqrt(radius1[visible][::_SPARSE]) - np.sqrt(radius0[visible][::_SPARSE]))
         structured = visible & (first.gradient > _MIN_STRUCTURE)
         distance = _length((there - places)[structured][::_SPARSE])
@@ -193,6 +196,14 @@ class BrightnessComparer:
             float(np.median(distance)) * self._size[0] / width if distance.size >= _MIN_PIXELS else float("nan"),
             _samples(first, second, places[flat], there[flat], (width, height)),
         )
+
+
+def _nothing_in_common(frame0: int, frame1: int) -> BrightnessChange:
+    bins = len(GREY_BINS) - 1
+    none = np.zeros(bins)
+    return BrightnessChange(
+        frame0, frame1, none, none, np.zeros((bins, 4)), 0.0, 0.0, float("nan"), PixelSamples.none()
+    )
 
 
 @cache

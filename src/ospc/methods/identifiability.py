@@ -131,7 +131,7 @@ def vignette_verdict(
     if reach < settings.min_radial_reach:
         return Verdict(
             "not identifiable",
-            f"nine in ten scene points move radially by less than {reach:.3f} of the half diagonal "
+            f"scene points move radially by {reach:.3f} of the half diagonal "
             f"({settings.min_radial_reach:g} is needed)",
             _MOVE_RADIALLY,
         )

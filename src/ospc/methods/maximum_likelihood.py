@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.correspondence.flat_sampling import FlatSampler, Samples
+from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler, Samples
 from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
 from ospc.correspondence.noise_estimation import NoiseEstimator
@@ -102,6 +104,7 @@ class MaximumLikelihoodMethod:
         self._trusts_stated = False
         self._response_sigma: float | None = None
         self._pairs = 0
+        self._lost = False
         self._recalled: KeyframeSelectorState | None = None
         self._inputs: tuple[tuple[int, int, int, GreyRange], FitInputs] | None = None
 
@@ -112,20 +115,23 @@ class MaximumLikelihoodMethod:
         measured = self._second.submit(self._noise.observe, frame)
         self._circle.observe(prepared, frame.mask)
         self._observe_standing_still(frame)
-        keyframe = self._select_keyframe.select(log_exposure)
+        keyframe = self._select_keyframe.select(prepared.number, log_exposure)
+        samples = NOTHING_FOUND
+        self._lost = False
         if keyframe is not None:
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
             registration = self._register(keyframe, prepared, self._normalize, stated)
             samples = self._sample(keyframe, prepared, registration, self._pairs)
-            self._select_keyframe.learn(keyframe, samples)
-            self._accumulate(samples)
+            self._select_keyframe.learn(keyframe, prepared.number, samples)
+            self._lost = samples.overlap == 0
         self._select_keyframe.add(self._sample.keyframe(prepared), log_exposure)
         measured.result()
-        if keyframe is None or self._latest is None:
+        if not len(samples.observations):
             return None
+        self._accumulate(samples)
         if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
             self._refine(exposures)
-        return self._proven(self._latest, exposures)
+        return self._proven(samples.observations, exposures)
 
     def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
         """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""
@@ -151,10 +157,15 @@ class MaximumLikelihoodMethod:
         return later
 
     @property
-    def wants_every_frame(self) -> bool:
-        """Whether no frame may be skipped: in the short series of a camera that stands still, or on a suspicion."""
+    def longest_pause(self) -> int:
+        """Most frames to skip: none in the short series of a camera that stands still, or on a suspicion.
+
+        A frame that had too little in common with its keyframe is followed by one that will have more with it.
+        """
         series_goes_on = self._series_stands_in and self._series is not None and not self._series.full
-        return series_goes_on or self._changes.is_watching
+        if series_goes_on or self._changes.is_watching:
+            return 0
+        return self._select_keyframe.best_age - 1 if self._lost else sys.maxsize
 
     @property
     def progress(self) -> Progress:

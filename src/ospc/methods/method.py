@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -92,9 +93,9 @@ class Method(Protocol):
         return None
 
     @property
-    def wants_every_frame(self) -> bool:
-        """Whether no frame may be skipped now."""
-        return False
+    def longest_pause(self) -> int:
+        """Most frames that may be skipped now."""
+        return sys.maxsize
 
     def split(self, number: int) -> Method:
         """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""

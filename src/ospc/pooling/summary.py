@@ -79,7 +79,7 @@ class Summary:
     exposure_range_ms
         Shortest and longest exposure.
     reach
-        Radial displacement, in half diagonals, that a tenth of the scene points exceed.
+        Radial displacement, in half diagonals, of the scene points that tell the vignette.
     standing_still
         Whether the camera did not move.
     support

@@ -178,7 +178,7 @@ class DefaultSettings:
     min_log_exposure_change
         Smallest ln ratio of the extreme exposures from which a response is estimated.
     min_radial_reach
-        Radial displacement, in half diagonals, that a tenth of the scene points must exceed for a vignette.
+        Smallest radial displacement, in half diagonals, of the scene points that tell the vignette.
     """
 
     frames_per_slowdown: int = 60
