@@ -150,9 +150,10 @@ class MaximumLikelihoodEstimator:
             )
             model = own._latent_model(fit.parameters, fit.errors, fit.texture_share, trusted=True)
             log_gain = own._log_gain(fit.parameters, observations, fit.response_basis.index_of(observations.grey))
-            latent = model(observations, log_gain, np.ones(len(observations)))
-            latent = model(observations, log_gain, _redescending(latent, _unclipped(latent, model.pixel_noise))[0])
-            weight, sandwich_factor = _redescending(latent, _unclipped(latent, model.pixel_noise))
+            weight: FloatArray = np.ones(len(observations))
+            for _ in range(2):  # the second time with radiances that outliers no longer draw to themselves
+                latent = model(observations, log_gain, weight)
+                weight, sandwich_factor = _redescending(latent, _unclipped(latent, model.pixel_noise))
             # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
             here = self.response_basis.log_of(about[: len(self.response_basis)])
             latent = replace(latent, linear_log=latent.linear_log + (here - model.log_response)[latent.index])

@@ -97,6 +97,10 @@ class ExposureAssessment:
         """Expect frames of a width and height in pixels."""
         self.evidence = ExposureEvidence(size)
 
+    def take_back(self, number: int) -> None:
+        """Forget the exposures written beside the frames from a number on."""
+        self.table = self.table.until(number)
+
     def observe(self, frame: Thumbnail, ahead: ComparedAhead | None = None) -> BrightnessChange | None:
         """Compare a frame with the one before, unless that was done ahead; return what that gave."""
         assert self.evidence is not None

@@ -237,9 +237,10 @@ def _assess(changes: BrightnessChanges, written: FloatArray, max_lag: int) -> Ex
     lag = estimate_lag(changes, exposures_ms, max_lag)
     brightness = brightness_report(lag, exposures_ms)
     few = brightness is None and len(written) < _FEW_FRAMES
-    verdict = next(_verdicts(course, lag, brightness, len(written)))
+    unlike = _unlike(brightness, lag)
+    verdict = next(_verdicts(course, lag, brightness, len(written), unlike=unlike))
     late = bool(lag.candidates) and 0 not in lag.candidates
-    contradicted = not verdict.known or late or _unlike(brightness, lag)
+    contradicted = not verdict.known or late or unlike
     warnings = (verdict.reason,) if contradicted and not few else ()
     open_question = lag.frames is None and verdict.state == "marginal" and not few and not warnings
     notes = (f"whether exposures belong to their frames is not certain: {verdict.reason}",) if open_question else ()
@@ -254,7 +255,7 @@ def _unlike(brightness: BrightnessReport | None, lag: LagEstimate) -> bool:
 
 
 def _verdicts(
-    course: ExposureReport, lag: LagEstimate, brightness: BrightnessReport | None, frames: int
+    course: ExposureReport, lag: LagEstimate, brightness: BrightnessReport | None, frames: int, *, unlike: bool
 ) -> Iterator[Verdict]:
     """Give the verdicts that hold, the one that matters most first."""
     if brightness is None and frames < _FEW_FRAMES:
@@ -280,19 +281,18 @@ def _verdicts(
         silent = f"exposures range over {course.in_words()}, but the brightness of things does not follow them"
         yield Verdict("not identifiable", silent, FIX_METADATA)
     figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
-    if lag.frames is None and not _unlike(brightness, lag):
+    if unlike and not lag.frames:
+        rest = _percent(brightness.unexplained_rms_log)
+        yield Verdict(
+            "marginal", f"exposures fit badly: only {figure}; the rest changes by {rest} a frame", FIX_METADATA
+        )
+    if lag.frames is None:
         yield _unknown_lag(course, lag)
-        return
     if lag.frames:
         yield Verdict(
             "marginal",
             f"exposures are written {lag_in_words(lag.frames)}; moved back, {figure}",
             f"leave --correct-lag at auto, or set it to {lag.frames}",
-        )
-    if _unlike(brightness, lag):
-        rest = _percent(brightness.unexplained_rms_log)
-        yield Verdict(
-            "marginal", f"exposures fit badly: only {figure}; the rest changes by {rest} a frame", FIX_METADATA
         )
     yield Verdict("identifiable", f"exposures belong to their frames: {figure}")
 

@@ -18,7 +18,7 @@ __all__ = ["MAX_LAG", "LagEstimate", "LagState", "estimate_lag"]
 MAX_LAG = 5
 """Largest lag tried, either way, in frames: one to three are common, and each more costs a fit and a rival."""
 
-_MIN_PAIRS = 20
+MIN_PAIRS = 20
 """Fewest pairs of frames that lags are fitted to: a fit has about twelve unknowns, and to fewer pairs any lag
 fits."""
 
@@ -88,7 +88,7 @@ def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int
     last = len(exposures_ms) - 1
     inner = seen.where((seen.frame - max_lag >= 0) & (seen.frame + 1 + max_lag <= last))
     constant = float(np.ptp(log_exposure)) < MIN_LOG_CHANGE
-    if len(inner.driven) < _MIN_PAIRS:
+    if len(inner.driven) < MIN_PAIRS:
         return _unknown("constant exposure" if constant else "too few pairs", lags, inner)
     changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
     if constant or np.abs(changes).max() < _MIN_PAIR_LOG_CHANGE:
@@ -201,7 +201,7 @@ def _over(step: int, seen: BrightnessChanges, trial: Trial) -> LagEstimate | Non
     longer = seen.summed(step)
     fits_in = (longer.frame + trial.lags[0] >= 0) & (longer.frame + step + trial.lags[-1] < len(trial.log_exposure))
     longer = longer.where(fits_in)
-    if len(longer.driven) < _MIN_PAIRS:
+    if len(longer.driven) < MIN_PAIRS:
         return None
     return decide(Trial.of(longer, trial.log_exposure, trial.lags, trial.flickers))
 
@@ -214,7 +214,7 @@ def _with_flicker(trial: Trial) -> Trial:
     any lag leaves unexplained are tried, in long runs of frames only.
     """
     long = trial.seen.where(in_long_runs(trial.seen.frame))
-    if len(long.driven) < _MIN_PAIRS:
+    if len(long.driven) < MIN_PAIRS:
         return trial
     found = trial if len(long) == len(trial.seen) else Trial.of(long, trial.log_exposure, trial.lags)
     for _ in range(_MAX_FLICKERS):

@@ -10,7 +10,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_changes import BrightnessChanges
-from ospc.exposures.lag import MAX_LAG, estimate_lag
+from ospc.exposures.lag import MAX_LAG, MIN_PAIRS, estimate_lag
 from ospc.exposures.lag_decision import MIN_LEAD, USUAL_LAG
 from ospc.exposures.lag_likelihood import fit_exposures
 from ospc.exposures.table import filled
@@ -18,9 +18,6 @@ from ospc.exposures.table import filled
 WATCHED_FRAMES = 400
 """Latest frames in which a change is looked for: twenty seconds at 20 frames/s, in which a few bursts of frames are
 compared even late in a run."""
-
-FEWEST_PAIRS = 20
-"""Pairs of frames before lags are compared at all: a fit has about twelve unknowns."""
 
 FEWEST_BEFORE = 100
 """Pairs of frames before a change: fewer can all be of one passing cloud, which an exposure control follows, so that
@@ -71,7 +68,7 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     watched = BrightnessChanges.of([c for c in changes if c.frame0 >= first])
     frame = watched.frame - first
     latest = replace(watched, frame=frame).where((frame >= reach) & (frame + 1 + reach < len(exposures)))
-    if len(latest.driven) < FEWEST_PAIRS:
+    if len(latest.driven) < MIN_PAIRS:
         return None
     since = _suspicion(latest, exposures, known)
     if since is None or sum(change.frame0 < first + since for change in changes) < FEWEST_BEFORE:
