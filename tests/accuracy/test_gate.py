@@ -29,6 +29,11 @@ def test_response_and_vignette_are_known(run, name):
     assert {verdict.known for verdict in run(name).calibration.verdicts.values()} == {True}
 
 
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_nothing_is_contradicted(run, name):
+    assert run(name).calibration.warnings == ()
+
+
 def test_pairs_compared_before_the_vignette_was_known_are_given_up(run):
     """A whole run can't show it: what these pairs spoil is less than what chance does."""
     found = run("texture").calibration

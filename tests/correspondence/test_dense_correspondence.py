@@ -19,6 +19,7 @@ from ospc.correspondence.registration import (
 )
 from ospc.correspondence.second_thread import SecondThread
 from ospc.errors import SettingError
+from ospc.exposures.brightness import BrightnessComparer
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
@@ -262,6 +263,25 @@ def test_nothing_in_common_makes_no_samples():
     assert len(samples.observations) == 0
     assert samples.overlap == samples.radial_motion == 0
     assert np.isnan(samples.motion_px)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_views_of_different_scenes_make_no_samples(seed):
+    """Registration finds places in any two images; that they are alike says nothing about the exposures."""
+    scenes = []
+    for one in (2 * seed, 2 * seed + 1):
+        noise = np.random.default_rng(one).random((240, 320))
+        coarse, fine = (cv2.GaussianBlur(noise, (0, 0), sigma) for sigma in (20, 4))
+        scenes.append(128 + 1200 * (coarse - 0.5) + 200 * (fine - 0.5))
+    frame0, frame1 = (
+        Preprocessor()(of_array(np.clip(scene, 5, 250).astype(np.uint8), index=number))
+        for number, scene in enumerate(scenes)
+    )
+    registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(), 0.0)
+    assert len(sampled(FlatSampler(), frame0, frame1, registration, 0).observations) == 0
+    change = BrightnessComparer(SIZE)(frame0.thumbnail, frame1.thumbnail)
+    assert not change.weight.any()
+    assert np.isnan(change.motion_px)
 
 
 def test_a_bounded_number_of_points_is_spread_over_grey_levels_and_does_not_change():
