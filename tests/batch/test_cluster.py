@@ -16,7 +16,7 @@ import pytest
 
 from batch_recordings import QUICK, simulated, variant
 from ospc.batch.cluster import Cluster
-from ospc.batch.entries import Entry
+from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.work import Task, work
 from ospc.errors import MissingExtraError, SettingError
