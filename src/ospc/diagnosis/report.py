@@ -81,7 +81,7 @@ class MotionReport:
     median_px_per_frame
         Median displacement from one frame to the next in pixels; NaN where nothing could be followed.
     radial_reach
-        Radial displacement, in half diagonals, that a tenth of the scene points exceed.
+        Radial displacement, in half diagonals, of the scene points that tell the vignette.
     found_share
         Share of the image that is well exposed and found again in the next frame; NaN where none was compared.
     still
