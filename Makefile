@@ -16,8 +16,9 @@ demo: $(USER_READY)
 	$(BIN)/ospc demo --out demo
 
 # Each worker begins with half of the tests in their order, so that fixtures of modules are hardly ever made twice.
+# Compiled tests and modules are kept even where the environment says otherwise: every process would compile them again.
 test: $(READY)
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -25,13 +25,13 @@ from pathlib import Path
 import cv2
 
 from ospc.batch.cameras import merged_cameras
-from ospc.batch.entries import Entry
-from ospc.batch.local import Processes, ThisProcess
+from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.store import Store
+from ospc.batch.work import Processes, ThisProcess
 from ospc.calibrator import OnlineCalibrator
 from ospc.recording import open_recording
-from ospc.recording.identity import identity
+from ospc.recording.recording import identity
 from ospc.simulation import SimulationSettings, simulate
 
 RENDERED = 4

@@ -22,10 +22,10 @@ from ospc.live.knowledge import GOAL
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.vignette import diagonal_profile
 from ospc.simulation import SimulationSettings, truth
+from ospc.simulation.camera import Sensor
 from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import View, radiance
 from ospc.simulation.scene import Scene
-from ospc.simulation.sensor import Sensor
 
 RESPONSES = ("srgb", "gamma2.2", "linear", "filmic")
 FPS = 20.0

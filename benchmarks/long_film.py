@@ -20,8 +20,8 @@ from ospc import Frame, Response, Vignette
 from ospc.arrays import Float32Array, FloatArray, Image
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.simulation import SimulationSettings
+from ospc.simulation.camera import Sensor
 from ospc.simulation.responses import make_response
-from ospc.simulation.sensor import Sensor
 from ospc.simulation.texture import TEXEL_M, painted, single
 
 SIZE = (320, 240)

@@ -28,6 +28,9 @@ settings.load_profile("repeatable")
 # Tests film the same few rooms in turn, and each takes longer to build than a short recording to film.
 scene._room = lru_cache(maxsize=4)(scene._room.__wrapped__)
 
+# Nothing that tests write has to survive a power failure, and each call waits for the disk.
+os.fsync = lambda _descriptor: None
+
 # What is imported and collected stays to the end. To look through it for garbage, again and again, takes a sixth of
 # the time of all tests.
 gc.disable()

@@ -20,7 +20,7 @@ from ospc.exposures.brightness import BrightnessComparer
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
 from ospc.recording import ArrayRecording, Frame
-from ospc.recording.identity import identity
+from ospc.recording.recording import identity
 from ospc.settings import DefaultSettings, PaperSettings, as_dict, preset, with_overrides
 
 IMAGE = np.full((6, 8), 90, np.uint8)

@@ -19,7 +19,7 @@ from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.ahead import decoded_ahead
-from ospc.recording.identity import identity
+from ospc.recording.recording import identity
 from ospc.recording.stream import Item, frames_of
 from ospc.settings import DefaultSettings, Settings, preset, with_overrides
 from ospc.state.run import load_run, save_run

@@ -13,8 +13,8 @@ from ospc.folders import check_usable
 from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_times, write_vignette
 from ospc.formats.files import json_object
 from ospc.formats.opening import Photometry
-from ospc.formats.pcalib_table import MOST_VALUES
 from ospc.formats.png import write_png
+from ospc.formats.rules_pcalib import MOST_VALUES
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording

@@ -10,20 +10,21 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from batch_recordings import QUICK, simulated, variant
 from ospc.batch.cluster import Cluster
-from ospc.batch.entries import Entry
+from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.work import Task, work
 from ospc.errors import MissingExtraError, SettingError
 
-distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask is not installed")
 
-RECORDINGS, WORKERS = 40, 3
+RECORDINGS, CORRUPT, MISSING, WORKERS = 40, 20, 30, 3
 NO_FIT = (("min_points", "1000000"),)
 """Nothing is estimated, which takes most of the time; counts, noise and coverage are found all the same."""
 
@@ -75,16 +76,16 @@ def machines(tmp_path):
 
 @pytest.fixture(scope="module")
 def entries(tmp_path_factory):
-    """Forty recordings of three cameras, the 20th corrupt and the 30th missing."""
+    """Recordings of three cameras, one of them corrupt and one missing."""
     place = tmp_path_factory.mktemp("recordings")
     originals = [simulated(place / f"original{seed}", seed) for seed in range(2)]
     found = []
     for number in range(RECORDINGS):
         recording = place / f"r{number:03}"
-        if number == 20:
+        if number == CORRUPT:
             shutil.copytree(originals[0], recording)
             (recording / "times.txt").write_text("0 0.0 none\n")
-        elif number != 30:
+        elif number != MISSING:
             variant(originals[number % 2], recording, 1 + number / 100)
         found.append(Entry(str(recording), f"camera {number % 3}", QUICK if number % 12 == 0 else NO_FIT))
     return found
@@ -99,7 +100,7 @@ def test_forty_recordings_three_workers_one_of_them_killed(machines, entries, tm
 
     outcome = run_batch(entries, tmp_path / "out", Cluster(machines.address), progress=kill_one)
     assert workers[1].poll() is not None
-    assert [row.recording[-4:] for row in outcome.failed] == ["r020", "r030"]
+    assert [row.recording[-4:] for row in outcome.failed] == [f"r{CORRUPT:03}", f"r{MISSING:03}"]
     corrupt, missing = outcome.failed
     assert "times.txt" in corrupt.error
     assert "there is no such file or folder" in missing.error
@@ -114,6 +115,8 @@ def test_forty_recordings_three_workers_one_of_them_killed(machines, entries, tm
 
 
 def test_a_recording_goes_to_a_worker_that_can_read_it(machines, entries, tmp_path, monkeypatch):
+    from distributed import Client
+
     (tmp_path / "sitecustomize.py").write_text(
         "import os\nfrom ospc.batch import cluster\n"
         "cluster._readable_of = lambda paths: list(paths) if os.environ.get('HAS_DISK') else []\n"
@@ -123,7 +126,7 @@ def test_a_recording_goes_to_a_worker_that_can_read_it(machines, entries, tmp_pa
     machines.start_worker()
     monkeypatch.setenv("HAS_DISK", "1")
     reading = machines.start_worker()
-    with distributed.Client(machines.address, set_as_default=False, timeout=30) as client:
+    with Client(machines.address, set_as_default=False, timeout=30) as client:
         client.wait_for_workers(2, timeout=30)
     answers = list(Cluster(machines.address).run(Task(n, entries[n]) for n in (1, 2, 3)))
     assert {int(answer.worker.rsplit(":", 1)[1]) for answer in answers} == {reading.pid}

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from batch_recordings import simulated
-from ospc.batch.entries import Entry, options_of
-from ospc.batch.manifest import read_manifest
+from ospc.batch.manifest import Entry, options_of, read_manifest
 from ospc.errors import FormatError, RecordingError, SettingError
 from ospc.recording.channel import Channel
 

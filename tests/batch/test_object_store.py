@@ -7,8 +7,7 @@ import sys
 import pytest
 
 from batch_recordings import QUICK, simulated
-from ospc.batch.entries import Entry
-from ospc.batch.manifest import read_manifest
+from ospc.batch.manifest import Entry, read_manifest
 from ospc.batch.object_store import local_copy
 from ospc.batch.work import Task, work
 from ospc.errors import MissingExtraError, RecordingError

@@ -12,10 +12,9 @@ import pytest
 
 import ospc.batch.work as module
 from batch_recordings import QUICK, Pretending, simulated, variant
-from ospc.batch.entries import Entry
-from ospc.batch.local import Processes, ThisProcess
+from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
-from ospc.batch.work import Task, work
+from ospc.batch.work import Processes, Task, ThisProcess, work
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool

@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibrations import calibration
-from ospc.batch.cameras import Camera, folder_name
-from ospc.batch.overview import page
-from ospc.batch.table import SCHEMA, Row, write_csv, write_parquet
+from ospc.batch.cameras import Camera, folder_name, page
+from ospc.batch.store import SCHEMA, Row, write_csv, write_parquet
 from ospc.pooling.agreement import Difference
 
 TEXTS = st.text(st.characters(blacklist_categories=("Cs", "Cc")), max_size=20)

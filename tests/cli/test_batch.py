@@ -10,7 +10,7 @@ import pytest
 
 from batch_recordings import QUICK, simulated, variant
 from command_line import ospc
-from ospc.batch.local import ThisProcess
+from ospc.batch.work import ThisProcess
 from ospc.errors import RecordingError
 from ospc.simulation import SimulationSettings, simulate
 
@@ -29,7 +29,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):
     """Other processes take seconds to start; what they do is tested elsewhere."""
-    monkeypatch.setattr("ospc.batch.local.Processes", lambda _count: ThisProcess())
+    monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: ThisProcess())
 
 
 run = partial(ospc, "batch")

@@ -22,10 +22,8 @@ from rich.console import Console
 from command_line import leave_out, ospc
 from ospc import OnlineCalibrator, open_recording, pace
 from ospc.cli import live as live_command
-from ospc.cli.live_marks import Canvas, bars, falling, filled
-from ospc.cli.live_view import LiveView
-from ospc.cli.progress import ProgressLine
-from ospc.cli.watching import Watching, figures
+from ospc.cli.live_view import Canvas, LiveView, bars, falling, filled
+from ospc.cli.progress import ProgressLine, Watching, figures
 from ospc.errors import OspcError, RecordingError
 from ospc.live import LiveCalibrator
 from ospc.live.capture import Capture

@@ -14,7 +14,7 @@ from ospc.diagnosis import RecordingReport, check_recording
 from ospc.errors import RecordingError
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.recording import ArrayRecording
-from ospc.recording.masking import masked
+from ospc.recording.derived import masked
 
 FRAMES = 50
 

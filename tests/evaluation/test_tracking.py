@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from ospc.cli.evaluate import command
 from ospc.errors import FrameError, NotObservableError, SettingError
 from ospc.evaluation.lucas_kanade import follow, windows
-from ospc.evaluation.streams import LifeTable, StreamingMedian
 from ospc.evaluation.tracking import compare_tracking
+from ospc.evaluation.tracks import LifeTable, StreamingMedian
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.correction import Corrector
 from ospc.photometry.response import Response

@@ -12,10 +12,11 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from ospc.errors import FormatError, NotObservableError, SettingError
-from ospc.evaluation.similarity import Similarity, align_similarity
 from ospc.evaluation.trajectory import (
+    Similarity,
     Trajectory,
     absolute_trajectory_error,
+    align_similarity,
     alignment_error,
     associate,
     read_trajectory,

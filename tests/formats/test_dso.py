@@ -19,7 +19,7 @@ from ospc.formats.dso import (
     write_times,
     write_vignette,
 )
-from ospc.formats.pcalib_table import strictly_increasing_float32
+from ospc.formats.rules_pcalib import strictly_increasing_float32
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
 

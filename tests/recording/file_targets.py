@@ -31,9 +31,9 @@ from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 from ospc.pooling.pool import Pool
 from ospc.pooling.pooled_calibration import merge
 from ospc.pooling.prior_calibration import PriorCalibration
-from ospc.recording.masking import read_mask
-from ospc.recording.writing.camera import camera_text
-from ospc.research.experiments.sources import read_exposures
+from ospc.recording.derived import read_mask
+from ospc.recording.text_file import exposures_in
+from ospc.recording.writing.conversion import camera_text
 from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
@@ -220,7 +220,11 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
             [b"# t x y z qx qy qz qw\n1.0 0 0 0 0 0 0 1\n2.0,1,0,0,0,0,0,1\n"],
             WORDS,
         ),
-        "exposures of a program": (_in("exposures.txt", read_exposures), [b"# e\n0 1.5\n1,2.5\n"], WORDS),
+        "exposures of a program": (
+            _in("exposures.txt", exposures_in),
+            [b"# e\n0 1.5\n1,2.5\n"],
+            WORDS,
+        ),
         "validate pcalib.txt": (_in("pcalib.txt", _validated), saved("pcalib.txt"), WORDS),
         "validate vignette.png": (_in("vignette.png", _validated), saved("vignette.png"), WORDS),
         "validate times.txt": (_in("times.txt", _validated), [b"00000 1.5 3.0\n00001 1.6 4.0\n"], WORDS),

@@ -46,12 +46,12 @@ from ospc.recording.bags.container import Encoding, Topic
 from ospc.recording.bags.image_messages import IMAGE_TYPES, read_image
 from ospc.recording.bags.messages import MessageType
 from ospc.recording.decoding import decode_stored
+from ospc.recording.derived import Region
 from ospc.recording.exif_photos import _photo
 from ospc.recording.exposure_lists import parse_columns, parse_image_list, parse_times
 from ospc.recording.image_source import ZipImages
-from ospc.recording.masking import Region
 from ospc.recording.options import DEFAULT
-from ospc.recording.video_stream import VideoStream
+from ospc.recording.video import VideoStream
 
 
 @dataclass(frozen=True)

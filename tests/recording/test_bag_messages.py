@@ -17,8 +17,7 @@ from mcap.writer import IndexType, Writer
 
 from ospc.errors import RecordingError
 from ospc.recording.bags.bag import Bag
-from ospc.recording.bags.container import Topic
-from ospc.recording.bags.expansion import expand
+from ospc.recording.bags.container import Topic, expand
 from ospc.recording.bags.messages import MAX_MESSAGE_BYTES, DamagedMessageError, MessageType, value_at
 
 NAME = "a_msgs/msg/A"

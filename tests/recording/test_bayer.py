@@ -14,8 +14,7 @@ from image_samples import encoded, grey
 
 from ospc.arrays import Image
 from ospc.recording import open_recording
-from ospc.recording.bayer import Mosaic, find_mosaic
-from ospc.recording.channel import Channel
+from ospc.recording.channel import Channel, Mosaic, find_mosaic
 from ospc.recording.decoding import decode_grey
 
 

@@ -9,8 +9,7 @@ import pytest
 from image_samples import grey
 
 from ospc.recording import ArrayRecording, Recording, identity, open_recording
-from ospc.recording.derived import DerivedRecording, innermost, with_exposure_lag
-from ospc.recording.masking import masked
+from ospc.recording.derived import DerivedRecording, innermost, masked, with_exposure_lag
 
 COUNT = 6
 

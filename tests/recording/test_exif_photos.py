@@ -17,7 +17,7 @@ from image_samples import encoded, grey
 
 from ospc.errors import ExposureError, MissingExtraError, OspcError, RecordingError
 from ospc.recording import open_recording
-from ospc.recording.shot import Shot, shot_of_exif
+from ospc.recording.image_formats import Shot, shot_of_exif
 
 pytest.importorskip("exifread", reason="needs the extra 'exif'")
 

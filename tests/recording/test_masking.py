@@ -16,7 +16,7 @@ from ospc.correspondence.registration import DenseRegistration, ExposureNormaliz
 from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import SettingError
 from ospc.recording import ArrayRecording, identity
-from ospc.recording.masking import Region, masked, read_mask
+from ospc.recording.derived import Region, masked, read_mask
 
 SIZE = (160, 120)
 

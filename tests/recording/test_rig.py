@@ -14,8 +14,8 @@ from image_samples import encoded, grey
 from ospc.cli.main import cli
 from ospc.errors import ExposureError, RecordingError
 from ospc.recording import cameras_of, open_recording
+from ospc.recording.kinds import safe_name
 from ospc.recording.options import ReadingOptions
-from ospc.recording.rig import safe_name
 
 SIZE = (64, 48)
 MS = {"cam0": [1.0, 2.0, 4.0], "cam1": [3.0, 6.0, 12.0], "cam10": [5.0, 10.0, 20.0]}

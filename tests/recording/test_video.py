@@ -11,10 +11,11 @@ import pytest
 from image_samples import grey
 
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
-from ospc.recording import identity, open_recording, video_stream
+from ospc.recording import identity, open_recording
+from ospc.recording import video as video_module
 from ospc.recording.channel import Channel
 from ospc.recording.options import ReadingOptions
-from ospc.recording.video_stream import VideoStream, count_frames
+from ospc.recording.video import VideoStream, count_frames
 
 LIST = "timestamp_s,exposure_ms\n" + "".join(f"{i / 10},{i + 1}\n" for i in range(6))
 SIZE = (64, 48)
@@ -142,7 +143,7 @@ def test_a_playlist_is_no_video_whatever_its_name(tmp_path: Path) -> None:
 def test_large_frames_are_refused_before_they_are_decoded(
     video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(video_stream, "MAX_DECODED_BYTES", 1000)
+    monkeypatch.setattr(video_module, "MAX_DECODED_BYTES", 1000)
     with pytest.raises(RecordingError, match="frames of 64x48 pixels need more"):
         open_recording(video())
 

@@ -10,9 +10,8 @@ import pytest
 from ospc.calibrator import OnlineCalibrator
 from ospc.methods.paper import FeatureMatcher
 from ospc.recording.frame import Frame
-from ospc.research import own_methods
-from ospc.research.method import Estimate, run_methods
-from ospc.research.own_methods import VIGNETTE_SOLVERS, SharedMatcher, methods_of_preset
+from ospc.research import method
+from ospc.research.method import VIGNETTE_SOLVERS, Estimate, SharedMatcher, methods_of_preset, run_methods
 from ospc.settings import PaperSettings, preset
 from ospc.simulation import SimulationSettings, frames
 
@@ -45,7 +44,7 @@ class Counting:
 
 def test_every_solver_gives_what_it_gives_alone(recording, monkeypatch):
     counting = Counting()
-    monkeypatch.setattr(own_methods, "FeatureMatcher", lambda _settings: counting)
+    monkeypatch.setattr(method, "FeatureMatcher", lambda _settings: counting)
     shares = []
     found = found_by("paper", recording, progress=shares.append)
     assert list(found) == [f"paper/{solver}" for solver in VIGNETTE_SOLVERS]

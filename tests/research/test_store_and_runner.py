@@ -8,10 +8,9 @@ import pytest
 from fake_tasks import FakeTask
 
 from ospc.errors import SettingError
-from ospc.research import store as store_module
-from ospc.research.runner import run
+from ospc.research import runner as runner_module
+from ospc.research.runner import ResultStore, key_of, made_with, run
 from ospc.research.source import measured
-from ospc.research.store import ResultStore, key_of, made_with
 
 
 def test_what_is_stored_is_found_only_under_its_description(tmp_path):
@@ -41,10 +40,10 @@ def test_results_depend_on_the_source_that_makes_them_and_on_libraries(tmp_path,
     for part in ("estimation", "cli"):
         (package / part).mkdir(parents=True)
         (package / part / "a.py").write_text("1")
-    monkeypatch.setattr(store_module.ospc, "__file__", str(package / "__init__.py"))
+    monkeypatch.setattr(runner_module.ospc, "__file__", str(package / "__init__.py"))
 
     def hashed():
-        store_module.source_hash.cache_clear()
+        runner_module.source_hash.cache_clear()
         return made_with()["source"]
 
     before = hashed()
@@ -54,7 +53,7 @@ def test_results_depend_on_the_source_that_makes_them_and_on_libraries(tmp_path,
     assert hashed() != before
     assert {"ospc", "numpy", "scipy", "opencv"} <= set(made_with())
     monkeypatch.undo()
-    store_module.source_hash.cache_clear()
+    runner_module.source_hash.cache_clear()
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"schema": "other"}', "[" * 10_000])

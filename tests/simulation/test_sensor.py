@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ospc.simulation import SimulationSettings
+from ospc.simulation.camera import Sensor
 from ospc.simulation.responses import RESPONSES
-from ospc.simulation.sensor import Sensor
 
 SHAPE = (400, 500)
 

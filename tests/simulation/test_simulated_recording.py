@@ -15,7 +15,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.recording import open_recording
 from ospc.simulation import SimulationSettings, frames, irradiances, simulate, truth
-from ospc.simulation.files import remove_recording
+from ospc.simulation.camera import remove_recording
 from ospc.simulation.responses import RESPONSES
 
 SMALL = SimulationSettings(size=(96, 64), frames=6)

@@ -10,7 +10,7 @@ from ospc.errors import FormatError, OspcError, SettingError
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.vignette import LogVignette
 from ospc.simulation import SimulationSettings
-from ospc.simulation.vignettes import VIGNETTES, make_vignette
+from ospc.simulation.responses import VIGNETTES, make_vignette
 
 SIZE = (96, 64)
 

@@ -9,13 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ospc.batch.cameras import Camera, merged_cameras
-from ospc.batch.entries import Entry
-from ospc.batch.local import Runner
-from ospc.batch.overview import write_overview
-from ospc.batch.store import Store
-from ospc.batch.table import CSV_NAME, PARQUET_NAME, Row, write_csv, write_parquet
-from ospc.batch.work import Answer, Task
+from ospc.batch.cameras import Camera, merged_cameras, write_overview
+from ospc.batch.manifest import Entry
+from ospc.batch.store import CSV_NAME, PARQUET_NAME, Row, Store, write_csv, write_parquet
+from ospc.batch.work import Answer, Runner, Task
 from ospc.errors import MissingExtraError, OspcError, SettingError
 from ospc.folders import check_usable
 from ospc.formats.files import json_object, write_text

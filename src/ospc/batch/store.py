@@ -1,13 +1,15 @@
-"""The results of a batch on disk: one file per recording, named by content and settings."""
+"""The results of a batch on disk: one file per recording, named by content and settings, and the table of all."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import io
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from ospc.errors import FormatError
-from ospc.formats.files import write_bytes
+from ospc.errors import FormatError, MissingExtraError
+from ospc.formats.files import csv_text, write_bytes, write_text
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.summary import Summary
 from ospc.state import container
@@ -81,3 +83,99 @@ class Store:
     def _place(self, key: str) -> Path:
         # Folders of hundreds of thousands of files are slow in many file systems.
         return self.folder / key[:2] / f"{key}.ospc"
+
+
+SCHEMA = "ospc-batch-table/1"
+"""Version of the columns, repeated in the first of them."""
+
+CSV_NAME, PARQUET_NAME = "batch.csv", "batch.parquet"
+
+Status = Literal["done", "failed", "not done"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """The outcome of one recording.
+
+    Attributes
+    ----------
+    recording, camera
+        As in the manifest.
+    status
+        Whether it was calibrated.
+    error
+        Why not, in one sentence.
+    attempts
+        How often it was tried; 0 where an earlier run had done it.
+    seconds
+        Duration of the last attempt.
+    worker
+        Host and process that did it.
+    key
+        Name of its result, made from content and settings.
+    frames, skipped, pairs, samples
+        What the result rests on.
+    response, vignette
+        Whether each was determined: identifiable, marginal or not identifiable.
+    response_sigma, vignette_sigma
+        Largest standard deviation of g, and that of V at the corner; None where unknown.
+    differs
+        How it differs from the other recordings of its camera; empty where it does not.
+    notes
+        What was found about its exposures, and why frames were skipped.
+    """
+
+    recording: str
+    camera: str
+    status: Status = "not done"
+    error: str = ""
+    attempts: int = 0
+    seconds: float = 0.0
+    worker: str = ""
+    key: str = ""
+    frames: int = 0
+    skipped: int = 0
+    pairs: int = 0
+    samples: int = 0
+    response: str = ""
+    vignette: str = ""
+    response_sigma: float | None = None
+    vignette_sigma: float | None = None
+    differs: str = ""
+    notes: str = ""
+
+
+_COLUMNS = ("schema", *(entry.name for entry in fields(Row)))
+_INTEGERS = ("attempts", "frames", "skipped", "pairs", "samples")
+_FLOATS = ("seconds", "response_sigma", "vignette_sigma")
+
+
+def write_csv(rows: Sequence[Row], path: Path) -> Path:
+    """Write the table as CSV, whole or not at all, and return the path.
+
+    As :func:`~ospc.formats.files.csv_text` has it, no cell is a formula.
+    """
+    return write_text(path, csv_text([_COLUMNS, *(_values(row).values() for row in rows)]))
+
+
+def write_parquet(rows: Sequence[Row], path: Path) -> Path:
+    """Write the table as Parquet (extra ``parquet``), whole or not at all, and return the path."""
+    try:
+        import pyarrow as arrow
+        from pyarrow import parquet
+    except ImportError:
+        raise MissingExtraError("writing Parquet tables", "parquet") from None
+    kinds = {name: arrow.int64() for name in _INTEGERS} | {name: arrow.float64() for name in _FLOATS}
+    schema = arrow.schema([(name, kinds.get(name, arrow.string())) for name in _COLUMNS])
+    packed = io.BytesIO()
+    parquet.write_table(arrow.Table.from_pylist([_values(row) for row in rows], schema), packed)
+    return write_bytes(path, packed.getvalue())
+
+
+def _values(row: Row) -> dict[str, object]:
+    """Return the cells of a row; what UTF-8 cannot express, as in names that were never UTF-8, is escaped."""
+    cells = {"schema": SCHEMA, **asdict(row)}
+    return {
+        name: cell.encode("utf-8", "backslashreplace").decode() if isinstance(cell, str) else cell
+        for name, cell in cells.items()
+    }

@@ -15,7 +15,7 @@ from ospc.cli.terminal import say
 from ospc.errors import counted
 
 if TYPE_CHECKING:
-    from ospc.batch.entries import Entry
+    from ospc.batch.manifest import Entry
     from ospc.batch.run import Outcome, Stage
 
 COMPLETE, SOME_FAILED = 0, 4
@@ -83,8 +83,8 @@ def command(
     calibration of each camera. Run again, the command does only what is new, changed or failed.
     """
     from ospc.batch.cluster import Cluster
-    from ospc.batch.local import Processes, cores
     from ospc.batch.run import run_batch
+    from ospc.batch.work import Processes, cores
 
     if jobs is not None and scheduler is not None:
         raise click.UsageError("--jobs is for this machine and --scheduler for a cluster; give only one of them")

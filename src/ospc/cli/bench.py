@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from ospc.cli.options import STUDY_SIZE, json_option
-from ospc.cli.studies import (
-    data_option,
-    finish_study,
-    jobs_option,
-    presets_option,
-    print_tables,
-    run_tasks,
-    study_out_option,
-)
+from ospc.cli.studies import data_option, jobs_option, presets_option, run_study, study_out_option
 from ospc.cli.terminal import say
+
+if TYPE_CHECKING:
+    from ospc.research.runner import Finished
+    from ospc.research.tables import StudyReport
 
 
 @click.group()
@@ -42,17 +40,15 @@ def accuracy(
     interrupted run, and computes again only what has changed.
     """
     from ospc.research.accuracy.design import PresetMethods, accuracy_sources, select
-    from ospc.research.accuracy.report import accuracy_tables, content_of, write_accuracy
+    from ospc.research.accuracy.report import accuracy_report
     from ospc.research.source import MeasuringTask, measured
+
+    def report(finished: Sequence[Finished]) -> StudyReport:
+        return accuracy_report([row for one in finished for row in measured(one.result)], presets, notes)
 
     sources, notes = accuracy_sources(data, frames)
     tasks = [MeasuringTask(source, PresetMethods(name)) for name in presets for source in select(sources, only)]
-    results, complete = run_tasks(tasks, out / "cache", jobs)
-    rows = [row for result in results for row in measured(result)]
-    written = write_accuracy(out, rows, presets, notes) if rows else []
-    if not as_json:
-        print_tables(accuracy_tables(rows))
-    finish_study(written, notes, as_json=content_of(rows, presets, notes) if as_json else None, complete=complete)
+    run_study(tasks, out, jobs, report, as_json=as_json)
 
 
 @command.command()
@@ -95,10 +91,9 @@ def faults(
     OUT gets results.json, results.csv and table.md. Finished runs are kept in OUT/cache: the same command continues
     an interrupted run, and computes again only what has changed.
     """
-    from ospc.research.faults.footage import STRENGTHS
+    from ospc.research.faults.footage import STRENGTHS, good_sources
     from ospc.research.faults.judging import Run
-    from ospc.research.faults.recordings import good_sources
-    from ospc.research.faults.study import chosen_faults, content_of, fault_tables, fault_tasks, write_faults
+    from ospc.research.faults.study import chosen_faults, fault_tasks, faults_report
 
     chosen = chosen_faults(only)
     if only_list:
@@ -107,12 +102,11 @@ def faults(
         return
     sources, notes = good_sources(recordings, frames, data)
     tasks = fault_tasks(sources, chosen, strengths or STRENGTHS)
-    results, complete = run_tasks(tasks, out / "cache", jobs)
-    runs = [Run(**result) for result in results]
-    written = write_faults(out, runs, notes) if runs else []
-    if not as_json:
-        print_tables(fault_tables(runs))
-    finish_study(written, notes, as_json=content_of(runs, notes) if as_json else None, complete=complete)
+
+    def report(finished: Sequence[Finished]) -> StudyReport:
+        return faults_report([Run(**one.result) for one in finished], notes)
+
+    run_study(tasks, out, jobs, report, as_json=as_json)
 
 
 @command.command()
@@ -148,13 +142,7 @@ def speed(
     speed.png, which shows the time of each stage. Finished measurements are kept in OUT/cache: the same command
     continues an interrupted run; remove it to measure again. Preset "paper" gets 30 frames.
     """
-    from ospc.research.speed.lines import SIZES, row_of, speed_tasks
-    from ospc.research.speed.report import content_of, table_of, write_speed
+    from ospc.research.speed.lines import SIZES, row_of, speed_report, speed_tasks
 
     tasks = speed_tasks(presets, sizes or SIZES, frames, live_s, rate_hz)
-    results, complete = run_tasks(tasks, out / "cache", 1)
-    rows = [row_of(result) for result in results]
-    if not as_json:
-        print_tables([table_of(rows)])
-    written = write_speed(out, rows) if rows else []
-    finish_study(written, as_json=content_of(rows) if as_json else None, complete=complete)
+    run_study(tasks, out, 1, lambda finished: speed_report([row_of(one.result) for one in finished]), as_json=as_json)

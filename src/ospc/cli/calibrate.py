@@ -27,10 +27,9 @@ from ospc.cli.options import (
     truth_option,
     unknown_exposures_option,
 )
-from ospc.cli.progress import progress_of
+from ospc.cli.progress import Watching, progress_of
 from ospc.cli.reading import Reading, print_topics, reading_options
 from ospc.cli.terminal import say
-from ospc.cli.watching import Watching
 from ospc.errors import OspcError, RecordingError, SettingError
 
 if TYPE_CHECKING:

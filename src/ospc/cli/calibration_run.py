@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from ospc.cli.calibration_report import say_notes
 from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
 from ospc.cli.interruption import Interruption, leaving
+from ospc.cli.progress import COMPARING, Watcher, Watching
 from ospc.cli.terminal import say
-from ospc.cli.watching import COMPARING, Watcher, Watching
 from ospc.errors import OspcError, counted, one_line
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,22 +10,30 @@ import click
 
 from ospc.cli.calibration_report import print_json
 from ospc.cli.correct import warn_of_assumed
-from ospc.cli.evaluate_odometry import odometry
 from ospc.cli.options import PATH, assume_missing_option, json_option, kind_option
 from ospc.cli.progress import progress_of
+from ospc.cli.studies import (
+    calibration_option,
+    finish_study,
+    given_calibrations,
+    jobs_option,
+    study_out_option,
+    study_progress,
+    until_interrupted,
+    words,
+)
 from ospc.cli.terminal import say
-from ospc.errors import counted
+from ospc.errors import SettingError, counted, escaped
 
 if TYPE_CHECKING:
     from ospc.evaluation.tracking import TrackingComparison
+    from ospc.recording import Recording
+    from ospc.research.odometry.experiment import Odometry
 
 
 @click.group("evaluate")
 def command() -> None:
     """Evaluate trajectories, and the effect of a calibration on tracking."""
-
-
-command.add_command(odometry)
 
 
 @command.command("ealign")
@@ -145,3 +153,98 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
     if result.skipped:
         say(f"{counted(result.skipped, 'frame')} could not be read", err=True)
     say(result.sentence)
+
+
+_CONDITIONS = "truth,paper,ours,joint-wgt,joint-wogt,none"
+
+
+@command.command("odometry")
+@click.argument("recordings", nargs=-1, required=True, type=PATH)
+@click.option("--program", type=PATH, help="Your dso_dataset, or one with its arguments.")
+@click.option("--builtin", is_flag=True, help="Use the built-in direct odometry; needs simulated recordings.")
+@study_out_option("ospc-odometry")
+@click.option("--runs", type=click.IntRange(1, 1000), default=10, show_default=True, help="Runs of each.")
+@click.option(
+    "--conditions",
+    default=_CONDITIONS,
+    show_default=True,
+    help="Columns, separated by commas; 'affine' is a further one: no calibration, mode 1.",
+)
+@calibration_option
+@click.option("--batch", is_flag=True, help="Joint estimation from the whole recording, not online.")
+@jobs_option
+@click.option("--timeout", default=3600.0, show_default=True, help="Time limit of a run in seconds.")
+@click.option("--ends", type=float, metavar="SHARE", help="Use only this share of the truth at the start and end.")
+@click.option("--argument", "arguments", multiple=True, help="Further argument of the program, such as preset=0.")
+@json_option
+def odometry(
+    recordings: tuple[Path, ...],
+    *,
+    program: Path | None,
+    builtin: bool,
+    out: Path,
+    runs: int,
+    conditions: str,
+    given: tuple[str, ...],
+    batch: bool,
+    jobs: int,
+    timeout: float,
+    ends: float | None,
+    arguments: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Run direct visual odometry over RECORDINGS with several calibrations, and compare the drift.
+
+    Each recording is a folder in the layout of the TUM monocular data set, with camera.txt and groundtruthSync.txt;
+    'truth' uses its pcalib.txt and vignette.png. 'paper', 'ours' and the joint estimates are
+    made from the recording itself.
+    OUT gets table.md (medians of e_align, the lowest bold), runs.csv, results.json,
+    cumulative.png and the trajectories. Every finished run is kept in OUT: the same command continues where it was
+    interrupted. A calibration given under the name of a condition replaces its estimate.
+    """
+    from ospc.research.odometry.experiment import Experiment, Outcome, run_experiment
+    from ospc.research.odometry.inputs import Calibrations, chosen, external
+    from ospc.research.odometry.report import odometry_report
+
+    files = given_calibrations(given)
+    columns = chosen(words(conditions))
+    columns += tuple(external(name) for name in files if name not in {c.name for c in columns})
+    calibrations = Calibrations(out / "calibrations", files, not batch)
+    experiment = Experiment(_recordings(recordings), columns, runs, calibrations, out, ends)
+    tracker = _odometry(program, arguments, timeout, recordings if builtin else ())
+    outcome = Outcome()
+    with study_progress(len(recordings) * len(columns) * runs) as (on_step, finish):
+        watched = replace(experiment, calibrations=replace(calibrations, progress=on_step))
+        results = run_experiment(watched, tracker, outcome, jobs, lambda task, share: on_step(task.name, share))
+        complete = until_interrupted(results, finish, lambda _stored: None)
+    finish_study(odometry_report(experiment, outcome), out, as_json=as_json, complete=complete)
+
+
+def _recordings(places: tuple[Path, ...]) -> dict[str, Recording]:
+    from ospc.recording import open_recording
+
+    found: dict[str, Recording] = {}
+    for place in places:
+        name = escaped(place.resolve().name)
+        if name in found:
+            raise SettingError(f"two recordings are called {name}; rename the folder of one of them")
+        found[name] = open_recording(place)
+    return found
+
+
+def _odometry(
+    program: Path | None, arguments: tuple[str, ...], timeout: float, simulated: tuple[Path, ...]
+) -> Odometry:
+    """Return the program, or the built-in odometry where there are simulated recordings for it."""
+    if bool(simulated) == (program is not None):
+        raise SettingError("give the path of your dso_dataset by --program, or --builtin; one of the two")
+    if program is not None:
+        from ospc.research.odometry.program import Program
+
+        return Program(program, timeout, *([tuple(arguments)] if arguments else []))
+    from ospc.research.odometry.direct import DirectOdometry, SceneDepth
+
+    for place in simulated:
+        # Fails here if the depth of a scene is unknown, before hours are spent.
+        SceneDepth.of(place)
+    return DirectOdometry()

@@ -10,23 +10,22 @@ from ospc.cli.options import PATH, STUDY_SIZE, named
 from ospc.cli.studies import (
     calibration_option,
     data_option,
-    finish_study,
     given_calibrations,
     jobs_option,
-    print_tables,
-    run_tasks,
+    run_study,
     study_out_option,
     words,
 )
 from ospc.cli.terminal import say
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
-    from ospc.research.measurement import Measurement
     from ospc.research.method import Result
     from ospc.research.runner import Finished
     from ospc.research.source import Source
+    from ospc.research.tables import StudyReport
 
 _EXPERIMENTS = {
     "parameters": "Response, vignette and exposure ratios against the truth (figure 3).",
@@ -91,30 +90,21 @@ for _name in _EXPERIMENTS:
 
 
 def _run_experiment(name: str, options: dict[str, Any]) -> None:
-    from ospc.research.experiments.design import EXPERIMENTS
-    from ospc.research.experiments.report import median_table, write_experiment
+    from ospc.research.experiments.design import EXPERIMENTS, experiment_report
     from ospc.research.source import MeasuringTask, judge, measured
 
     experiment = EXPERIMENTS[name]
     count, frames = experiment.stand_ins
     sources = _sources(options, count, frames, speed=experiment.speed, at_rest=experiment.at_rest)
     others = _others(options)
-    rows: list[Measurement] = []
-    written: list[Path] = []
 
-    def take(finished: Finished) -> None:
-        nonlocal written
-        rows.extend([*measured(finished.result), *judge(finished.task.source, others)])
-        done = {row.recording for row in rows}
-        # After every recording, so that an interruption leaves tables and pictures of those before.
-        written = write_experiment(experiment, [s for s in sources if s.name in done], rows, options["out"])
+    def report(finished: Sequence[Finished]) -> StudyReport:
+        done = [one.task.source for one in finished]
+        rows = [row for one in finished for row in (*measured(one.result), *judge(one.task.source, others))]
+        return experiment_report(experiment, done, rows)
 
     tasks = [MeasuringTask(source, experiment) for source in sources]
-    _, complete = run_tasks(tasks, options["out"] / "cache", options["jobs"], take)
-    if rows:
-        print_tables([median_table(rows)])
-    problems = [f"{row.recording}, {row.method}: {row.problem}" for row in rows if row.problem]
-    finish_study(written, problems, complete=complete)
+    run_study(tasks, options["out"], options["jobs"], report, partly=bool)
 
 
 @command.command("systems")
@@ -149,7 +139,7 @@ def systems(
     --data on a real video and on photographs of charts.
     """
     from ospc.research.experiments.systems import chosen_systems, system_sources, system_tasks
-    from ospc.research.experiments.systems_report import system_tables, write_systems
+    from ospc.research.experiments.systems_report import systems_report
     from ospc.research.source import GivenSource, measured
 
     chosen = chosen_systems(words(only))
@@ -161,29 +151,25 @@ def systems(
     if not sources:
         sources = system_sources(count, frames, size, data)
     counts = {source.name: source.count for source in sources}
-    rows: list[Measurement] = []
-    written: list[Path] = []
 
-    def take(finished: Finished) -> None:
-        rows.extend(measured(finished.result))
-        # After every recording, so that an interruption leaves the table of those before.
-        if len({row.method for row in rows if row.recording == rows[-1].recording}) >= len(chosen):
-            written[:] = write_systems(chosen, rows, counts, out)
+    def report(finished: Sequence[Finished]) -> StudyReport:
+        return systems_report(chosen, [row for one in finished for row in measured(one.result)], counts)
 
-    _, complete = run_tasks(system_tasks(chosen, sources), out / "cache", jobs, take)
-    if rows:
-        written[:] = write_systems(chosen, rows, counts, out)
-        print_tables(system_tables(chosen, rows, counts))
-    finish_study(written, (), complete=complete)
+    def of_whole_recordings(finished: Sequence[Finished]) -> bool:
+        return len(finished) % len(chosen) == 0
+
+    run_study(system_tasks(chosen, sources), out, jobs, report, partly=of_whole_recordings)
 
 
 def _run_ambiguity(options: dict[str, Any]) -> None:
-    from ospc.research.experiments.ambiguity import Ambiguity, AmbiguityTask, write_ambiguity
+    from ospc.research.experiments.ambiguity import Ambiguity, AmbiguityTask, ambiguity_report
 
     source, *_ = _sources(options, 1, _AMBIGUITY_FRAMES)
-    results, complete = run_tasks([AmbiguityTask(source)], options["out"] / "cache", 1)
-    written = [file for found in results for file in write_ambiguity(Ambiguity(**found), source.name, options["out"])]
-    finish_study(written, complete=complete)
+
+    def report(finished: Sequence[Finished]) -> StudyReport:
+        return ambiguity_report(Ambiguity(**finished[0].result), source.name)
+
+    run_study([AmbiguityTask(source)], options["out"], 1, report)
 
 
 def _sources(
@@ -204,11 +190,12 @@ def _sources(
 
 def _others(options: dict[str, Any]) -> list[Result]:
     """Return the results of other programs; exposures belong to the calibration of the same name, if there is one."""
-    from ospc.research.experiments.sources import read_exposures
+    from ospc.recording.text_file import exposures_in
     from ospc.research.method import Estimate, Result
 
     calibrations = given_calibrations(options["given"])
-    exposures = {name: read_exposures(file) for name, file in named(options["estimated"], "theirs=times.txt").items()}
+    files = named(options["estimated"], "theirs=times.txt")
+    exposures = {name: dict(enumerate(exposures_in(file))) for name, file in files.items()}
     found = []
     for name in dict.fromkeys([*calibrations, *exposures]):
         curves = calibrations.get(name)

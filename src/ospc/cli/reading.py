@@ -15,8 +15,8 @@ from ospc.cli.options import PATH
 from ospc.cli.terminal import console, say
 from ospc.errors import ExposureError, RecordingError, SettingError
 from ospc.recording import Recording, cameras_of
+from ospc.recording.derived import Region, masked, read_mask
 from ospc.recording.kinds import kinds
-from ospc.recording.masking import Region, masked, read_mask
 from ospc.recording.options import ReadingOptions, declared_options
 
 EACH = "each"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.cli.watching import Watcher
+from ospc.cli.progress import Watcher
 from ospc.errors import FormatError, MissingExtraError, SettingError, counted
 from ospc.pace import Pace
 from ospc.photometry.calibration import PROFILE_RADII

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,16 +23,6 @@ def _numbers(_context: click.Context, _parameter: click.Parameter, value: str | 
         return tuple(float(part) for part in value.replace(",", " ").split())
     except ValueError:
         raise click.BadParameter(f"'{value}' is not a list of numbers") from None
-
-
-def _exposures_of(path: Path) -> tuple[float, ...]:
-    """Read exposures in milliseconds: the last column of a text file, such as times.txt."""
-    from ospc.recording.text_file import lines_of, parse_number, read_text
-
-    lines = [(n, line) for n, line in lines_of(read_text(path), str(path)) if not line.startswith("#")]
-    return tuple(
-        parse_number(re.split(r"[\s,;]+", line)[-1], "the exposure", f"{path}, line {n}") for n, line in lines
-    )
 
 
 @click.command()
@@ -118,6 +107,7 @@ def command(out: Path, force: bool, **options: Any) -> None:
 
 def _settings(options: dict[str, Any]) -> SimulationSettings:
     """Return the settings of the simulation from the options of the command."""
+    from ospc.recording.text_file import exposures_in
     from ospc.simulation import SimulationSettings
 
     limits, listed, source = (options.pop(name) for name in ("exposure_range", "exposures", "exposure_file"))
@@ -130,7 +120,7 @@ def _settings(options: dict[str, Any]) -> SimulationSettings:
     if options["exposure"] == "file":
         if source is None:
             raise SettingError("--exposure file needs --exposure-file with one exposure for each frame")
-        options["exposures_ms"] = _exposures_of(source)[: options["frames"]]
+        options["exposures_ms"] = tuple(exposures_in(source)[: options["frames"]])
     if coefficients:
         options["vignette_coefficients"] = coefficients
     return SimulationSettings(**options)

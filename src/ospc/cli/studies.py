@@ -19,7 +19,7 @@ from ospc.errors import SettingError
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
     from ospc.research.runner import Finished, Task
-    from ospc.research.tables import Table
+    from ospc.research.tables import StudyReport, Table
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _Item = TypeVar("_Item")
@@ -97,26 +97,38 @@ def study_progress(total: int) -> Iterator[tuple[OnStep, Callable[[], None]]]:
         yield lambda what, share: show(what, done + share, total), finish
 
 
-def run_tasks(
-    tasks: Sequence[Task], cache: Path, jobs: int, take: Callable[[Finished], None] = lambda _finished: None
-) -> tuple[list[Any], bool]:
-    """Run tasks with a progress bar, and take each as it finishes.
+def run_study(
+    tasks: Sequence[Task],
+    out: Path,
+    jobs: int,
+    report: Callable[[Sequence[Finished]], StudyReport],
+    *,
+    as_json: bool = False,
+    partly: Callable[[Sequence[Finished]], bool] = lambda _finished: False,
+) -> None:
+    """Run tasks with a progress bar, then write and print the report on those that finished, in their order.
 
-    Returns the results in the order of the tasks, and whether the run was not interrupted.
+    It is also written whenever ``partly`` says so of those finished so far: an interruption leaves what was there.
     """
-    from ospc.research.runner import run
-    from ospc.research.store import ResultStore
+    from ospc.research.runner import ResultStore, run
 
-    found: dict[str, Any] = {}
+    found: dict[str, Finished] = {}
 
-    def keep(finished: Finished) -> None:
-        found[finished.task.name] = finished.result
-        take(finished)
+    def finished() -> list[Finished]:
+        return [found[task.name] for task in tasks if task.name in found]
+
+    def keep(one: Finished) -> None:
+        found[one.task.name] = one
+        if len(found) < len(tasks) and partly(finished()):
+            report(finished()).write(out)
 
     with study_progress(len(tasks)) as (on_step, finish):
-        results = run(tasks, ResultStore(cache), jobs, lambda task, share: on_step(task.name, share))
+        results = run(tasks, ResultStore(out / "cache"), jobs, lambda task, share: on_step(task.name, share))
         complete = until_interrupted(results, finish, keep)
-    return [found[task.name] for task in tasks if task.name in found], complete
+    if not found:
+        _leave(complete=complete)
+    else:
+        finish_study(report(finished()), out, as_json=as_json, complete=complete)
 
 
 def until_interrupted(items: Iterable[_Item], finish: Callable[[], None], take: Callable[[_Item], None]) -> bool:
@@ -147,16 +159,19 @@ def print_tables(tables: Iterable[Table]) -> None:
         say()
 
 
-def finish_study(
-    written: Sequence[Path], notes: Iterable[str] = (), *, as_json: Any = None, complete: bool = True
-) -> None:
-    """Print results as JSON if given, then notes and files; exit if the study was interrupted."""
-    if as_json is not None:
-        print_json(as_json)
-    for line in notes:
-        say(line, err=as_json is not None)
-    if written:
-        names = ", ".join(path.name for path in written)
-        say(f"written to {written[0].parent}: {names}", err=as_json is not None)
+def finish_study(report: StudyReport, out: Path, *, as_json: bool, complete: bool) -> None:
+    """Write a report, and print it, as tables or JSON; exit if the study was interrupted."""
+    written = report.write(out)
+    if as_json:
+        print_json(report.content)
+    else:
+        print_tables(report.tables)
+    for line in report.notes:
+        say(line, err=as_json)
+    say(f"written to {out}: {', '.join(path.name for path in written)}", err=as_json)
+    _leave(complete=complete)
+
+
+def _leave(*, complete: bool) -> None:
     if not complete:
         raise KeyboardInterrupt("the same command continues where it stopped")

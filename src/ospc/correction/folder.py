@@ -20,7 +20,7 @@ from ospc.errors import OspcError, SettingError
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.metadata import with_metadata
-from ospc.formats.pcalib_table import MOST_VALUES
+from ospc.formats.rules_pcalib import MOST_VALUES
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 

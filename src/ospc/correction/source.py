@@ -13,9 +13,8 @@ from ospc.formats.dso import LARGEST_ID
 from ospc.recording import Recording, open_recording
 from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_sequence import ImageSequence, open_sequence
-from ospc.recording.image_source import FolderImages, by_name, is_image_name
+from ospc.recording.image_source import FolderImages, by_name, is_image_name, why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.unread import why_unread
 
 _DIGITS = 5
 """Least digits of the numbers of images that have no names of their own."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import islice
 
+import numpy as np
+
 from ospc.calibrator import OnlineCalibrator, drive
-from ospc.diagnosis.motion import motion
-from ospc.diagnosis.notes import notes
-from ospc.diagnosis.report import RecordingReport
-from ospc.diagnosis.timing import timing
-from ospc.errors import RecordingError
-from ospc.exposures.findings import LagChoice
+from ospc.correspondence.pixel_statistics import PixelReport
+from ospc.diagnosis.report import RecordingReport, Timing, motion, timing
+from ospc.errors import RecordingError, counted
+from ospc.exposures.course import BrightnessReport
+from ospc.exposures.findings import ExposureFindings, LagChoice
+from ospc.exposures.lag import MAX_LAG
+from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 from ospc.unknown_exposures import labelled
@@ -92,3 +95,122 @@ def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -
         complete=calibration.complete,
         notes=(*calibration.warnings, *calibration.notes, *told, *recording.notes),
     )
+
+
+_MANY_CLIPPED = 0.10
+"""Share of clipped pixels worth a note: windows and lamps clip in any recording, but make up less of it."""
+
+_DARK_CORNER_SHARE = 0.05
+"""Share of well-exposed places in the outermost ring below which the vignette of the corners is a continuation."""
+
+_WEAK_SLOPE = 0.15
+"""Median d ln M/d ln e below which brightness hardly follows the exposure: a third of that of a gamma of 2.2."""
+
+_SLOWEST_VIDEO_S = 0.7
+"""Longest interval between frames of a video, in seconds: photographs taken one by one are further apart, and have no
+rate by which frames could be missing."""
+
+
+def notes(found: ExposureFindings, pixels: PixelReport, timing: Timing, unreadable: int) -> tuple[str, ...]:
+    """Return the findings, worst first."""
+    said = [
+        *_about_frames(timing, unreadable),
+        *_about_lag(found),
+        *_about_brightness(found.brightness, timing),
+        *_about_tone(found.local_tone),
+        *_about_pixels(pixels),
+    ]
+    return tuple(said)
+
+
+def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:
+    if unreadable:
+        yield f"{counted(unreadable, 'frame')} cannot be used; remove or copy again"
+    if timing.duplicate_frames:
+        yield (
+            f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the image of the one before, "
+            f"the first is frame {timing.duplicate_frames[0]}: frames were dropped and filled up, and exposures "
+            f"may belong to other frames; record without filling up"
+        )
+    if timing.dropped_frames and timing.interval_s < _SLOWEST_VIDEO_S:
+        yield (
+            f"{counted(timing.dropped_frames, 'frame')} missing in {counted(timing.gaps, 'gap')} between time "
+            f"stamps, of {1 / timing.interval_s:.3g} frames a second"
+        )
+
+
+def _about_lag(found: ExposureFindings) -> Iterator[str]:
+    lag, cycle = found.lag, found.course.cycle_frames
+    if lag.frames is not None and cycle is not None and cycle <= 2 * MAX_LAG:
+        yield (
+            f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} looks the same as one of "
+            f"{lag.frames - cycle} or {lag.frames + cycle}, which are less likely"
+        )
+    if lag.fit is not None and lag.fit.slopes.any() and float(np.median(lag.fit.slopes)) < _WEAK_SLOPE:
+        yield (
+            "brightness follows the exposure only weakly; gain control or tone mapping may work against it: "
+            "switch them off"
+        )
+
+
+def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> Iterator[str]:
+    if brightness is None:
+        return
+    if brightness.jumps:
+        largest = max(brightness.jumps, key=lambda jump: abs(jump.log_change))
+        count = len(brightness.jumps)
+        times = "once" if count == 1 else f"{count} times"
+        yield (
+            f"brightness jumps {times} while the exposure does not, the most at frame {largest.frame}, by "
+            f"{np.expm1(largest.log_change):+.0%}: a gain or an aperture changed that the metadata do not hold; fix "
+            f"the gain, or record it"
+        )
+    for flicker in brightness.flicker:
+        often = f"every {1 / flicker.cycles_per_frame:.2g} frames"
+        if np.isfinite(timing.interval_s) and timing.interval_s > 0:
+            often += f" ({flicker.cycles_per_frame / timing.interval_s:.3g} Hz as sampled)"
+        yield (
+            f"brightness flickers by ±{flicker.brightness_amplitude:.1%} {often}, which the exposures do not "
+            f"explain; use daylight, or exposures that are multiples of the lamp's period (10 ms at 50 Hz)"
+        )
+
+
+def _about_tone(tone: LocalTone | None) -> Iterator[str]:
+    # Clear signs are a warning already.
+    if tone is not None and tone.text and not tone.is_clear:
+        yield f"{tone.text}; {NO_LOCAL_TONE}"
+
+
+def _about_pixels(pixels: PixelReport) -> Iterator[str]:
+    if pixels.saturated_share > _MANY_CLIPPED:
+        yield f"{pixels.saturated_share:.0%} of all pixels are saturated; use shorter exposures or less light"
+    black = pixels.black_share - pixels.surround_share
+    if black > _MANY_CLIPPED:
+        yield f"{black:.0%} of all pixels are black; use longer exposures or more light"
+    if pixels.surround == "disc":
+        yield f"the image is a disc in a black surround ({pixels.surround_share:.0%} of it): a fisheye lens; mask it"
+    if pixels.surround == "border":
+        yield f"{pixels.surround_share:.1%} of the image, along its border, are always black; crop or mask them"
+    if pixels.empty_low_bits:
+        yield (
+            f"the lowest {pixels.empty_low_bits} bits of all grey values are empty: the values are padded, and "
+            f"only every {2**pixels.empty_low_bits}th occurs"
+        )
+    elif pixels.missing_levels_share:
+        yield (
+            f"{pixels.missing_levels_share:.0%} of the grey values between the extremes never occur: contrast was "
+            f"stretched after recording, or the values have fewer bits than they are stored with"
+        )
+    if pixels.piled_low:
+        yield (
+            f"no grey value is below {pixels.lowest_grey} of {pixels.max_grey}, and many have it: a black level was "
+            f"added, or video of limited range was not expanded"
+        )
+    if pixels.piled_high:
+        yield (
+            f"no grey value is above {pixels.highest_grey} of {pixels.max_grey}, and many have it: the image clips "
+            f"below the end of its scale; state the true largest grey value"
+        )
+    corner = pixels.mean_radius_share[-1]
+    if pixels.surround == "none" and np.isfinite(corner) and corner < _DARK_CORNER_SHARE:
+        yield "the corners are hardly ever well exposed; the vignette there would be a continuation"

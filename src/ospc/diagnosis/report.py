@@ -1,21 +1,111 @@
-"""What a check of a recording found, as a value."""
+"""What a check of a recording found, as values."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ospc.arrays import ImageSize
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.pixel_statistics import PixelReport
-from ospc.diagnosis.motion import MotionReport
-from ospc.diagnosis.timing import Timing
-from ospc.exposures.brightness import GREY_BINS
+from ospc.exposures.brightness import GREY_BINS, BrightnessChange
 from ospc.exposures.course import ExposureReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_estimate import LagEstimate
 from ospc.exposures.tone_mapping import LocalTone
+from ospc.methods.inputs import FitInputs
 from ospc.photometry.calibration import Verdict
+
+_GAP = 1.5
+"""Interval over the median one from which frames are missing: half way between one interval and two, since time
+stamps jitter."""
+
+_MOST_DROPPED = 1e9
+"""Most dropped frames counted: time stamps of two clocks may be decades apart, beyond any integer of a file."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Time stamps and repeated images.
+
+    Attributes
+    ----------
+    interval_s
+        Median time from one frame to the next; NaN for a single frame.
+    gaps
+        Number of intervals longer than one and a half of that.
+    dropped_frames
+        Frames that would fill these gaps.
+    duplicate_frames
+        Indices of frames whose image is that of the frame before, pixel by pixel; of the frames looked at.
+    compared_frames
+        Number of frames whose image was compared with the one before.
+    """
+
+    interval_s: float
+    gaps: int
+    dropped_frames: int
+    duplicate_frames: tuple[int, ...]
+    compared_frames: int
+
+
+def timing(stamps_s: FloatArray, duplicates: list[int], compared: int) -> Timing:
+    """Look at the time stamps of all frames.
+
+    Parameters
+    ----------
+    stamps_s
+        Time stamps in seconds, shape (frames,).
+    duplicates
+        Indices of frames that repeat the one before.
+    compared
+        Number of frames compared with the one before.
+    """
+    interval = np.diff(stamps_s)
+    if not len(interval):
+        return Timing(float("nan"), 0, 0, tuple(duplicates), compared)
+    usual = float(np.median(interval))
+    missing = np.rint(interval[interval > _GAP * usual] / usual) - 1 if usual > 0 else np.empty(0)
+    return Timing(usual, len(missing), int(min(missing.sum(), _MOST_DROPPED)), tuple(duplicates), compared)
+
+
+@dataclass(frozen=True)
+class MotionReport:
+    """Motion of the scene in the image.
+
+    Attributes
+    ----------
+    median_px_per_frame
+        Median displacement from one frame to the next in pixels; NaN where nothing could be followed.
+    radial_reach
+        Radial displacement, in half diagonals, of the scene points that tell the vignette.
+    found_share
+        Share of the image that is well exposed and found again in the next frame; NaN where none was compared.
+    still
+        Whether the camera stands still.
+    """
+
+    median_px_per_frame: float
+    radial_reach: float
+    found_share: float
+    still: bool
+
+
+def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> MotionReport:
+    """Summarise the motion between consecutive frames, and over the scene points of a run."""
+    displacement = [c.motion_px for c in changes if np.isfinite(c.motion_px)]
+    still = inputs is not None and inputs.standing_still
+    moves = inputs is not None and inputs.observations is not None and not still
+    return MotionReport(
+        float(np.median(displacement)) if displacement else float("nan"),
+        inputs.observations.radial_reach if moves and inputs is not None and inputs.observations is not None else 0.0,
+        float(np.median([c.found for c in changes])) if changes else float("nan"),
+        still,
+    )
+
 
 SCHEMA = "ospc-check/1"
 

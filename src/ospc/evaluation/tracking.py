@@ -5,7 +5,7 @@ Lucas–Kanade method with the same settings (:mod:`ospc.evaluation.lucas_kanade
 
 - *raw*: in the grey values as recorded;
 - *corrected*: in what the same camera would have recorded without vignette and at the longer exposure of the two
-  frames (:class:`~ospc.evaluation.corrected_frames.CorrectedFrames`). Since these are encoded by the camera's own
+  frames (:class:`~ospc.evaluation.tracks.CorrectedFrames`). Since these are encoded by the camera's own
   response, both kinds of frames have similar grey levels, noise and contrast, and no setting favours one of them.
 
 A track ends when it is lost. It is censored when it leaves the image or the recording ends. It is lost if the

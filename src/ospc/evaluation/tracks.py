@@ -7,12 +7,127 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from ospc.evaluation.corrected_frames import CorrectedFrames
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
 from ospc.evaluation.lucas_kanade import LOSSES, WINDOW_PX, follow, in_contrasts, windows
-from ospc.evaluation.streams import LifeTable, StreamingMedian
-from ospc.photometry.correction import Corrector
+from ospc.photometry.correction import Corrector, look_up
+from ospc.photometry.response import Response
 from ospc.recording import Frame
+
+_LOWEST, _HIGHEST, _BINS = 1e-5, 1e4, 4096
+"""Range and number of the bins of a median: each is half a per cent wide."""
+
+
+class LifeTable:
+    """Counts of individuals at risk and lost at every age up to a horizon.
+
+    Survival is the product-limit estimate (Kaplan and Meier 1958): an individual that is censored, such as a point
+    that leaves the image, counts until then, and afterwards neither as lost nor as alive.
+    """
+
+    def __init__(self, horizon: int) -> None:
+        self._at_risk = np.zeros(horizon, np.int64)
+        self._lost = np.zeros(horizon, np.int64)
+
+    def add(self, ages: IntArray, lost_ages: IntArray) -> None:
+        """Count a step of individuals by their ages before it, all below the horizon, and those lost in it."""
+        self._at_risk += np.bincount(ages, minlength=len(self._at_risk))
+        self._lost += np.bincount(lost_ages, minlength=len(self._lost))
+
+    @property
+    def steps(self) -> int:
+        """Number of steps counted."""
+        return int(self._at_risk.sum())
+
+    @property
+    def horizon(self) -> int:
+        """Age up to which survival is known: the one asked for, unless all were censored before."""
+        unknown = np.flatnonzero((self._at_risk == 0) & (self.survival[:-1] > 0))
+        return int(unknown[0]) if unknown.size else len(self._at_risk)
+
+    @property
+    def survival(self) -> FloatArray:
+        """Share alive at the ages 0, 1, … horizon, shape (horizon + 1,); the first is 1."""
+        kept = 1 - self._lost / np.maximum(self._at_risk, 1)
+        return np.concatenate([[1.0], np.cumprod(kept)])
+
+    def mean_life(self, horizon: int) -> float:
+        """Return the mean age reached, counted from 1, of individuals followed to an age of at most ``horizon``."""
+        return float(self.survival[:horizon].sum())
+
+    def median_life(self, horizon: int) -> int | None:
+        """Return the age that half do not outlive, counted from 1; None if more do."""
+        gone = np.flatnonzero(self.survival[: horizon + 1] <= 0.5)
+        return int(gone[0]) if gone.size else None
+
+
+class StreamingMedian:
+    """Counts numbers in bins of equal ratio from 10⁻⁵ to 10⁴; the median is accurate to a quarter of a per cent."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(_BINS, np.int64)
+
+    def add(self, values: FloatArray) -> None:
+        """Count numbers; those out of range are clipped to it, those that are not finite are ignored."""
+        finite = values[np.isfinite(values)]
+        share = np.log(np.clip(finite, _LOWEST, _HIGHEST) / _LOWEST) / np.log(_HIGHEST / _LOWEST)
+        self._counts += np.bincount(np.minimum((share * _BINS).astype(np.int64), _BINS - 1), minlength=_BINS)
+
+    @property
+    def value(self) -> float:
+        """The median; NaN if nothing was counted."""
+        count = int(self._counts.sum())
+        if count == 0:
+            return float("nan")
+        place = int(np.searchsorted(np.cumsum(self._counts), count / 2))
+        return float(_LOWEST * (_HIGHEST / _LOWEST) ** ((place + 0.5) / _BINS))
+
+
+_LEAST_HEADROOM = 0.25
+"""Least factor by which corrected frames are darkened; beyond it, strongly vignetted corners are clipped."""
+
+_LEVELS = 65536
+"""Entries of the table from 16-bit irradiance to 8-bit grey values."""
+
+
+class CorrectedFrames:
+    """Both frames of a pair as if recorded at the longer of their exposures and without vignette, f(s·g(M')/V).
+
+    M' is the frame warped to that exposure. The factor s ≤ 1 makes room for the corrected corners, which can be
+    brighter than white in the middle of the image.
+    """
+
+    def __init__(self, corrector: Corrector) -> None:
+        self._corrector = corrector
+        self._response = corrector.response if isinstance(corrector.response, Response) else None
+        darkest = 1.0 if corrector.vignette is None else float(corrector.vignette.image().min())
+        self._headroom = min(max(darkest, _LEAST_HEADROOM), 1.0)
+        self._greys = np.rint(255 * self._encoded(np.linspace(0.0, 1.0, _LEVELS))).astype(np.uint8)
+
+    def pair(self, before: Frame, after: Frame) -> tuple[Image, Image]:
+        """Return the images of two successive frames."""
+        longer_ms = max(before.exposure_ms, after.exposure_ms)
+        return self._at(before, longer_ms), self._at(after, longer_ms)
+
+    def radiance(self, frame: Frame) -> Float32Array:
+        """Return the radiance at every pixel, NaN if saturated."""
+        return np.asarray(self._corrector.correct(frame.image, frame.exposure_ms), dtype=np.float32)
+
+    def greys(self, radiance: FloatArray, exposure_ms: float) -> FloatArray:
+        """Return the grey values, 0 to 255, that radiances have in corrected frames of an exposure."""
+        return 255 * self._encoded(self._headroom * exposure_ms * radiance)
+
+    def _at(self, frame: Frame, exposure_ms: float) -> Image:
+        image = frame.image
+        if exposure_ms != frame.exposure_ms:
+            image = self._corrector.warp_exposure(image, frame.exposure_ms, exposure_ms)
+        light = self._corrector.correct(image, dtype=np.uint16, white=1 / self._headroom, mark_saturated=False)
+        return np.asarray(look_up(light, self._greys[:, None]))
+
+    def _encoded(self, irradiance: FloatArray) -> FloatArray:
+        if self._response is None:
+            return np.clip(irradiance, 0.0, 1.0)
+        return self._response(irradiance)
+
 
 KINDS = ("raw", "corrected")
 CAUSES = (*LOSSES, "too bright or dark")

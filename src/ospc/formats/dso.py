@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from ospc.errors import ExposureError, FormatError, SettingError
 from ospc.formats.files import write_text
-from ospc.formats.pcalib_table import FEWEST_VALUES, MOST_VALUES, table_text
 from ospc.formats.png import read_png, write_png
 from ospc.formats.rules import Context
-from ospc.formats.rules_pcalib import PCALIB
+from ospc.formats.rules_pcalib import FEWEST_VALUES, MOST_VALUES, PCALIB, table_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 

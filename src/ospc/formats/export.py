@@ -14,9 +14,9 @@ from ospc.formats.hugin import EmorBasis, write_pto
 from ospc.formats.lensfun import write_lensfun
 from ospc.formats.opencv import write_opencv
 from ospc.formats.opening import Photometry
-from ospc.formats.pcalib_table import FEWEST_VALUES
 from ospc.formats.radial import Optics
 from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
+from ospc.formats.rules_pcalib import FEWEST_VALUES
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.vignette import RasterVignette, Vignette
 

@@ -8,8 +8,14 @@ from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.robust import robust_scale
 from ospc.methods.coverage import coverage_of
-from ospc.methods.effect_findings import contradictions_of, judged, notes_of
-from ospc.methods.identifiability import response_verdict, unexplained_share, vignette_verdict
+from ospc.methods.identifiability import (
+    contradictions_of,
+    judged,
+    notes_of,
+    response_verdict,
+    unexplained_share,
+    vignette_verdict,
+)
 from ospc.methods.inputs import FitInputs
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios

@@ -6,9 +6,7 @@ a kind.
 
 from ospc.recording.arrays import ArrayRecording
 from ospc.recording.frame import Frame
-from ospc.recording.identity import identity
-from ospc.recording.kinds import open_recording
-from ospc.recording.recording import Recording
-from ospc.recording.rig import cameras_of
+from ospc.recording.kinds import cameras_of, open_recording
+from ospc.recording.recording import Recording, identity
 
 __all__ = ["ArrayRecording", "Frame", "Recording", "cameras_of", "identity", "open_recording"]

@@ -14,11 +14,10 @@ from ospc.formats.files import read_bytes
 from ospc.recording.exposure_lists import lists_in
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame_table import FrameTable, make_table
-from ospc.recording.image_formats import format_of
+from ospc.recording.image_formats import Shot, format_of, shot_of_exif
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import MAX_FILE_BYTES, FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.shot import Shot, shot_of_exif
 
 _HEAD_BYTES = 256 * 1024
 """Read of each photograph: EXIF is a segment of at most 64 KiB near its beginning."""

@@ -13,8 +13,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError, counted, listed
-from ospc.recording.column_names import Columns, name_columns
-from ospc.recording.exposure_units import ExposureUnit, infer_unit
+from ospc.recording.exposure_units import Columns, ExposureUnit, infer_unit, name_columns
 from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.text_file import is_number, lines_of, parse_number, read_text

@@ -1,15 +1,269 @@
-"""Image formats that optional libraries decode."""
+"""Image formats that optional libraries decode, HEIC and raw, and how a photograph was taken, from its EXIF."""
 
 from __future__ import annotations
 
+import logging
+import math
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from io import BytesIO
 from pathlib import PurePath
-from typing import Protocol
+from typing import Any, ClassVar, Protocol
 
-from ospc.recording.channel import Channel
-from ospc.recording.heic import HEIC
-from ospc.recording.pixel_layout import StoredImage
-from ospc.recording.raw import RAW
-from ospc.recording.shot import Shot
+import numpy as np
+
+from ospc.arrays import Float32Array, Image
+from ospc.errors import FrameError, OspcError, SettingError, needs_extra
+from ospc.recording.channel import Channel, Mosaic
+from ospc.recording.frame import check_decoded_size
+from ospc.recording.pixel_layout import BitDepth, StoredImage
+
+_TIME, _NUMBER, _ISO = "EXIF ExposureTime", "EXIF FNumber", "EXIF ISOSpeedRatings"
+_TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", "Image Model"
+
+_MOST_BYTES = 8 * 2**20
+"""Read of the EXIF of one photograph, some bytes again and again: far more than cameras write."""
+
+_READ_COST_BYTES = 512
+"""Bytes that a read counts at least, so that the number of reads is limited too."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a photograph was taken; None for what its file does not state.
+
+    Attributes
+    ----------
+    time_s
+        Exposure time in seconds.
+    iso, f_number
+        ISO speed and f-number.
+    taken
+        When it was taken.
+    model
+        Name of the camera, empty if it is unknown.
+    """
+
+    time_s: float | None = None
+    iso: float | None = None
+    f_number: float | None = None
+    taken: datetime | None = None
+    model: str = ""
+
+
+def shot_of_exif(data: bytes) -> Shot:
+    """Read the EXIF of a file, or of its beginning; damaged EXIF states nothing."""
+    tags = _tags(data)
+    time_s, iso, f_number = (_positive(tags, name) for name in (_TIME, _ISO, _NUMBER))
+    return Shot(time_s, iso, f_number, _taken(tags), str(tags.get(_MODEL, "")))
+
+
+def _tags(data: bytes) -> Mapping[str, Any]:
+    with needs_extra("reading exposures from photographs", "exif"):
+        import exifread
+    logger = logging.getLogger("exifread")
+    if not logger.handlers:
+        # Without a handler, its remarks on odd files would be printed.
+        logger.addHandler(logging.NullHandler())
+    try:
+        tags: Mapping[str, Any] = exifread.process_file(_BoundedReads(data), details=False)
+    except Exception:
+        # The parser raises undocumented errors for damaged EXIF.
+        return {}
+    return tags
+
+
+class _BoundedReads(BytesIO):
+    """Ends reading by an error where the directories of hostile EXIF overlap, which would take hours."""
+
+    _left = _MOST_BYTES
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        found = super().read(size)
+        self._left -= max(len(found), _READ_COST_BYTES)
+        if self._left < 0:
+            raise ValueError("too many reads")
+        return found
+
+
+def _positive(tags: Mapping[str, Any], name: str) -> float | None:
+    """Return the number in a tag, None if it is absent or not positive."""
+    try:
+        value = float(tags[name].values[0])
+    except (KeyError, IndexError, AttributeError, TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    return value if math.isfinite(value) and value > 0 else None
+
+
+def _taken(tags: Mapping[str, Any]) -> datetime | None:
+    digits = str(tags.get(_FRACTION, "0")).strip()[:6]
+    fraction = digits if digits.isascii() and digits.isdigit() else "0"
+    try:
+        return datetime.strptime(f"{tags[_TAKEN]}.{fraction}", "%Y:%m:%d %H:%M:%S.%f")
+    except (KeyError, ValueError):
+        return None
+
+
+_TURNS = re.compile(rb"\0\0\0\x09(irot|imir)(.)", re.DOTALL)
+"""Properties of an image by which it is turned and mirrored for display (ISO/IEC 23008-12, 6.5.10 and 6.5.12)."""
+
+_EXIF = b"Exif\0\0"
+
+
+class Heic:
+    """The format of HEIC photographs; pillow-heif decodes it."""
+
+    suffixes: ClassVar = frozenset({".heic", ".heif", ".hif"})
+
+    def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
+        """Decode to one channel, by default to luma; more than 8 bits are left-aligned in 16."""
+        photo = _opened_heic(data, name)
+        check_decoded_size(photo.size, len(photo.mode.partition(";")[0]), 16 if ";" in photo.mode else 8, name)
+        try:
+            pixels = np.asarray(photo)
+        except Exception as error:
+            raise _damaged(name) from error
+        colour = pixels.ndim == 3 and pixels.shape[2] >= 3
+        if pixels.ndim == 3:  # without transparency
+            pixels = np.ascontiguousarray(pixels[:, :, :3]) if colour else pixels[:, :, 0]
+        if colour:
+            pixels = (channel or Channel.LUMINANCE).of(pixels)
+        return StoredImage(_on_sensor(pixels, data), colour)
+
+    def shot(self, data: bytes, name: str) -> Shot:
+        """Return what its EXIF says."""
+        return shot_of_exif(_exif_of(_opened_heic(data, name)).removeprefix(_EXIF))
+
+    def exif(self, data: bytes) -> bytes:
+        """Return the EXIF block."""
+        try:
+            return _exif_of(_opened_heic(data, ""))
+        except FrameError:
+            return b""
+
+
+def _opened_heic(data: bytes, name: str) -> Any:
+    """Read everything but the pixels, of the main image if there are several."""
+    with needs_extra("reading HEIC photographs", "heic"):
+        import pillow_heif
+    try:
+        file = pillow_heif.open_heif(BytesIO(data), convert_hdr_to_8bit=False, bgr_mode=True)
+        return file[file.primary_index]
+    except Exception as error:
+        # libheif's errors, and those of the EXIF inside, are of many types.
+        raise _damaged(name) from error
+
+
+def _exif_of(photo: Any) -> bytes:
+    block: bytes = photo.info.get("exif") or b""
+    return _EXIF + block.removeprefix(_EXIF) if block else b""
+
+
+def _damaged(name: str) -> FrameError:
+    return FrameError(f"{name}: the HEIC image is damaged and cannot be decoded; copy or download it again")
+
+
+def _on_sensor(pixels: Image, data: bytes) -> Image:
+    """Undo how libheif turned an image for display: response and vignette belong to the axes of the sensor."""
+    for kind, (value,) in reversed(_TURNS.findall(data)[:2]):
+        if kind == b"irot":
+            pixels = np.rot90(pixels, -value)
+        elif kind == b"imir":
+            pixels = np.flip(pixels, value & 1)
+    return np.ascontiguousarray(pixels)
+
+
+HEIC = Heic()
+
+
+_WHITE = 65535
+"""Grey value of the white level, at which the sensor saturates."""
+
+_DEPTH = BitDepth(16, 0, 16)
+"""Black and white are brought to both ends of 16 bits, which holds the 10 to 14 of sensors."""
+
+
+class Raw:
+    """The format of raw photographs; LibRaw decodes it, by rawpy."""
+
+    suffixes: ClassVar = frozenset({".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef"})
+
+    def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
+        """Decode to linear values of 16 bits, black at 0 and white at 65535.
+
+        A Bayer mosaic stays one; in colour, each of its 2×2 blocks becomes a pixel, without interpolation and without
+        white balance.
+        """
+        with _opened_raw(data, name) as photo:
+            colours = photo.color_desc.decode("ascii", "replace").lower()
+            sizes, stacked = photo.sizes, photo.raw_type.name == "Stack"
+            check_decoded_size((sizes.raw_width, sizes.raw_height), 4 if stacked else 1, 16, name)
+            black, white = np.array(photo.black_level_per_channel, np.float32), float(photo.white_level)
+            if white <= black.max():
+                raise FrameError(f"{name}: states a white level of {white:g} below its black level; leave it out")
+            pixels = photo.raw_image_visible
+            if stacked:
+                linear = _scaled(pixels[:, :, :3], black[:3], white)
+                return StoredImage((channel or Channel.LUMINANCE).of(linear[:, :, ::-1]), colour=True, depth=_DEPTH)
+            if photo.num_colors == 1:
+                return StoredImage(_scaled(pixels, black[0], white), depth=_DEPTH)
+            block = photo.raw_colors_visible[:2, :2]
+            mosaic = _mosaic(photo, "".join(colours[i] for i in block.ravel()), name)
+            linear = np.empty_like(pixels)
+            for row, column in np.ndindex(2, 2):
+                part = pixels[row::2, column::2]
+                linear[row::2, column::2] = _scaled(part, black[block[row, column]], white)
+            if channel is Channel.ALL:
+                return StoredImage(mosaic.of(linear, channel), colour=True, depth=_DEPTH)
+            return StoredImage(linear, mosaic=mosaic, depth=_DEPTH)
+
+    def shot(self, data: bytes, name: str) -> Shot:
+        """Return how LibRaw says that it was taken."""
+        with _opened_raw(data, name) as photo:
+            stated = photo.other
+            numbers = (stated.shutter_speed, stated.iso_speed, stated.aperture)
+            time_s, iso, f_number = (float(n) if np.isfinite(n) and n > 0 else None for n in numbers)
+            taken = stated.timestamp if stated.timestamp > datetime(1971, 1, 1) else None
+            return Shot(time_s, iso, f_number, taken)
+
+    def exif(self, data: bytes) -> bytes:
+        """Return nothing: the EXIF of a raw file describes its own pixels, and leads all over it."""
+        return b""
+
+
+@contextmanager
+def _opened_raw(data: bytes, name: str) -> Iterator[Any]:
+    with needs_extra("reading raw photographs", "raw"):
+        import rawpy
+    try:
+        with rawpy.imread(BytesIO(data)) as photo:
+            yield photo
+    except OspcError:
+        raise
+    except Exception as error:
+        # LibRaw's own errors, and those of types that rawpy has no class for.
+        raise FrameError(f"{name}: is damaged, or of an unknown camera; convert it to 16-bit TIFF") from error
+
+
+def _mosaic(photo: Any, pattern: str, name: str) -> Mosaic:
+    try:
+        return Mosaic(pattern if np.shape(photo.raw_pattern) == (2, 2) else "")
+    except SettingError:
+        raise FrameError(
+            f"{name}: its colours are not arranged as in a Bayer mosaic; convert it to 16-bit TIFF without a curve"
+        ) from None
+
+
+def _scaled(pixels: Image, black: Float32Array, white: float) -> Image:
+    """Bring black to 0 and white to 65535; noise below black is cut off."""
+    scaled = (pixels - black) * (_WHITE / (white - black))
+    return np.rint(np.clip(scaled, 0, _WHITE, out=scaled), out=scaled).astype(np.uint16)
+
+
+RAW = Raw()
 
 
 class ImageFormat(Protocol):

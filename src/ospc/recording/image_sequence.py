@@ -14,11 +14,10 @@ from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame, check_size
 from ospc.recording.frame_table import NO_STAMPS, FrameTable, match_images, table_or_unlisted
 from ospc.recording.image_formats import format_of
-from ospc.recording.image_source import FolderImages, ImageSource
+from ospc.recording.image_source import FolderImages, ImageSource, why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
-from ospc.recording.unread import why_unread
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -13,8 +13,7 @@ from functools import cache
 from typing import Annotated, Any, get_type_hints
 
 from ospc.errors import SettingError
-from ospc.recording.bayer import Mosaic
-from ospc.recording.channel import Channel
+from ospc.recording.channel import Channel, Mosaic
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 
 

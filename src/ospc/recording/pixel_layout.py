@@ -9,8 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.errors import FrameError, RecordingError, SettingError
-from ospc.recording.bayer import Mosaic, find_mosaic
-from ospc.recording.channel import Channel
+from ospc.recording.channel import Channel, Mosaic, find_mosaic
 from ospc.recording.frame import check_size, size_of
 from ospc.recording.options import ReadingOptions
 

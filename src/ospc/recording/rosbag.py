@@ -15,8 +15,7 @@ from ospc.errors import ExposureError, RecordingError, counted, escaped, listed
 from ospc.recording.bags.bag import Bag, is_bag
 from ospc.recording.bags.carriers import Carrier, carrier_of
 from ospc.recording.bags.container import Topic
-from ospc.recording.bags.image_messages import read_stamp_ns
-from ospc.recording.bags.image_stream import ImageStream
+from ospc.recording.bags.image_messages import ImageStream, read_stamp_ns
 from ospc.recording.bags.matching import Times, match
 from ospc.recording.bags.messages import DamagedMessageError
 from ospc.recording.bags.topics import exposure_topic, image_topic, image_topics, own_exposure_topic

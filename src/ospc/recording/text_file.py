@@ -60,3 +60,15 @@ def parse_number(text: str, what: str, place: str) -> float:
     if is_number(text):
         return float(text)
     raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; correct the line")
+
+
+def exposures_in(path: str | Path) -> list[float]:
+    """Return the last number of each line of a file, such as times.txt; ``#`` begins a comment.
+
+    Errors are those of :func:`read_text` and :func:`parse_number`.
+    """
+    lines = [(n, line) for n, line in lines_of(read_text(Path(path)), str(path)) if not line.startswith("#")]
+    return [
+        parse_number(re.split(r"[\s,;]+", line.rstrip(",;"))[-1], "the exposure", f"{path}, line {n}")
+        for n, line in lines
+    ]

@@ -13,8 +13,7 @@ from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.simulation import SimulationSettings, irradiances
-from ospc.simulation.responses import make_response
-from ospc.simulation.vignettes import make_vignette
+from ospc.simulation.responses import make_response, make_vignette
 
 PAIRS = 400
 """Pairs of a simulated recording: enough for the median error to be known to a few percent."""

@@ -1,18 +1,39 @@
-"""What a study compares: methods that take frames and give estimates, and how they are run over a recording."""
+"""What a study compares: methods that take frames and give estimates, those of this project among them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from time import process_time
 from typing import Protocol, TypeAlias
 
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
+from ospc.calibrator import OnlineCalibrator
+from ospc.correspondence.features import Features
 from ospc.errors import OspcError
+from ospc.exposures.table import ExposureTable
+from ospc.methods.paper import (
+    Correspondences,
+    FeatureMatcher,
+    Matcher,
+    PaperMethod,
+    in_order,
+    polynomial_response,
+    response_rows,
+    solve_response,
+    solve_vignette,
+    vignette_rows,
+)
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import Vignette
+from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
+from ospc.research.held_out import HeldOutPair
 from ospc.research.runner import OnProgress
+from ospc.settings import PaperSettings, preset
 
 
 @dataclass(frozen=True)
@@ -98,3 +119,154 @@ def run_methods(
 def failure(error: Exception) -> str:
     """Return an error as an outcome; errors the library does not raise on purpose are named."""
     return str(error) if isinstance(error, OspcError) else f"{type(error).__name__}: {error}"
+
+
+VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
+"""The solvers that the paper compares (section 5)."""
+
+_MATCHING = (
+    "features", "max_features", "match_ratio",
+    "filter_blocks", "filter_bins", "filter_min_matches", "filter_length_sigmas",
+)  # fmt: skip
+"""Settings that the detection and matching of features depend on."""
+
+
+def methods_of_preset(name: str, *, solvers: bool) -> dict[str, Method]:
+    """Return new methods of a preset; where asked for, "paper" with each of its vignette solvers."""
+    settings = preset(name)
+    if not isinstance(settings, PaperSettings):
+        return {settings.name: OwnMethod(settings.name)}
+    if not solvers:
+        return {"paper": PaperVariants({"paper": settings})}
+    variants = {f"paper/{solver}": replace(settings, vignette_solver=solver) for solver in VIGNETTE_SOLVERS}
+    return {"paper": PaperVariants(variants)}
+
+
+class OwnMethod:
+    """The method of this project with a preset; ``variant`` names the outcome if the preset's name does not."""
+
+    def __init__(self, preset_name: str = "default", variant: str | None = None) -> None:
+        self._variant = variant or preset_name
+        self._calibrator = OnlineCalibrator(preset_name)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._calibrator.push(frame)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the calibration."""
+        return {self._variant: Estimate.of(self._calibrator.calibration())}
+
+
+class PaperVariants:
+    """The paper's method with several settings, by name; those that match the same features do so once."""
+
+    def __init__(self, variants: dict[str, PaperSettings]) -> None:
+        self._variants = variants
+        self._methods: dict[str, PaperMethod] = {}
+        self._failures: dict[str, str] = {}
+        self._exposures = ExposureTable()
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame; a variant that breaks down leaves the others alone."""
+        if not self._methods:
+            shared: dict[tuple[object, ...], SharedMatcher] = {}
+            size = (frame.image.shape[1], frame.image.shape[0])
+            for name, settings in self._variants.items():
+                alike = tuple(getattr(settings, setting) for setting in _MATCHING)
+                if alike not in shared:
+                    shared[alike] = SharedMatcher(FeatureMatcher(settings))
+                self._methods[name] = PaperMethod(settings, size, frame.max_grey, shared[alike])
+        self._exposures.append(frame.exposure_ms)
+        for name in self._methods.keys() - self._failures.keys():
+            try:
+                self._methods[name].push(frame, None, self._exposures)
+            except Exception as error:
+                self._failures[name] = failure(error)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the calibrations."""
+        outcomes: dict[str, Outcome] = {}
+        for name, method in self._methods.items():
+            try:
+                outcomes[name] = self._failures.get(name) or Estimate.of(method.calibration(self._exposures))
+            except Exception as error:
+                outcomes[name] = failure(error)
+        return outcomes
+
+
+class SharedMatcher:
+    """Keeps what a matcher finds until the next frame comes, for methods that process the same frames in step."""
+
+    def __init__(self, matcher: Matcher) -> None:
+        self._matcher = matcher
+        self._frame = -1
+        self._features: Features | None = None
+        self._pairs: dict[tuple[int, int], Correspondences] = {}
+
+    def features(self, frame: Frame) -> Features:
+        """Return the features of a frame."""
+        if self._features is None or frame.index != self._frame:
+            self._features, self._frame, self._pairs = self._matcher.features(frame), frame.index, {}
+        return self._features
+
+    def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
+        """Return the matches of two frames."""
+        key = (left.frame, right.frame)
+        if key not in self._pairs:
+            self._pairs[key] = self._matcher.correspondences(left, right, size)
+        return self._pairs[key]
+
+
+class SolversKnowingResponse:
+    """The paper's vignette alone, by several of its solvers, with the true response given."""
+
+    def __init__(
+        self, response: Response, settings: PaperSettings, solvers: Sequence[str] = VIGNETTE_SOLVERS
+    ) -> None:
+        self._response, self._settings, self._solvers = response, settings, solvers
+        self._matcher = FeatureMatcher(settings)
+        self._recent: deque[tuple[Features, float]] = deque()
+        self._rows: list[FloatArray] = []
+        self._targets: list[FloatArray] = []
+        self._size: ImageSize = (0, 0)
+
+    def push(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._size = (frame.image.shape[1], frame.image.shape[0])
+        features = self._matcher.features(frame)
+        self._recent.append((features, frame.exposure_ms))
+        if len(self._recent) <= self._settings.vignette_offset:
+            return
+        left, left_ms = self._recent.popleft()
+        found = self._matcher.correspondences(left, features, self._size)
+        exposed = (np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1)
+        moving = found.radial_displacement >= self._settings.vignette_min_radial_displacement
+        rows, targets = vignette_rows(found.select(exposed & moving), left_ms / frame.exposure_ms, self._response)
+        self._rows.append(rows)
+        self._targets.append(targets)
+
+    def found(self) -> dict[str, Outcome]:
+        """Return the vignette of each solver."""
+        count = sum(map(len, self._targets))
+        if count < self._settings.min_samples:
+            return {f"true g/{name}": f"only {count} points move along the radius" for name in self._solvers}
+        rows, targets = np.concatenate(self._rows), np.concatenate(self._targets)
+        outcomes: dict[str, Outcome] = {}
+        for name in self._solvers:
+            coefficients = tuple(solve_vignette(rows, targets, name, self._settings.huber_tuning).tolist())
+            outcomes[f"true g/{name}"] = Estimate(self._response, PolynomialVignette(self._size, coefficients))
+        return outcomes
+
+
+def quadratic_on_known_pixels(pairs: Iterable[HeldOutPair], size: ImageSize) -> Outcome:
+    """Return the paper's quadratic response from pixels, of images of a size, that are known to correspond."""
+    gram = np.zeros((3, 3))
+    for pair in pairs:
+        matches = Correspondences((0, 1), size, pair.points0, pair.points1, pair.grey0, pair.grey1)
+        rows = response_rows(in_order(matches, pair.exposure_ratio), pair.exposure_ratio, 2)
+        gram += rows.T @ rows
+    coefficients = solve_response(gram, "when needed")
+    if coefficients is None:
+        return "the quadratic does not increase"
+    return Estimate(polynomial_response(coefficients, None, (0.0, 1.0)))

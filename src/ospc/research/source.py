@@ -17,18 +17,16 @@ from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame, Recording, open_recording
-from ospc.recording.identity import identity
+from ospc.recording.recording import identity
 from ospc.research.held_out import HeldOut, simulated_pairs
 from ospc.research.measurement import Measurement
 from ospc.research.method import Estimate, Method, Outcome, Result, run_methods
-from ospc.research.runner import OnProgress
+from ospc.research.runner import OnProgress, made_with
 from ospc.research.scoring import Truth, measurement
-from ospc.research.store import made_with
 from ospc.simulation import SimulationSettings
 from ospc.simulation import frames as simulated_frames
 from ospc.simulation import truth as simulated_truth
-from ospc.simulation.responses import make_response
-from ospc.simulation.vignettes import make_vignette
+from ospc.simulation.responses import make_response, make_vignette
 
 PCALIB, VIGNETTE = "pcalib.txt", "vignette.png"
 

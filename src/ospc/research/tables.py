@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from ospc.atomic import write_atomically
 from ospc.errors import SettingError, escaped
 from ospc.formats.files import csv_text
 from ospc.research.measurement import METRICS, Measurement
-from ospc.research.store import source_hash
+from ospc.research.runner import source_hash
 from ospc.versions import versions
 
 
@@ -43,6 +43,12 @@ class Table:
 def _as_cell(text: str) -> str:
     """Return a text on one line without what Markdown would take for the end of a cell or for HTML."""
     return escaped(text).replace("|", "\\|").replace("<", "&lt;")
+
+
+def benchmark_content(schema: str, notes: Sequence[str], **content: Any) -> dict[str, Any]:
+    """Return the results of a benchmark with what they were made by, as JSON-compatible values."""
+    made_by = {"schema": schema, "versions": versions(), "source_sha256": source_hash()}
+    return made_by | {"notes": list(notes)} | content
 
 
 def document(title: str, note: str, notes: Sequence[str], command: str, tables: Sequence[Table]) -> str:
@@ -83,21 +89,36 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
     return csv_text([header, *lines])
 
 
-def write(
-    folder: Path, texts: Mapping[str, str], pictures: Mapping[str, Callable[[Path], Path]] | None = None
-) -> list[Path]:
-    """Write texts, and pictures by functions that draw to a path, into a folder, which is made; return the files.
+@dataclass(frozen=True)
+class StudyReport:
+    """What a study found, to be printed and written.
 
-    Raises
-    ------
-    SettingError
-        If a file cannot be written.
+    Attributes
+    ----------
+    tables
+        To be printed.
+    texts, pictures
+        Files by name; pictures are functions that draw to a path.
+    notes
+        Remarks, and why something has no result.
+    content
+        Everything as JSON-compatible values; None where nothing asks for that.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        files = [
-            write_atomically(folder / name, text.encode("utf-8", "backslashreplace")) for name, text in texts.items()
-        ]
-    except OSError as error:
-        raise SettingError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
-    return files + [draw(folder / name) for name, draw in (pictures or {}).items()]
+
+    tables: Sequence[Table]
+    texts: Mapping[str, str]
+    pictures: Mapping[str, Callable[[Path], Path]] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+    content: Any = None
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write all files into a folder, which is made, and return them; SettingError if that fails."""
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            files = [
+                write_atomically(folder / name, text.encode("utf-8", "backslashreplace"))
+                for name, text in self.texts.items()
+            ]
+        except OSError as error:
+            raise SettingError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
+        return files + [draw(folder / name) for name, draw in self.pictures.items()]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import math
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,14 +13,115 @@ import numpy as np
 
 from ospc.arrays import Float32Array, Image
 from ospc.errors import SettingError
+from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.simulation.files import image_writer, remove_recording, write_truth
+from ospc.recording.writing.images import NumberedImages, encoded
 from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import radiance
 from ospc.simulation.scene import Scene
-from ospc.simulation.sensor import Sensor
 from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.truth import Truth, plan, view_at
+
+_PNG_COMPRESSION = 1
+"""Fastest level of zlib; noise hardly compresses anyway."""
+
+_IMAGE = re.compile(r"\d{5,}\.(png|jpg)")
+_FILES = (
+    "times.txt", "camera.txt", "groundtruthSync.txt", "truth.json", "pcalib.txt", "vignette.png", "images.zip",
+)  # fmt: skip
+
+
+def write_truth(folder: Path, truth: Truth) -> None:
+    """Write times.txt, camera.txt, groundtruthSync.txt and the true pcalib.txt, vignette.png and truth.json."""
+    width, height = truth.settings.size
+    focal = f"{truth.settings.focal_px:.9g}"
+    size = f"{width} {height}"
+    times = enumerate(zip(truth.stamps_s, truth.metadata_exposures_ms, strict=True))
+    rows = np.column_stack([truth.stamps_s, truth.trajectory])
+    texts = {
+        "times.txt": [f"{i:05d} {stamp:.9f} {e:.9g}" for i, (stamp, e) in times],
+        "camera.txt": [f"Pinhole {focal} {focal} {(width - 1) / 2} {(height - 1) / 2} 0", size, "none", size],
+        "groundtruthSync.txt": [" ".join(f"{value:.9f}" for value in row) for row in rows],
+        "truth.json": [json.dumps(truth.as_dict(), indent=1, allow_nan=False)],
+    }
+    for name, lines in texts.items():
+        (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    write_pcalib(truth.response, folder / "pcalib.txt")
+    write_vignette(truth.vignette, folder / "vignette.png")
+
+
+def remove_recording(folder: Path) -> None:
+    """Remove an earlier simulated recording, and nothing but what :func:`~ospc.simulation.camera.simulate` writes.
+
+    Nothing happens if its folder is missing or empty.
+
+    Raises
+    ------
+    SettingError
+        If the folder holds anything else; then nothing is removed.
+    """
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not (folder / "truth.json").is_file():
+        raise SettingError(f"{folder}: is not a simulated recording (it has no truth.json); remove it yourself")
+    images = folder / "images"
+    inside = list(images.iterdir()) if images.is_dir() else []
+    written = [folder / name for name in _FILES if (folder / name).is_file()]
+    written += [path for path in inside if _IMAGE.fullmatch(path.name)]
+    foreign = {*folder.iterdir(), *inside} - {images, *written}
+    if foreign:
+        raise SettingError(f"{folder}: also holds {min(foreign).name}, which no simulation wrote; move it away")
+    for path in written:
+        path.unlink()
+    if images.is_dir():
+        images.rmdir()
+
+
+_TABLE = 2**16
+"""Entries of the table of 8-bit grey values: indices fit 16 bits, and errors stay far below a grey level."""
+
+
+class Sensor:
+    """Turns irradiance into grey values, M = f(I + noise).
+
+    The noise is that of counted electrons. With gain G, full well F and read noise r, the irradiance I (1 saturates)
+    corresponds to I·F/G electrons, and their count has the variance I·F/G + r². It is drawn from a normal
+    distribution, which a Poisson distribution resembles from about ten electrons on.
+    """
+
+    def __init__(self, response: Response, settings: SimulationSettings) -> None:
+        self._response = response
+        self._max_grey = settings.max_grey
+        self._full_well, self._read_noise = settings.sensor
+        self._seed = settings.seed
+        # Tabulated over the square root of the irradiance: as a function of it, no usual response is steep.
+        root = np.linspace(0.0, 1.0, _TABLE)
+        self._grey = np.rint(response(root**2) * self._max_grey).astype(
+            np.uint8 if self._max_grey < 256 else np.uint16
+        )
+
+    def expose(self, irradiance: Float32Array, *, frame: int, gain: float = 1.0) -> Image:
+        """Return the uint8 or uint16 image of an irradiance e V L, a share of saturation, shape (height, width).
+
+        The index of the frame seeds the noise; e includes the linear gain.
+        """
+        noisy = self._with_noise(irradiance, frame, gain)
+        np.clip(noisy, 0, 1, out=noisy)
+        if self._max_grey > 255:
+            return np.rint(self._response(noisy) * self._max_grey).astype(np.uint16)
+        index = np.sqrt(noisy) * np.float32(_TABLE - 1) + np.float32(0.5)
+        return np.take(self._grey, index.astype(np.uint16))
+
+    def _with_noise(self, irradiance: Float32Array, frame: int, gain: float) -> Float32Array:
+        if math.isinf(self._full_well):
+            return irradiance.copy()
+        rng = np.random.default_rng([self._seed, 3, frame])
+        noise = rng.standard_normal(irradiance.shape, dtype=np.float32)
+        electrons = np.maximum(irradiance, 0) * np.float32(self._full_well / gain)
+        noise *= np.sqrt(electrons + np.float32(self._read_noise**2)) * np.float32(gain / self._full_well)
+        return irradiance + noise
+
 
 _DEFAULT = SimulationSettings()
 
@@ -84,9 +188,10 @@ def simulate(
             remove_recording(place)
         place.mkdir(parents=True, exist_ok=True)
         write_truth(place, known)
-        with image_writer(place, settings) as write:
+        with NumberedImages(place, settings.frames, archive=settings.archive) as images:
             for index, image in enumerate(_images(scene, known)):
-                write(index, image)
+                quality = {"png_compression": _PNG_COMPRESSION, "jpg_quality": settings.jpg_quality}
+                images.write(index, encoded(image, settings.image_format, f"image {index}", **quality))
                 if progress is not None:
                     progress(index + 1, settings.frames)
     except OSError as error:

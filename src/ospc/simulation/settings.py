@@ -73,7 +73,7 @@ class SimulationSettings:
     response
         Name of one of :data:`ospc.simulation.responses.RESPONSES`, a pcalib.txt, or a response.
     vignette
-        Name of one of :data:`ospc.simulation.vignettes.VIGNETTES`, a vignette.png, or a vignette.
+        Name of one of :data:`ospc.simulation.responses.VIGNETTES`, a vignette.png, or a vignette.
     vignette_coefficients
         (v₁, v₂, v₃) of the vignettes ``"polynomial"`` and ``"decentred"``, radius 1 at the corner.
     vignette_centre

@@ -12,10 +12,9 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import View, radiance
-from ospc.simulation.responses import make_response
+from ospc.simulation.responses import make_response, make_vignette
 from ospc.simulation.scene import Scene
 from ospc.simulation.settings import SimulationSettings
-from ospc.simulation.vignettes import make_vignette
 
 _METER_SIZE = 64
 """Width in pixels of the small image that exposure control meters."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 
 from ospc.errors import SettingError
-from ospc.research.accuracy.report import accuracy_tables, content_of, write_accuracy
+from ospc.research.accuracy.report import accuracy_report, accuracy_tables
 from ospc.research.measurement import METRICS, Measurement, Metric, contest, medians, spread
 from ospc.research.tables import Table, measurements_csv
 
@@ -84,7 +84,8 @@ def test_marked_cells_are_bold():
 
 
 def test_files_hold_whole_tables_settings_and_every_measurement(tmp_path):
-    written = write_accuracy(tmp_path / "out", RESULTS, ["default", "paper"], ["a note"])
+    report = accuracy_report(RESULTS, ["default", "paper"], ["a note"])
+    written = report.write(tmp_path / "out")
     assert [path.name for path in written] == ["results.json", "results.csv", "table.md", "errors.png"]
     text = (tmp_path / "out" / "table.md").read_text()
     assert "- a note" in text
@@ -100,7 +101,7 @@ def test_files_hold_whole_tables_settings_and_every_measurement(tmp_path):
     assert [row["recording"] for row in content["measurements"]] == list("aabbcc")
     assert "curves" not in content["measurements"][0]
     assert {"ospc", "numpy", "opencv"} <= set(content["versions"])
-    assert content == json.loads(json.dumps(content_of(RESULTS, ["default", "paper"], ["a note"])))
+    assert content == json.loads(json.dumps(report.content))
 
 
 def test_every_table_is_about_one_group():
@@ -122,4 +123,4 @@ def test_csv_has_a_line_for_every_measurement():
 def test_a_file_in_the_way_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SettingError, match="cannot be written"):
-        write_accuracy(tmp_path / "file", RESULTS, ["default"], [])
+        accuracy_report(RESULTS, ["default"], []).write(tmp_path / "file")

@@ -12,8 +12,7 @@ import pytest
 from ospc.errors import FormatError
 from ospc.evaluation.metrics import response_shape_rmse
 from ospc.photometry.response import Response
-from ospc.research.accuracy.chart_photographs import CHANNELS, read_series, true_response
-from ospc.research.accuracy.charts import ChartSource, chart_sources
+from ospc.research.accuracy.charts import CHANNELS, ChartSource, chart_sources, read_series, true_response
 from ospc.research.accuracy.design import PresetMethods
 from ospc.research.source import MeasuringTask, measured
 

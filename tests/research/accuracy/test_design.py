@@ -10,8 +10,7 @@ import pytest
 from scipy.io import savemat
 
 from ospc.errors import FormatError, SettingError
-from ospc.research.accuracy.design import accuracy_sources, select
-from ospc.research.accuracy.measured_responses import FILE
+from ospc.research.accuracy.design import FILE, accuracy_sources, select
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from scipy.io import savemat
 
 from ospc.errors import FormatError
-from ospc.research.accuracy.measured_responses import FILE, read_database
+from ospc.research.accuracy.design import FILE, read_database
 
 LIGHT = np.linspace(0, 1, 1024)
 

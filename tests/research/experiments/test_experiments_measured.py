@@ -9,17 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ospc.errors import FormatError, NotObservableError
+from ospc.errors import FormatError, NotObservableError, RecordingError
 from ospc.exposures.table import ExposureTable
 from ospc.methods.paper import PaperMethod
 from ospc.photometry.response import Response
-from ospc.research.experiments.ambiguity import measure_ambiguity, write_ambiguity
-from ospc.research.experiments.design import EXPERIMENTS, OFFSETS
-from ospc.research.experiments.report import median_table, write_experiment
-from ospc.research.experiments.sources import read_exposures, stand_ins, sweeps
+from ospc.recording.text_file import exposures_in
+from ospc.research.experiments.ambiguity import ambiguity_report, measure_ambiguity
+from ospc.research.experiments.design import EXPERIMENTS, OFFSETS, experiment_report, median_table
+from ospc.research.experiments.sources import stand_ins, sweeps
 from ospc.research.measurement import Measurement
-from ospc.research.method import Estimate, Result, run_methods
-from ospc.research.own_methods import PaperVariants, SolversKnowingResponse
+from ospc.research.method import Estimate, PaperVariants, Result, SolversKnowingResponse, run_methods
 from ospc.research.scoring import Truth
 from ospc.research.source import MeasuringTask, SimulatedSource, judge, measured
 from ospc.settings import PaperSettings
@@ -126,7 +125,7 @@ def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):
     assert [row.method for row in rows if "exposure_error" in row.figures] == [
         row.method for row in rows if row.method.startswith("joint")
     ]
-    written = write_experiment(EXPERIMENTS["joint"], [source], rows, tmp_path / "out")
+    written = experiment_report(EXPERIMENTS["joint"], [source], rows).write(tmp_path / "out")
     assert {p.name for p in written} == {
         "curves-simulated-0.csv",
         "curves-simulated-0.png",
@@ -147,7 +146,7 @@ def test_powers_explain_as_much_until_exposures_are_known(tmp_path):
     known = np.array(found.known)
     assert found.exponents[np.argmin(known)] == pytest.approx(1, abs=0.13)
     assert known[[0, -1]].min() > 1.3 * known.min()
-    written = write_ambiguity(found, "room", tmp_path)
+    written = ambiguity_report(found, "room").write(tmp_path)
     assert {p.name for p in written} == {"ambiguity.csv", "starts.csv", "ambiguity.png"}
 
 
@@ -171,11 +170,11 @@ def test_exposures_of_other_programs_are_read_and_compared(source, tmp_path):
     file = tmp_path / "theirs.txt"
     lines = (f"{f.index} {f.stamp_s} {3 * f.exposure_ms:.9g}\n" for f in source.frames())
     file.write_text("# id stamp exposure\n" + "".join(lines))
-    (row,) = judge(source, [Result("theirs", Estimate(exposures=read_exposures(file)))])
+    (row,) = judge(source, [Result("theirs", Estimate(exposures=dict(enumerate(exposures_in(file)))))])
     assert row.figures == {"exposure_error": pytest.approx(0, abs=1e-7)}
     file.write_text("1 x\n")
-    with pytest.raises(FormatError, match="exposure"):
-        read_exposures(file)
+    with pytest.raises(RecordingError, match="exposure"):
+        exposures_in(file)
 
 
 def test_solvers_are_compared_after_the_true_response():

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ospc.research.faults.footage import Footage
-from ospc.research.faults.recordings import good_footage
+from ospc.research.faults.footage import Footage, good_footage
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings
 

@@ -20,7 +20,7 @@ def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("faults")
     options = ("-o", out, "--frames", 30, "--recordings", 1, "--only", "reciprocal", "--strength", "medium")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ospc.research.faults.recordings.SIZE", (160, 120))
+        patch.setattr("ospc.research.faults.footage.SIZE", (160, 120))
         yield options, out, invoke(*options)
 
 

@@ -9,9 +9,8 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.research.faults import judging
-from ospc.research.faults.footage import Fault
+from ospc.research.faults.footage import Fault, good_footage, good_sources
 from ospc.research.faults.judging import FaultTask, Run, calibrated, judged, outcome_of, step_sigma
-from ospc.research.faults.recordings import good_footage, good_sources
 from ospc.research.faults.study import chosen_faults, fault_tables, fault_tasks
 
 GOOD = {"response": "identifiable", "vignette": "identifiable", "exposures": "identifiable"}

@@ -9,8 +9,7 @@ import pytest
 
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.recording import open_recording
-from ospc.research.odometry.conditions import chosen
-from ospc.research.odometry.inputs import OdometryInput, images_of
+from ospc.research.odometry.inputs import OdometryInput, chosen, images_of
 from ospc.research.odometry.program import Program
 from ospc.simulation import SimulationSettings, simulate
 

@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from ospc.errors import RecordingError
 from ospc.evaluation.trajectory import alignment_error, read_trajectory
 from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
-from ospc.research.odometry.depth import SceneDepth
-from ospc.research.odometry.direct import DirectOdometry
+from ospc.research.odometry.direct import DirectOdometry, SceneDepth
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -13,12 +13,9 @@ from ospc.errors import RecordingError, SettingError
 from ospc.evaluation.trajectory import AlignmentError, read_trajectory
 from ospc.formats.opening import open_photometry
 from ospc.recording import open_recording
-from ospc.research.odometry.calibrations import Calibrations
-from ospc.research.odometry.conditions import AFFINE, STANDARD, chosen, external
-from ospc.research.odometry.experiment import Experiment, Outcome, end_segments, run_experiment
-from ospc.research.odometry.inputs import OdometryInput, images_of
-from ospc.research.odometry.judging import RunResult, Tracked
-from ospc.research.odometry.report import median_table, write_outcome
+from ospc.research.odometry.experiment import Experiment, Outcome, RunResult, Tracked, end_segments, run_experiment
+from ospc.research.odometry.inputs import AFFINE, STANDARD, Calibrations, OdometryInput, chosen, external, images_of
+from ospc.research.odometry.report import median_table, odometry_report
 
 
 @pytest.fixture
@@ -76,7 +73,7 @@ def test_a_calibration_that_cannot_be_made_is_a_failed_run(experiment, make_prog
     outcome, _ = run(wanting, make_program())
     assert [outcome.results["room", name, 0].ending for name in ("absent", "none")] == ["failed", "finished"]
     assert "absent" in outcome.notes[0]
-    written = write_outcome(wanting, outcome)
+    written = odometry_report(wanting, outcome).write(wanting.folder)
     assert {p.name for p in written} == {
         "runs.csv",
         "results.json",

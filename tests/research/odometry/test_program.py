@@ -12,10 +12,9 @@ from fake_tasks import FakeTask, SleepingProgram
 
 from ospc.errors import SettingError
 from ospc.evaluation.trajectory import read_trajectory
-from ospc.research.odometry.judging import Tracked, judged
+from ospc.research.odometry.experiment import Tracked, judged
 from ospc.research.odometry.program import Program
-from ospc.research.runner import run
-from ospc.research.store import ResultStore
+from ospc.research.runner import ResultStore, run
 
 
 def judge(program, source, truth):

@@ -10,11 +10,13 @@ from ospc.errors import FrameError, NotObservableError, SettingError
 from ospc.evaluation.metrics import log_ratio_error, response_rmse
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.research.rivals.camera_at_rest import ExposureSeries
-from ospc.research.rivals.debevec_malik import debevec_malik
-from ospc.research.rivals.engel import engel_response
-from ospc.research.rivals.mitsunaga_nayar import mitsunaga_nayar
-from ospc.research.rivals.robertson import robertson
+from ospc.research.rivals.camera_at_rest import (
+    ExposureSeries,
+    debevec_malik,
+    engel_response,
+    mitsunaga_nayar,
+    robertson,
+)
 from ospc.simulation.responses import srgb
 
 

@@ -9,11 +9,9 @@ from click.testing import CliRunner
 from ospc.cli.main import cli
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.recording import open_recording
-from ospc.research.speed.lines import LARGE, VGA, row_of, speed_tasks
+from ospc.research.speed.lines import LARGE, VGA, row_of, speed_report, speed_tasks
 from ospc.research.speed.measuring import calibrate_command, calibrating, correct_command, correcting, live
-from ospc.research.speed.reel import Reel
-from ospc.research.speed.report import content_of, table_of, write_speed
-from ospc.research.speed.stages import OTHER, clocks
+from ospc.research.speed.reel import OTHER, Reel, clocks
 
 SIZE = (128, 96)
 
@@ -78,13 +76,14 @@ def test_clocks_are_taken_away_again():
 
 
 def test_table_json_and_picture_hold_every_row(rows, tmp_path):
-    table = table_of(rows)
+    report = speed_report(rows)
+    (table,) = report.tables
     assert [row[0] for row in table.rows] == [row.what for row in rows]
     assert all(len(row) == len(table.header) for row in table.rows)
-    written = write_speed(tmp_path, rows)
+    written = report.write(tmp_path)
     assert [path.name for path in written] == ["speed.json", "speed.md", "speed.png"]
     content = json.loads(written[0].read_text())
-    assert content == json.loads(json.dumps(content_of(rows)))
+    assert content == json.loads(json.dumps(report.content))
     assert content["rows"][0]["ratio"] == pytest.approx(rows[0].seconds / rows[0].against_s)
 
 

@@ -21,8 +21,8 @@ from ospc.recording.bags.container import (
     Encoding,
     Message,
     Topic,
+    expand,
 )
-from ospc.recording.bags.expansion import expand
 
 MCAP_START = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 8, 11, 15

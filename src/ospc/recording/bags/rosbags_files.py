@@ -14,12 +14,13 @@ from ospc.errors import RecordingError, needs_extra
 from ospc.recording.bags.container import (
     MAX_CHUNK_BYTES,
     MAX_TOPICS,
+    ZSTD_START,
     BagFile,
     Encoding,
     Message,
     Topic,
+    expand,
 )
-from ospc.recording.bags.expansion import ZSTD_START, expand
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection

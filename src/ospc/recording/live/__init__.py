@@ -3,7 +3,6 @@
 :func:`open_camera` opens a camera by a short text such as ``opencv:0`` or ``realsense``.
 """
 
-from ospc.recording.live.cameras import open_camera
-from ospc.recording.live.source import Camera
+from ospc.recording.live.source import Camera, open_camera
 
 __all__ = ["Camera", "open_camera"]

@@ -93,14 +93,25 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
 
 def encode(frame: Frame, image_format: ImageFormat) -> bytes:
     """Encode the image of a frame with 8 bits, or left-aligned in 16 so that its upper byte is the 8-bit image."""
-    image = _aligned(frame.image, frame.max_grey, only_8_bit=image_format == "jpg")
+    return encoded(_aligned(frame.image, frame.max_grey, only_8_bit=image_format == "jpg"), image_format, frame.name)
+
+
+def encoded(
+    image: Image,
+    image_format: ImageFormat,
+    name: str,
+    *,
+    png_compression: int = _PNG_COMPRESSION,
+    jpg_quality: int = _JPEG_QUALITY,
+) -> bytes:
+    """Return the file of an image, called ``name`` in messages; FrameError if it cannot be encoded."""
     options = {
-        "png": [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION],
-        "jpg": [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY],
+        "png": [cv2.IMWRITE_PNG_COMPRESSION, png_compression],
+        "jpg": [cv2.IMWRITE_JPEG_QUALITY, jpg_quality],
     }[image_format]
     done, data = cv2.imencode(f".{image_format}", image, options)
     if not done:
-        raise FrameError(f"{frame.name}: the image cannot be encoded as {image_format}; choose another format")
+        raise FrameError(f"{name}: the image cannot be encoded as {image_format}; choose another format")
     return bytes(data)
 
 

@@ -1,7 +1,13 @@
-"""Real cameras in front of a colour chart: the response of each colour channel from four exposures alone."""
+"""Real cameras in front of a colour chart: the response of each colour channel from four exposures alone.
+
+The truth comes from the RAW files. The sensor is linear, so the RAW values are the irradiance. A camera mixes colours
+before its tone curve; on the neutral patches of the chart that mixing is a mere factor, and JPEG against RAW is the
+response, up to its scale.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from hashlib import sha256
@@ -9,26 +15,170 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import isotonic_regression
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.metrics import response_shape_rmse
+from ospc.formats.files import read_bytes, read_text
+from ospc.formats.image_header import read_header
 from ospc.photometry.geometry import pixel_grid
+from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.recording.arrays import ArrayRecording
-from ospc.research.accuracy.chart_photographs import (
-    CHANNELS,
-    EXPOSURES,
-    ILLUMINANTS,
-    ChartSeries,
-    TrueResponse,
-    read_series,
-    true_response,
-)
 from ospc.research.held_out import HeldOut, HeldOutPair
 from ospc.research.scoring import Truth
 from ospc.research.source import Source
+
+EXPOSURES = 4
+ILLUMINANTS = (1, 2)
+CHANNELS = ("blue", "green", "red")
+"""In the order the images are decoded in."""
+
+_LARGEST_SIDE, _MAX_BYTES, _MAX_TAGS_BYTES = 4096, 64 * 2**20, 2**20
+"""Limits on what is read: pixels of a side, bytes of a photograph and of the list of patches."""
+
+_NEUTRAL, _HALF_WINDOW_PX = 6, 12
+"""Number of the neutral patches, and half the side of the window that is read in the middle of a patch."""
+
+_CLIPPED, _DARKEST_RAW = 245, 4.0
+"""RAW values from which a pixel may be clipped, and down to which quantisation is small."""
+
+_ROUNDS = 30
+"""Turns of fitting the exposures and the radiances."""
+
+_DARKEST, _BRIGHTEST = 5, 250
+"""Grey values between which responses are compared (the shape metric)."""
+
+
+@dataclass(frozen=True)
+class ChartSeries:
+    """Four exposures of the chart under one illuminant.
+
+    Attributes
+    ----------
+    jpeg, raw
+        Shape (4, height, width, 3), channels as in :data:`CHANNELS`; the exposure grows.
+    patches
+        Centres (x, y) of the patches in pixels, shape (n, 2), the neutral ones last.
+    """
+
+    jpeg: Image
+    raw: Image
+    patches: IntArray
+
+    def patch_values(self, images: Image) -> tuple[FloatArray, FloatArray]:
+        """Return mean and largest value of every patch, shape (4, patches, 3) each."""
+        w = _HALF_WINDOW_PX
+        windows = [images[:, max(y - w, 0) : y + w + 1, max(x - w, 0) : x + w + 1] for x, y in self.patches]
+        mean = np.stack([p.mean(axis=(1, 2), dtype=np.float64) for p in windows], axis=1)
+        largest = np.stack([p.max(axis=(1, 2)) for p in windows], axis=1)
+        return mean, largest.astype(np.float64)
+
+    def irradiance(self) -> tuple[FloatArray, FloatArray]:
+        """Return what the RAW says: relative exposures, shape (4,), and radiances, shape (patches, 3).
+
+        Their product is fitted to the values that are neither clipped nor lost in quantisation, so that dark patches
+        borrow the precision of their longer exposures.
+        """
+        mean, largest = self.patch_values(self.raw)
+        weight = np.where((largest < _CLIPPED) & (mean > _DARKEST_RAW), mean**2, 0.0)
+        log_raw = np.log(np.maximum(mean, 1e-3))
+        log_exposure = np.arange(EXPOSURES) * np.log(2)
+        log_radiance = np.zeros(mean.shape[1:])
+        for _ in range(_ROUNDS):
+            total = np.maximum(weight.sum(axis=0), 1e-12)
+            log_radiance = (weight * (log_raw - log_exposure[:, None, None])).sum(axis=0) / total
+            residual = weight * (log_raw - log_radiance)
+            log_exposure = residual.sum(axis=(1, 2)) / np.maximum(weight.sum(axis=(1, 2)), 1e-12)
+        radiance = np.where(weight.sum(axis=0) > 0, np.exp(log_radiance), np.nan)
+        return np.exp(log_exposure - log_exposure[0]), radiance * np.exp(log_exposure[0])
+
+    def neutral_points(self, channel: int) -> tuple[FloatArray, FloatArray]:
+        """Return JPEG grey values and irradiances of neutral patches where neither is clipped, shape (n,) each."""
+        exposures, radiance = self.irradiance()
+        mean, largest = self.patch_values(self.jpeg)
+        grey = mean[:, -_NEUTRAL:, channel]
+        irradiance = exposures[:, None] * radiance[-_NEUTRAL:, channel]
+        kept = (largest[:, -_NEUTRAL:, channel] < 255) & (grey > 0) & np.isfinite(irradiance)
+        return grey[kept], irradiance[kept]
+
+
+@dataclass(frozen=True)
+class TrueResponse:
+    """The response of one channel, the greys between which it was measured, and the RMS of ln irradiance about it."""
+
+    response: Response
+    greys: tuple[int, int]
+    scatter: float
+
+
+def read_series(folder: Path, illuminant: int) -> ChartSeries:
+    """Read the photographs of one camera under one illuminant; ``tags.json`` beside the folder names the patches."""
+    jpeg, raw = (
+        [_read(folder / f"wb1i{illuminant}e{e + 1}-{kind}.png") for e in range(EXPOSURES)] for kind in ("jpg", "raw")
+    )
+    if len({image.shape for image in (*jpeg, *raw)}) != 1:
+        raise FormatError(f"{folder}: the photographs differ in size")
+    height, width = jpeg[0].shape[:2]
+    return ChartSeries(np.stack(jpeg), np.stack(raw), _patches(folder.parent / "tags.json", width, height))
+
+
+def true_response(series: ChartSeries, channel: int) -> TrueResponse:
+    """Return the response that JPEG against RAW shows.
+
+    The curve increases, and joins the measured points through the logarithm of the irradiance.
+    """
+    grey, light = series.neutral_points(channel)
+    if len(grey) < _NEUTRAL:
+        raise FormatError(f"only {len(grey)} neutral patches of the chart are well exposed; {_NEUTRAL} are needed")
+    grey, curve, scatter = _increasing(grey, np.log(light))
+    inside = np.arange(np.ceil(grey[0]), np.floor(grey[-1]) + 1)
+    light = np.exp(PchipInterpolator(grey, curve)(inside))
+    table = np.interp(np.arange(256), np.append(0.0, inside), np.append(0.0, light))
+    above = np.arange(256) > inside[-1]
+    table[above] = light[-1] + (np.arange(256)[above] - inside[-1]) * (light[-1] - light[-2])
+    greys = max(_DARKEST, int(inside[0])), min(_BRIGHTEST, int(inside[-1]))
+    return TrueResponse(Response.from_values(table), greys, scatter)
+
+
+def _increasing(grey: FloatArray, log_light: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return the knots of the increasing curve nearest to points, and the root mean square distance from it."""
+    order = np.lexsort((log_light, grey))
+    fitted = isotonic_regression(log_light[order]).x
+    scatter = float(np.sqrt(np.mean((log_light[order] - fitted) ** 2)))
+    # Levels the regression made equal, and equal greys, become one knot, so that the curve increases strictly.
+    member = np.cumsum(np.append(0, (np.diff(fitted) > 0) & (np.diff(grey[order]) > 0)))
+    count = np.bincount(member)
+    return np.bincount(member, grey[order]) / count, np.bincount(member, fitted) / count, scatter
+
+
+def _read(path: Path) -> Image:
+    data = read_bytes(path, _MAX_BYTES)
+    header = read_header(data, str(path))
+    image = None
+    if header.bits == 8 and max(header.width, header.height) <= _LARGEST_SIDE:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise FormatError(f"{path}: not an 8-bit colour image of at most {_LARGEST_SIDE} pixels a side")
+    return np.asarray(image)
+
+
+def _patches(path: Path, width: int, height: int) -> IntArray:
+    try:
+        tags = json.loads(read_text(path, _MAX_TAGS_BYTES))
+        places = [[r["position"]["x"] * width, r["position"]["y"] * height] for r in tags[0]["references"]]
+        centres = np.array(places, dtype=np.float64)
+    except (ValueError, KeyError, IndexError, TypeError, RecursionError) as error:
+        raise FormatError(f"{path}: does not list the places of patches ({type(error).__name__}: {error})") from None
+    inside = centres.ndim == 2 and np.all((centres >= 0) & (centres < [width, height]))
+    if not inside or len(centres) < _NEUTRAL:
+        raise FormatError(f"{path}: needs at least {_NEUTRAL} places of patches inside the images")
+    return np.rint(centres).astype(np.int64)
+
 
 FOLDER = "chart_cameras"
 """Name of the folder of all cameras in the folder of real data."""
@@ -36,7 +186,7 @@ FOLDER = "chart_cameras"
 _STATED_MS = tuple(2.0**step for step in range(EXPOSURES))
 """The exposures that the series is said to have: each twice the one before."""
 
-_DARKEST, _BRIGHTEST = 5, 250
+_DARKEST_EXPOSED, _BRIGHTEST_EXPOSED = 5, 250
 """Grey values outside of which a pixel counts as clipped."""
 
 
@@ -52,7 +202,7 @@ class ChartSource(Source):
     folder
         The camera's photographs.
     channel
-        Index into :data:`~ospc.research.accuracy.chart_photographs.CHANNELS`.
+        Index into :data:`~ospc.research.accuracy.charts.CHANNELS`.
     """
 
     folder: Path
@@ -123,7 +273,7 @@ class ChartSource(Source):
 
 def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> HeldOutPair:
     """Return the pixels that neither of two exposures clips."""
-    exposed = (planes > _DARKEST) & (planes < _BRIGHTEST)
+    exposed = (planes > _DARKEST_EXPOSED) & (planes < _BRIGHTEST_EXPOSED)
     kept = exposed[first] & exposed[second]
     places = pixel_grid((planes.shape[2], planes.shape[1]))[kept]
     return HeldOutPair(planes[first][kept] / 255, planes[second][kept] / 255, places, places, ratio)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, TypeVar
 
 from ospc.research.measurement import (
@@ -18,10 +17,8 @@ from ospc.research.measurement import (
     spread,
 )
 from ospc.research.pictures import Comparison, draw_errors
-from ospc.research.store import source_hash
-from ospc.research.tables import Table, as_json, document, measurements_csv, write
+from ospc.research.tables import StudyReport, Table, as_json, benchmark_content, document, measurements_csv
 from ospc.settings import as_dict, preset
-from ospc.versions import versions
 
 SCHEMA = "ospc-benchmark-accuracy/2"
 
@@ -41,33 +38,23 @@ _NOTE = (
 _Outcome = TypeVar("_Outcome", bound=Hashable)
 
 
-def write_accuracy(
-    folder: Path, rows: Sequence[Measurement], presets: Sequence[str], notes: Sequence[str]
-) -> list[Path]:
-    """Write ``results.json``, ``results.csv``, ``table.md`` and ``errors.png``.
-
-    Errors are those of :func:`~ospc.research.tables.write`.
-    """
+def accuracy_report(rows: Sequence[Measurement], presets: Sequence[str], notes: Sequence[str]) -> StudyReport:
+    """Return the report, with ``results.json``, ``results.csv``, ``table.md`` and ``errors.png``."""
+    tables = accuracy_tables(rows)
+    content = benchmark_content(
+        SCHEMA,
+        notes,
+        presets={name: as_dict(preset(name)) for name in presets},
+        summary={group: _spreads(members) for group, members in _groups_of(rows).items()},
+        measurements=[row.summary() for row in rows],
+    )
     texts = {
-        "results.json": as_json(content_of(rows, presets, notes)),
+        "results.json": as_json(content),
         "results.csv": measurements_csv(rows),
-        "table.md": document("Accuracy", _NOTE, notes, "ospc bench accuracy", accuracy_tables(rows)),
+        "table.md": document("Accuracy", _NOTE, notes, "ospc bench accuracy", tables),
     }
-    comparison = Comparison("Errors of all recordings", _MAIN)
-    return write(folder, texts, {"errors.png": partial(draw_errors, comparison, rows)})
-
-
-def content_of(rows: Sequence[Measurement], presets: Sequence[str], notes: Sequence[str]) -> dict[str, Any]:
-    """Return the content of ``results.json``."""
-    return {
-        "schema": SCHEMA,
-        "versions": versions(),
-        "source_sha256": source_hash(),
-        "presets": {name: as_dict(preset(name)) for name in presets},
-        "notes": list(notes),
-        "summary": {group: _spreads(members) for group, members in _groups_of(rows).items()},
-        "measurements": [row.summary() for row in rows],
-    }
+    errors = partial(draw_errors, Comparison("Errors of all recordings", _MAIN), rows)
+    return StudyReport(tables, texts, {"errors.png": errors}, notes, content)
 
 
 def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:

@@ -17,10 +17,9 @@ from ospc.formats.files import csv_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.report.style import BLUE, GREY, ORANGE, new_figure, printable, rules, save
-from ospc.research.runner import OnProgress
+from ospc.research.runner import OnProgress, made_with
 from ospc.research.source import Source
-from ospc.research.store import made_with
-from ospc.research.tables import write
+from ospc.research.tables import StudyReport
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
@@ -142,8 +141,8 @@ def _exponent_of(found: JointEstimate, truth: Response) -> float:
     return float(estimate @ true / (true @ true))
 
 
-def write_ambiguity(found: Ambiguity, name: str, folder: Path) -> list[Path]:
-    """Write ``ambiguity.csv``, ``starts.csv`` and ``ambiguity.png``; see :func:`~ospc.research.tables.write`."""
+def ambiguity_report(found: Ambiguity, name: str) -> StudyReport:
+    """Return the report, with ``ambiguity.csv``, ``starts.csv`` and ``ambiguity.png``."""
     by_exponent = {
         "exponent": found.exponents,
         "residual_exposures_free": found.free,
@@ -151,7 +150,7 @@ def write_ambiguity(found: Ambiguity, name: str, folder: Path) -> list[Path]:
     }
     by_start = {"start_exponent": found.starts, "end_exponent": found.reached, "cost": found.costs}
     texts = {"ambiguity.csv": _columns(by_exponent), "starts.csv": _columns(by_start)}
-    return write(folder, texts, {"ambiguity.png": partial(_draw, found, name)})
+    return StudyReport([], texts, {"ambiguity.png": partial(_draw, found, name)})
 
 
 def _columns(columns: Mapping[str, Sequence[float]]) -> str:

@@ -1,24 +1,32 @@
-"""The experiments: which methods each compares, and what it varies."""
+"""The experiments: which methods each compares, what it varies, and its tables, curves and pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
+from ospc.formats.files import csv_text
 from ospc.photometry.response import Response
-from ospc.research.measurement import metrics
-from ospc.research.method import Method
-from ospc.research.own_methods import VIGNETTE_SOLVERS, OwnMethod, PaperVariants, SolversKnowingResponse
-from ospc.research.pictures import Comparison
+from ospc.research.measurement import Measurement, medians, methods_of, metrics, recordings_of
+from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, PaperVariants, SolversKnowingResponse
+from ospc.research.pictures import Comparison, draw_curves, draw_errors
 from ospc.research.rivals.bergmann import Bergmann
-from ospc.research.rivals.camera_at_rest import CameraAtRest, ExposureSeries
-from ospc.research.rivals.debevec_malik import debevec_malik
-from ospc.research.rivals.engel import engel_response
+from ospc.research.rivals.camera_at_rest import (
+    CameraAtRest,
+    ExposureSeries,
+    debevec_malik,
+    engel_response,
+    mitsunaga_nayar,
+    robertson,
+)
 from ospc.research.rivals.kim_pollefeys import KimPollefeys
-from ospc.research.rivals.mitsunaga_nayar import mitsunaga_nayar
-from ospc.research.rivals.robertson import robertson
+from ospc.research.scoring import curves_of
 from ospc.research.source import Methods, Source
+from ospc.research.tables import StudyReport, Table, measurements_csv
 from ospc.settings import PaperSettings
 
 FEATURES = ("sift", "surf", "orb")
@@ -181,3 +189,69 @@ _ALL = (
 )
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
 """The experiments by name."""
+
+
+_SHOWN = metrics("response_rmse", "response_shape_rmse", "log_ratio_error", "vignette_rmse", "exposure_error")
+"""The metrics of the table."""
+
+
+def experiment_report(experiment: Experiment, sources: Sequence[Source], rows: Sequence[Measurement]) -> StudyReport:
+    """Return the report, with ``measurements.csv``, ``table.md``, ``errors.png`` and the curves by recording."""
+    table = median_table(rows)
+    texts = {"measurements.csv": measurements_csv(rows), "table.md": table.as_markdown()}
+    pictures: dict[str, Callable[[Path], Path]] = {"errors.png": partial(draw_errors, experiment.comparison, rows)}
+    for source in sources:
+        found = [row for row in rows if row.recording == source.name]
+        curves = {"truth": curves_of(source.truth()), **{row.method: row.curves for row in found}}
+        texts[f"curves-{source.name}.csv"] = _curves_csv({name: c for name, c in curves.items() if c})
+        ratios = found if experiment.with_ratios else []
+        if ratios:
+            texts[f"ratios-{source.name}.csv"] = _ratios_csv(ratios)
+        if not experiment.comparison.varied:
+            pictures[f"curves-{source.name}.png"] = partial(draw_curves, source.name, curves, ratios)
+    problems = [f"{row.recording}, {row.method}: {row.problem}" for row in rows if row.problem]
+    return StudyReport([table], texts, pictures, problems)
+
+
+def median_table(rows: Sequence[Measurement]) -> Table:
+    """Return the medians over recordings, one line a method, the lowest of each column marked.
+
+    A figure that is missing counts as infinite.
+    """
+    columns = [medians(rows, metric.figure) for metric in _SHOWN]
+    recordings = len(recordings_of(rows))
+    lines, best = [], set()
+    for number, name in enumerate(methods_of(rows)):
+        for place, column in enumerate(columns):
+            if math.isfinite(column[name]) and column[name] == min(column.values()):
+                best.add((number, place + 1))
+        failed = sum(bool(row.problem) for row in rows if row.method == name)
+        texts = (metric.text(column[name]) for metric, column in zip(_SHOWN, columns, strict=True))
+        lines.append((name, *texts, f"{failed}/{recordings}"))
+    title = f"Medians over {recordings} recordings" if recordings > 1 else "Errors"
+    header = ("method", *(metric.label for metric in _SHOWN), "no result")
+    return Table(title, header, tuple(lines), best=frozenset(best))
+
+
+def _curves_csv(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
+    """Return g at 256 grey levels and V at 50 radii, one column a method."""
+    rows: list[list[object]] = []
+    for letter, part, places in (
+        ("g", "response", range(256)),
+        ("V", "vignette", [round((ring + 0.5) / 50, 2) for ring in range(50)]),
+    ):
+        for number, place in enumerate(places):
+            values = [float(f"{c[part][number]:.6g}") if part in c else None for c in curves.values()]
+            rows.append([letter, place, *values])
+    return csv_text([["curve", "at", *curves], *rows])
+
+
+def _ratios_csv(rows: Sequence[Measurement]) -> str:
+    columns = ("frames", "metadata", "estimated", "samples")
+    lines = [
+        [row.method, *pair, float(f"{k:.6g}"), float(f"{estimate:.6g}"), samples]
+        for row in rows
+        if row.ratios
+        for pair, k, estimate, samples in zip(*(row.ratios[name] for name in columns), strict=True)
+    ]
+    return csv_text([["method", "first", "second", "metadata", "estimated", "samples"], *lines])

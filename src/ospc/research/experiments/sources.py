@@ -1,4 +1,4 @@
-"""The recordings of experiments: simulated stand-ins for the paper's, and sweeps of the exposure.
+"""The recordings of experiments: stand-ins for the paper's, sweeps of the exposure, and some in colour.
 
 Where a folder of reference data is given, stand-ins have the response and the vignette of the data set's narrow
 camera and the exposures of a real recording; otherwise an analytic approximation of both and a simulated exposure
@@ -7,19 +7,30 @@ control.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import read_pcalib
 from ospc.formats.files import read_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
+from ospc.recording.frame import Frame
+from ospc.recording.text_file import exposures_in
 from ospc.research.source import SWEEP, SimulatedSource
 from ospc.simulation import SimulationSettings
+from ospc.simulation.camera import Sensor
+from ospc.simulation.motion import Motion
+from ospc.simulation.rendering import radiance
+from ospc.simulation.scene import Scene
+from ospc.simulation.surface import Face
+from ospc.simulation.truth import plan, view_at
 
 RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narrow_radial_DIGITISED.csv"
 EXPOSURES = "params/tum_vi_times.txt"
@@ -68,15 +79,6 @@ def sweeps(count: int, frames: int, size: ImageSize) -> list[SimulatedSource]:
     return found
 
 
-def read_exposures(path: str | Path) -> dict[int, float]:
-    """Read exposures by frame: the last number of each line, one line a frame; ``#`` begins a comment."""
-    lines = [line for line in read_text(path, _MOST_BYTES).splitlines() if line.strip() and line.lstrip()[0] != "#"]
-    try:
-        return dict(enumerate(float(line.replace(",", " ").split()[-1]) for line in lines))
-    except (ValueError, IndexError):
-        raise FormatError(f"{path}: does not end every line with an exposure, one line a frame") from None
-
-
 def _camera(size: ImageSize, data: Path | None) -> tuple[str | Response, str | Vignette]:
     """Return response and vignette of the narrow camera, or the names of analytic ones."""
     if data is None or not (data / RESPONSE).is_file() or not (data / VIGNETTE).is_file():
@@ -105,7 +107,7 @@ def _courses(count: int, frames: int, data: Path | None) -> list[FloatArray] | N
     if data is None or not (data / EXPOSURES).is_file():
         return None
     place = data / EXPOSURES
-    exposures = np.array(list(read_exposures(place).values()))
+    exposures = np.array(exposures_in(place))
     if exposures.size < frames or not np.all(np.isfinite(exposures) & (exposures > 0)):
         raise FormatError(f"{place}: needs {frames} positive exposures; simulate fewer frames")
     whole = exposures.size // frames
@@ -114,3 +116,72 @@ def _courses(count: int, frames: int, data: Path | None) -> list[FloatArray] | N
         starts = np.linspace(0, exposures.size - frames, count).astype(int)
     parts = [exposures[start : start + frames] for start in starts]
     return sorted(parts, key=lambda part: -float(np.std(np.log(part))))[:count]
+
+
+_LOG_TINT = 0.5
+"""Standard deviation of ln of a surface's brightness in red and blue over that in green."""
+
+_LEAST_CONTRAST = 0.4
+"""Least contrast of a texture in red and blue over that in green."""
+
+_CHANNELS = (1, 0, 2)
+"""Offsets of the seeds of the noise of blue, green and red: that of green is the grey recording's."""
+
+
+@dataclass(frozen=True)
+class ColourSource(SimulatedSource):
+    """A simulated recording whose frames are in colour, shape (height, width, 3), blue, green, red."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return the settings."""
+        return super().describe() | {"kind": "simulation in colour"}
+
+    def frames(self) -> Iterator[Frame]:
+        """Give the frames."""
+        scene = Scene.of(self.settings)
+        known = plan(self.settings, scene)
+        motion, shade = Motion.of(self.settings), known.vignette.image()
+        scenes = [tinted(scene, self.settings.seed, channel) for channel in _CHANNELS]
+        sensors = [
+            Sensor(known.response, replace(self.settings, seed=self.settings.seed + channel)) for channel in _CHANNELS
+        ]
+        for index, stamp in enumerate(known.stamps_s.tolist()):
+            view = view_at(self.settings, motion, stamp)
+            light = shade * np.float32(known.exposures_ms[index] * known.light[index])
+            gain = float(known.gains[index])
+            planes = [
+                sensor.expose(radiance(one, view, stamp) * light, frame=index, gain=gain)
+                for one, sensor in zip(scenes, sensors, strict=True)
+            ]
+            image = np.stack(planes, axis=-1)
+            grey = Frame.of_array(
+                planes[1],
+                float(known.metadata_exposures_ms[index]),
+                index=index,
+                stamp_s=stamp,
+                max_grey=self.settings.max_grey,
+            )
+            yield replace(grey, load=partial(np.asarray, image), colour=True)
+
+
+def tinted(scene: Scene, seed: int, channel: int) -> Scene:
+    """Return a scene as another channel sees it; channel 0 is the scene itself."""
+    if channel == 0:
+        return scene
+    random = np.random.default_rng([seed, 11, channel])
+
+    def coloured(mips: tuple[Float32Array, ...]) -> tuple[Float32Array, ...]:
+        tint, contrast = np.exp(_LOG_TINT * random.normal()), random.uniform(_LEAST_CONTRAST, 1)
+        mean = mips[-1].mean()
+        return tuple((tint * (contrast * level + (1 - contrast) * mean)).astype(np.float32) for level in mips)
+
+    def faces(all_faces: tuple[Face, ...]) -> tuple[Face, ...]:
+        return tuple(replace(face, mips=coloured(face.mips)) for face in all_faces)
+
+    return replace(
+        scene,
+        walls=faces(scene.walls),
+        pictures=faces(scene.pictures),
+        solids=tuple(replace(solid, faces=faces(solid.faces)) for solid in scene.solids),
+        patches=tuple(replace(patch, mips=coloured(patch.mips)) for patch in scene.patches),
+    )

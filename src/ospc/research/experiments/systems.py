@@ -14,27 +14,20 @@ from ospc.arrays import ImageSize
 from ospc.errors import SettingError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.research.accuracy.chart_photographs import CHANNELS, ILLUMINANTS, read_series
+from ospc.research.accuracy.charts import CHANNELS, ILLUMINANTS, ChartSource, chart_sources, read_series
 from ospc.research.accuracy.charts import FOLDER as CHARTS
-from ospc.research.accuracy.charts import ChartSource, chart_sources
-from ospc.research.accuracy.design import VIGNETTES, select
-from ospc.research.accuracy.measured_responses import FILE as DATABASE
-from ospc.research.accuracy.measured_responses import read_database
+from ospc.research.accuracy.design import FILE as DATABASE
+from ospc.research.accuracy.design import VIGNETTES, read_database, select
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
-from ospc.research.experiments.colour import ColourSource
-from ospc.research.experiments.sources import stand_ins
-from ospc.research.method import Method
-from ospc.research.own_methods import OwnMethod, PaperVariants
+from ospc.research.experiments.sources import ColourSource, stand_ins
+from ospc.research.method import Method, OwnMethod, PaperVariants
 from ospc.research.rivals import from_single_images as single
 from ospc.research.rivals.bergmann import Bergmann
-from ospc.research.rivals.camera_at_rest import CameraAtRest
-from ospc.research.rivals.debevec_malik import debevec_malik
-from ospc.research.rivals.engel import engel_response
+from ospc.research.rivals.camera_at_rest import CameraAtRest, debevec_malik, engel_response, mitsunaga_nayar
 from ospc.research.rivals.grundmann_2013 import Grundmann
 from ospc.research.rivals.kim_frahm_pollefeys import KimFrahmPollefeys
 from ospc.research.rivals.kim_pollefeys import KimPollefeys
-from ospc.research.rivals.mitsunaga_nayar import mitsunaga_nayar
 from ospc.research.rivals.mo_2019 import Mo
 from ospc.research.rivals.quenzel_2018 import Quenzel
 from ospc.research.source import MeasuringTask, Methods, SimulatedSource, Source

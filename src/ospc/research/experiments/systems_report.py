@@ -12,7 +12,7 @@ import numpy as np
 from ospc.report.style import BLUE, GREY, ORANGE, new_figure, rules, save
 from ospc.research.experiments.systems import System
 from ospc.research.measurement import METRICS, Measurement, metrics, recordings_of
-from ospc.research.tables import Table, measurements_csv, write
+from ospc.research.tables import StudyReport, Table, measurements_csv
 
 _PANELS = metrics("response_shape_rmse", "vignette_rmse")
 _GROUPS = {
@@ -26,19 +26,17 @@ _GROUPS = {
 _COVERAGE = tuple(metric for metric in METRICS if metric.kind == "share")
 
 
-def write_systems(
-    systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int], folder: Path
-) -> list[Path]:
-    """Write ``measurements.csv``, ``table.md`` and ``systems.png``.
+def systems_report(systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int]) -> StudyReport:
+    """Return the report, with ``measurements.csv``, ``table.md`` and ``systems.png``.
 
-    ``frames`` is the number of frames of every recording. Errors are those of :func:`~ospc.research.tables.write`.
+    ``frames`` is the number of frames of every recording.
     """
     tables = system_tables(systems, rows, frames)
     texts = {
         "measurements.csv": measurements_csv(rows),
         "table.md": "\n".join(table.as_markdown() for table in tables),
     }
-    return write(folder, texts, {"systems.png": partial(_draw, systems, rows)})
+    return StudyReport(tables, texts, {"systems.png": partial(_draw, systems, rows)})
 
 
 def system_tables(systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int]) -> list[Table]:

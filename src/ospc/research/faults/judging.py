@@ -21,12 +21,10 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame
-from ospc.research.faults.footage import STRENGTHS, Fault, Footage
-from ospc.research.faults.recordings import GoodSource, good_footage
+from ospc.research.faults.footage import STRENGTHS, Fault, Footage, GoodSource, good_footage
 from ospc.research.method import failure
-from ospc.research.runner import OnProgress
+from ospc.research.runner import OnProgress, made_with
 from ospc.research.scoring import profile_along_diagonal
-from ospc.research.store import made_with
 
 Outcome = Literal["detected", "corrected", "harmless", "uncertain", "confident and wrong", "crashed"]
 

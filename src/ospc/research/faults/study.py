@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, fields
-from pathlib import Path
 from typing import Any, get_args
 
 from ospc.formats.files import csv_text
 from ospc.research.accuracy.design import select
 from ospc.research.faults import exposures, greys, light, sequence
-from ospc.research.faults.footage import STRENGTHS, Fault
+from ospc.research.faults.footage import STRENGTHS, Fault, GoodSource
 from ospc.research.faults.judging import CLEAN, FaultTask, Outcome, Run
-from ospc.research.faults.recordings import GoodSource
-from ospc.research.store import source_hash
-from ospc.research.tables import Table, as_json, document, write
-from ospc.versions import versions
+from ospc.research.tables import StudyReport, Table, as_json, benchmark_content, document
 
 SCHEMA = "ospc-benchmark-faults/1"
 
@@ -88,30 +84,17 @@ def fault_tables(runs: Sequence[Run]) -> list[Table]:
     return [table for table in tables if table.rows]
 
 
-def write_faults(folder: Path, runs: Sequence[Run], notes: Sequence[str]) -> list[Path]:
-    """Write ``results.json``, ``results.csv`` and ``table.md``.
-
-    Errors are those of :func:`~ospc.research.tables.write`.
-    """
-    names = [field.name for field in fields(Run)]
+def faults_report(runs: Sequence[Run], notes: Sequence[str]) -> StudyReport:
+    """Return the report, with ``results.json``, ``results.csv`` and ``table.md``."""
+    tables = fault_tables(runs)
+    content = benchmark_content(SCHEMA, notes, runs=[asdict(run) for run in runs])
     lines = [[_cell(value) for value in vars(run).values()] for run in runs]
     texts = {
-        "results.json": as_json(content_of(runs, notes)),
-        "results.csv": csv_text([names, *lines]),
-        "table.md": document("Faults", _NOTE, notes, "ospc bench faults", fault_tables(runs)),
+        "results.json": as_json(content),
+        "results.csv": csv_text([[field.name for field in fields(Run)], *lines]),
+        "table.md": document("Faults", _NOTE, notes, "ospc bench faults", tables),
     }
-    return write(folder, texts)
-
-
-def content_of(runs: Sequence[Run], notes: Sequence[str]) -> dict[str, Any]:
-    """Return the content of ``results.json``."""
-    return {
-        "schema": SCHEMA,
-        "versions": versions(),
-        "source_sha256": source_hash(),
-        "notes": list(notes),
-        "runs": [asdict(run) for run in runs],
-    }
+    return StudyReport(tables, texts, notes=notes, content=content)
 
 
 def _counted(names: tuple[str, ...], runs: Sequence[Run], figures: tuple[str, ...] = ()) -> tuple[str, ...]:

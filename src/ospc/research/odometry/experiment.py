@@ -1,23 +1,156 @@
-"""Recordings × conditions × runs of odometry."""
+"""Recordings × conditions × runs of odometry, and the errors of each run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from ospc.errors import OspcError, SettingError
-from ospc.evaluation.trajectory import Trajectory, read_trajectory
+from ospc.arrays import FloatArray
+from ospc.errors import FormatError, NotObservableError, OspcError, SettingError
+from ospc.evaluation.trajectory import AlignmentError, Trajectory, alignment_error, read_trajectory
 from ospc.recording import Recording
-from ospc.research.odometry.calibrations import Calibrations
-from ospc.research.odometry.conditions import Condition
-from ospc.research.odometry.inputs import CAMERA, TRUTH, OdometryInput, images_of, needed
-from ospc.research.odometry.judging import Odometry, RunResult, Tracked, judged
-from ospc.research.runner import OnProgress, OnShare, run
-from ospc.research.store import ResultStore
+from ospc.research.odometry.inputs import CAMERA, TRUTH, Calibrations, Condition, OdometryInput, images_of, needed
+from ospc.research.runner import OnProgress, OnShare, ResultStore, run
+
+Ending = Literal["finished", "lost", "diverged", "failed", "timeout"]
+"""``lost``: it gave up before the end. ``diverged``: its poses are not finite, or far outside of all others.
+``failed``: the program ended with an error or without a trajectory."""
+
+LEAST_COVERED = 0.9
+"""Share of a recording's duration that the poses of a finished run span."""
+
+_LARGEST_STRETCH = 1e6
+"""Largest over median distance of the poses from their median, beyond which a run has diverged."""
+
+_FIGURES = ("e_align", "e_s", "e_r_deg", "rmse")
+"""The errors that are written, of :class:`~ospc.evaluation.trajectory.AlignmentError`."""
+
+
+class Odometry(Protocol):
+    """Something that estimates a trajectory from a recording."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return what its results depend on, as JSON-compatible values."""
+        ...
+
+    def track(self, source: OdometryInput, run: int) -> Tracked:
+        """Run once; failures are results, not exceptions."""
+        ...
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What a run of odometry gave: the poses, None where there are none, and the end of its output.
+
+    ``failure`` says why there are none, or why they end early; it is empty if all went well.
+    """
+
+    trajectory: Trajectory | None
+    failure: str = ""
+    timeout: bool = False
+    log: str = ""
+    seconds: float = 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as JSON-compatible values; a pose is a row of stamp, position and quaternion."""
+        known = self.trajectory
+        poses = None if known is None else np.column_stack([known.stamps_s, known.positions, known.quaternions])
+        return {**vars(self), "trajectory": None if poses is None else poses.tolist()}
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Tracked:
+        """Return what :meth:`as_dict` described."""
+        if content["trajectory"] is None:
+            return cls(**content)
+        poses = np.array(content["trajectory"], dtype=np.float64).reshape(-1, 8)
+        return cls(**{**content, "trajectory": Trajectory(poses[:, 0], poses[:, 1:4], poses[:, 4:])})
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """A run, compared with the truth.
+
+    ``errors`` is None where they cannot be computed; ``covered`` is the share of the recording's duration that the
+    poses span.
+    """
+
+    recording: str
+    condition: str
+    run: int
+    tracked: Tracked
+    ending: Ending
+    reason: str = ""
+    errors: AlignmentError | None = None
+    covered: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """The alignment error; infinite unless the run finished."""
+        return self.errors.e_align if self.ending == "finished" and self.errors is not None else float("inf")
+
+    @property
+    def poses(self) -> int:
+        """Number of poses."""
+        return 0 if self.tracked.trajectory is None else len(self.tracked.trajectory)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return a line of the table of runs, of JSON-compatible values."""
+        return {
+            "recording": self.recording,
+            "condition": self.condition,
+            "run": self.run,
+            "outcome": self.ending,
+            "reason": self.reason,
+            **{name: None if self.errors is None else getattr(self.errors, name) for name in _FIGURES},
+            "poses": self.poses,
+            "covered": self.covered,
+            "seconds": self.tracked.seconds,
+        }
+
+
+def judged(
+    tracked: Tracked, truth: Trajectory, stamps_s: FloatArray, *, recording: str, condition: str, run: int
+) -> RunResult:
+    """Compare a run with the truth; the stamps are those of the recording's frames."""
+    covered = _covered(tracked.trajectory, stamps_s)
+    ending, reason = _ending(tracked, covered, stamps_s)
+    errors: AlignmentError | None = None
+    if tracked.trajectory is not None and ending in ("finished", "lost"):
+        try:
+            errors = alignment_error(tracked.trajectory, truth)
+        except (NotObservableError, FormatError) as problem:
+            ending, reason = ("lost" if ending == "lost" else "diverged"), str(problem)
+    if errors is not None and not all(np.isfinite(getattr(errors, name)) for name in _FIGURES):
+        ending, reason, errors = "diverged", "its errors are not finite", None
+    return RunResult(recording, condition, run, tracked, ending, reason, errors, covered)
+
+
+def _ending(tracked: Tracked, covered: float, stamps_s: FloatArray) -> tuple[Ending, str]:
+    if tracked.timeout:
+        return "timeout", tracked.failure
+    if tracked.trajectory is None:
+        return "failed", tracked.failure or "it left no trajectory"
+    positions = tracked.trajectory.positions
+    if not np.all(np.isfinite(positions)):
+        return "diverged", f"{np.count_nonzero(~tracked.trajectory.known)} of its poses are not finite"
+    spread = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
+    if spread.max() > _LARGEST_STRETCH * max(float(np.median(spread)), 1e-12):
+        return "diverged", "a pose is far outside of all others"
+    if covered < LEAST_COVERED:
+        return "lost", f"its poses span {covered:.0%} of {stamps_s[-1] - stamps_s[0]:.1f} s"
+    return ("failed", tracked.failure) if tracked.failure else ("finished", "")
+
+
+def _covered(trajectory: Trajectory | None, stamps_s: FloatArray) -> float:
+    duration = float(stamps_s[-1] - stamps_s[0])
+    if trajectory is None or len(trajectory) < 2 or duration <= 0:
+        return 0.0
+    return min(1.0, float(trajectory.stamps_s[-1] - trajectory.stamps_s[0]) / duration)
+
 
 _FEWEST_POSES = 3
 """Poses at either end that an alignment needs."""

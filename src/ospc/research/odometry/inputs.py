@@ -1,29 +1,96 @@
-"""The input of odometry: a recording in the layout of the monocular data set, with the files of one condition."""
+"""The input of odometry: a recording in the layout of the monocular data set, with the files of one condition.
+
+Conditions are the columns of the paper's table. The paper (section 4.2) runs DSO with the full ground truth, with its
+own calibration (I), with the calibration of Bergmann et al. 2018 aligned by one point of the true response (II) and
+without that point ("II modified"), always with the exposures of the metadata; and without any photometric
+calibration, "including the affine brightness correction", with all exposures set to one (III). The last is mode 2 of
+DSO, which fixes the affine brightness transfer at identity; mode 1, which leaves it free, is a further condition.
+"""
 
 from __future__ import annotations
 
+import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import RecordingError, SettingError, counted
+from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
-from ospc.formats.opening import Photometry
+from ospc.formats.opening import Photometry, open_photometry
 from ospc.recording import Recording
-from ospc.recording.identity import identity
+from ospc.recording.recording import identity
 from ospc.recording.writing.conversion import convert_recording
-from ospc.research.method import Estimate
-from ospc.research.odometry.conditions import Condition
-from ospc.research.source import PCALIB, VIGNETTE, fingerprints
-from ospc.research.store import key_of
+from ospc.research.method import Estimate, Method, OwnMethod, run_methods
+from ospc.research.rivals.bergmann import Bergmann
+from ospc.research.runner import key_of, made_with
+from ospc.research.source import PCALIB, VIGNETTE, fingerprints, true_curves
+
+Mode = Literal[0, 1, 2]
+"""DSO's mode: 0 with calibration files, 1 with a free affine transfer of brightness instead, 2 with neither."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What odometry is given: its name in commands and results, the heading of its column, and DSO's mode."""
+
+    name: str
+    title: str
+    mode: Mode = 0
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether it needs a response and a vignette."""
+        return self.mode == 0
+
+    @property
+    def metadata_exposures(self) -> bool:
+        """Whether exposures are those of the recording; otherwise all are one."""
+        return self.mode != 2
+
+
+STANDARD: tuple[Condition, ...] = (
+    Condition("truth", "Full truth"),
+    Condition("paper", "The paper's (I)"),
+    Condition("ours", "Ours"),
+    Condition("joint-wgt", "Joint, one true point (II)"),
+    Condition("joint-wogt", "Joint, no truth (II modified)"),
+    Condition("none", "None (III)", 2),
+)
+"""The columns of the paper's table with its modified experiment II, and that of the method here."""
+
+AFFINE = Condition("affine", "None, affine transfer free", 1)
+"""Not in the paper: what DSO is meant to be run with where there is no calibration."""
+
+_KNOWN = {condition.name: condition for condition in (*STANDARD, AFFINE)}
+
+
+def external(name: str) -> Condition:
+    """Return a condition for calibration files of another program, under a name that is not taken."""
+    if not _NAME.fullmatch(name) or name in _KNOWN:
+        raise SettingError(
+            f"'{name}' cannot name a further calibration; choose another word of letters, digits and _ . + -"
+        )
+    return Condition(name, name)
+
+
+def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
+    """Return standard conditions by their names, in the order of the paper's table."""
+    unknown = [name for name in names if name not in _KNOWN]
+    if unknown:
+        raise SettingError(f"no condition is called '{unknown[0]}'; known: {', '.join(_KNOWN)}")
+    return tuple(condition for name, condition in _KNOWN.items() if name in names)
+
 
 CAMERA, TIMES, TRUTH = "camera.txt", "times.txt", "groundtruthSync.txt"
 _NEEDED_FOR = {
@@ -141,3 +208,88 @@ def images_of(recording: Recording, cache: Path) -> Path:
             f"needs them all"
         )
     return place / "images"
+
+
+_FROM_EXPOSURES = {"paper": "paper", "ours": "default"}
+"""Conditions whose calibration is estimated with the exposures of the recording, and their presets."""
+
+OnEstimate = Callable[[str, float], None]
+"""Called with what is being estimated, and the share that is done."""
+
+
+@dataclass(frozen=True)
+class Calibrations:
+    """Finds or estimates calibrations, and keeps the estimates in a folder.
+
+    Those ``given``, by the name of their condition, are preferred to everything else. Joint estimation is ``online``,
+    as in the paper's comparison, or from the whole recording.
+    """
+
+    folder: Path
+    given: Mapping[str, Photometry] = field(default_factory=dict)
+    online: bool = True
+    progress: OnEstimate = lambda _what, _share: None
+
+    def of(self, recording: Recording, condition: Condition) -> Photometry:
+        """Return the calibration of a recording under a condition; an empty one where the condition has none."""
+        if not condition.calibrated:
+            return Photometry("none", None, None)
+        if condition.name in self.given:
+            return self.given[condition.name]
+        if condition.name == "truth":
+            return Photometry(str(recording.path), *true_curves(recording))
+        if condition.name not in ("paper", "ours", "joint-wgt", "joint-wogt"):
+            raise SettingError(f"there is no calibration '{condition.name}'; give it by {condition.name}=FILES")
+        return open_photometry(self._estimated(recording, condition.name))
+
+    def _estimated(self, recording: Recording, name: str) -> Path:
+        """Return the folder of an estimate, made unless it is there; both joint variants are made at once."""
+        joint = name not in _FROM_EXPOSURES
+        depends_on = {"recording": identity(recording), "online": joint and self.online, "made_with": made_with()}
+        place = self.folder / f"{recording.path.name or 'recording'}-{key_of(depends_on)[:16]}" / name
+        if place.is_dir():
+            return place
+        estimates = self._joint(recording) if joint else self._from_exposures(recording, name)
+        if name not in estimates:
+            raise FormatError(f"{recording.path}: has no {PCALIB}, which holds the one known point of the response")
+        for variant, estimate in estimates.items():
+            try:
+                _save(estimate, place.with_name(variant))
+            except OSError as error:
+                raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None
+        return place
+
+    def _from_exposures(self, recording: Recording, name: str) -> dict[str, Estimate]:
+        found = self._found(recording, OwnMethod(_FROM_EXPOSURES[name], variant=name))
+        if found[name].response is None:
+            raise NotObservableError(f"{recording.path}: its exposures do not show the response")
+        return found
+
+    def _joint(self, recording: Recording) -> dict[str, Estimate]:
+        truth = true_curves(recording)[0] if (recording.path / PCALIB).is_file() else None
+        found = self._found(recording, Bergmann(truth, online=self.online))
+        return {f"joint-{variant.rpartition('-')[2]}": estimate for variant, estimate in found.items()}
+
+    def _found(self, recording: Recording, method: Method) -> dict[str, Estimate]:
+        progress = partial(self.progress, f"calibrating {recording.path.name}")
+        estimates: dict[str, Estimate] = {}
+        for result in run_methods({"method": method}, recording, len(recording), progress):
+            if isinstance(result.outcome, str):
+                raise NotObservableError(f"{recording.path}: {result.outcome}")
+            estimates[result.variant] = result.outcome
+        return estimates
+
+
+def _save(estimate: Estimate, place: Path) -> None:
+    """Write an estimate into a folder, which appears when it is complete."""
+    if place.is_dir():
+        return
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=place.parent, prefix=".unfinished-") as name:
+        unfinished = Path(name) / place.name
+        unfinished.mkdir()
+        if estimate.calibration is not None:
+            estimate.calibration.save(unfinished / "calibration.json")
+        else:
+            write_curves(estimate, unfinished)
+        unfinished.rename(place)

@@ -14,8 +14,8 @@ from typing import Any
 
 from ospc.errors import FormatError, SettingError
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
+from ospc.research.odometry.experiment import Tracked
 from ospc.research.odometry.inputs import CAMERA, OdometryInput
-from ospc.research.odometry.judging import Tracked
 from ospc.research.source import PCALIB, VIGNETTE
 
 _RESULT = "result.txt"

@@ -12,15 +12,13 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
-from ospc.evaluation.similarity import align_similarity
-from ospc.evaluation.trajectory import Trajectory, associate
+from ospc.evaluation.trajectory import Trajectory, align_similarity, associate
 from ospc.formats.files import csv_text
 from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable, rules, save
-from ospc.research.odometry.conditions import Condition
-from ospc.research.odometry.experiment import Experiment, Outcome
-from ospc.research.odometry.judging import RunResult
+from ospc.research.odometry.experiment import Experiment, Outcome, RunResult
+from ospc.research.odometry.inputs import Condition
 from ospc.research.pictures import figure_of_panels, look
-from ospc.research.tables import Table, as_json, write
+from ospc.research.tables import StudyReport, Table, as_json
 
 _PANEL_IN = (4.4, 4.4)
 """Width and height of a trajectory in inches."""
@@ -67,38 +65,33 @@ def medians_of(experiment: Experiment, outcome: Outcome) -> dict[str, dict[str, 
     return found
 
 
-def ordered(experiment: Experiment, outcome: Outcome) -> list[RunResult]:
-    """Return all runs by recording, condition and number."""
-    return [
-        run
+def odometry_report(experiment: Experiment, outcome: Outcome) -> StudyReport:
+    """Return the report, with ``runs.csv``, ``results.json``, ``table.md`` and pictures; for JSON, the medians."""
+    columns = {
+        name: [(condition, outcome.of(name, condition)) for condition in experiment.conditions]
         for name in experiment.recordings
-        for condition in experiment.conditions
-        for run in outcome.of(name, condition)
-    ]
-
-
-def write_outcome(experiment: Experiment, outcome: Outcome) -> list[Path]:
-    """Write runs.csv, results.json, table.md and the pictures.
-
-    Errors are those of :func:`~ospc.research.tables.write`.
-    """
-    runs = ordered(experiment, outcome)
-    results = [run.as_dict() for run in runs]
-    content = {"runs": results, "medians": medians_of(experiment, outcome), "notes": outcome.notes}
+    }
+    runs = [(condition, run) for found in columns.values() for condition, some in found for run in some]
+    results, medians = [run.as_dict() for _, run in runs], medians_of(experiment, outcome)
+    table = median_table(experiment, outcome)
     texts = {
         "runs.csv": csv_text([results[0] if results else [], *(result.values() for result in results)]),
-        "results.json": as_json(content),
-        "table.md": median_table(experiment, outcome).as_markdown(),
+        "results.json": as_json({"runs": results, "medians": medians, "notes": outcome.notes}),
+        "table.md": table.as_markdown(),
     }
     pictures: dict[str, Callable[[Path], Path]] = {
-        "cumulative.png": partial(draw_cumulative, runs, experiment.conditions)
+        "cumulative.png": partial(draw_cumulative, [run for _, run in runs], experiment.conditions)
     }
     for name, recording in experiment.recordings.items():
-        columns = [(condition, outcome.of(name, condition)) for condition in experiment.conditions]
-        typical = [(condition, _typical(some)) for condition, some in columns if some]
+        typical = [(condition, _typical(some)) for condition, some in columns[name] if some]
         truth = experiment.truth_of(recording)
         pictures[f"trajectories-{name}.png"] = partial(draw_trajectories, typical, truth, name)
-    return write(experiment.folder, texts, pictures)
+    failures = [
+        f"{run.recording}, {condition.title}, run {run.run}: {run.ending}; {run.reason}"
+        for condition, run in runs
+        if run.ending != "finished"
+    ]
+    return StudyReport([table], texts, pictures, failures, medians)
 
 
 def _typical(runs: Sequence[RunResult]) -> RunResult:

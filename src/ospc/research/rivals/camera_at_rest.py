@@ -1,4 +1,4 @@
-"""What the methods for a camera at rest share: images at several exposures, and a response from values of g.
+"""Methods of other papers for a camera at rest: a response from images of one view at several exposures.
 
 They need all images at once, and find no vignette.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import isotonic_regression
@@ -133,3 +134,110 @@ class CameraAtRest:
     def found(self) -> dict[str, Outcome]:
         """Return the response."""
         return {self._name: Estimate(self._response_of(ExposureSeries.of(self._frames)))}
+
+
+_SMOOTHNESS = 10.0
+"""λ, OpenCV's default."""
+
+
+def debevec_malik(series: ExposureSeries, samples: int = 200) -> Response:
+    """Return the response of Debevec and Malik, "Recovering high dynamic range radiance maps from photographs", 1997.
+
+    OpenCV's implementation, on this number of pixels. ln g has 256 free values. Minimises
+    Σ w(M)² (ln g(Mᵢₚ) − ln Eₚ − ln tᵢ)² + λ Σ w(M)² (second difference of ln g)², linear in all unknowns, with a
+    triangular weight w.
+    """
+    chosen = series.sampled(samples)
+    columns = [np.ascontiguousarray(row[None, :, None].repeat(3, axis=2)) for row in chosen]
+    method = cv2.createCalibrateDebevec(chosen.shape[1], _SMOOTHNESS, False)
+    found = method.process(columns, series.relative_exposures.astype(np.float32))
+    return response_of_values(np.asarray(found, dtype=np.float64).reshape(LEVELS, -1)[:, 0], "debevec-malik")
+
+
+_TURNS = 60
+
+
+def robertson(series: ExposureSeries) -> Response:
+    """Return the response of Robertson et al., "Estimation-theoretic approach to dynamic range enhancement …", 2003.
+
+    OpenCV's implementation. g has 256 free values. Minimises Σ w(M) (g(Mᵢₚ) − tᵢEₚ)² for g and the irradiances E in
+    turn, with a weight w that falls towards both ends like a normal distribution.
+    """
+    images = [np.ascontiguousarray(image[:, :, None].repeat(3, axis=2)) for image in series.images]
+    method = cv2.createCalibrateRobertson(_TURNS, 0.0)
+    found = method.process(images, series.relative_exposures.astype(np.float32))
+    return response_of_values(np.asarray(found, dtype=np.float64).reshape(LEVELS, -1)[:, 0], "robertson")
+
+
+def engel_response(series: ExposureSeries, iterations: int = 20) -> Response:
+    """Return the response of the TUM monocular data set (Engel, Usenko and Cremers 2016) after so many iterations.
+
+    g has 256 free values. Minimises Σ (g(Mᵢ(x)) − tᵢB(x))² over unsaturated pixels in turn: g(m) is the mean of
+    tᵢB(x) where Mᵢ(x) = m, and B(x) = Σ tᵢ g(Mᵢ(x)) / Σ tᵢ².
+    """
+    t = series.relative_exposures[:, None]
+    grey = series.images.reshape(len(series.images), -1)
+    used = grey < LEVELS - 1
+    weight = np.where(used, t, 0.0)
+    square = np.maximum((weight * t).sum(axis=0), 1e-12)
+    table: FloatArray = np.arange(LEVELS, dtype=np.float64)
+    counts = np.bincount(grey[used], minlength=LEVELS)
+    for _ in range(iterations):
+        irradiance = (weight * table[grey]).sum(axis=0) / square
+        sums = np.bincount(grey[used], weights=(t * irradiance)[used], minlength=LEVELS)
+        table = sums / np.maximum(counts, 1)
+        table *= (LEVELS - 1) / max(float(table.max()), 1e-12)
+    return response_of_values(np.where(counts > 0, table, np.nan), "engel")
+
+
+_MOST_DEGREES = 10
+"""The highest degree that the publication tries."""
+
+_EXPOSED = (2, 253)
+"""Grey levels between which pixels are used."""
+
+_PIXELS, _FEWEST_PIXELS = 2000, 50
+"""Pixels that are used, and fewest of them that must be exposed in two successive images."""
+
+
+@dataclass(frozen=True)
+class MitsunagaNayar:
+    """c₀ … c_N of g(M) = Σ cₙMⁿ, and the root mean square of g(M₀) − R·g(M₁)."""
+
+    coefficients: FloatArray
+    error: float
+
+    @property
+    def response(self) -> Response:
+        """The polynomial as a response."""
+        levels = np.linspace(0, 1, LEVELS)
+        values = np.polynomial.polynomial.polyval(levels, self.coefficients)
+        return response_of_values(np.asarray(values - values[0]), "mitsunaga-nayar")
+
+
+def mitsunaga_nayar(series: ExposureSeries, degree: int | None = None) -> MitsunagaNayar:
+    """Return the polynomial of Mitsunaga and Nayar, "Radiometric self calibration", 1999, with known exposure ratios.
+
+    g(M) = Σ cₙMⁿ with g(1) = 1. For successive images with exposure ratio R, g(M₀) − R·g(M₁) = 0 is linear in the
+    coefficients. The degree is from 1 to 10; the one with the least error where None.
+    """
+    if degree is not None and not 1 <= degree <= _MOST_DEGREES:
+        raise SettingError(f"the degree of the polynomial is {degree}; choose one from 1 to {_MOST_DEGREES}")
+    grey = series.sampled(_PIXELS).astype(np.float64)
+    exposed = (grey > _EXPOSED[0]) & (grey < _EXPOSED[1])
+    pairs = exposed[:-1] & exposed[1:]
+    if np.count_nonzero(pairs) < _FEWEST_PIXELS:
+        raise NotObservableError("hardly any pixel is exposed in two successive images; take smaller steps")
+    ratio = (series.exposures_ms[:-1] / series.exposures_ms[1:])[np.nonzero(pairs)[0]]
+    grey0, grey1 = grey[:-1][pairs] / 255, grey[1:][pairs] / 255
+    degrees = range(1, _MOST_DEGREES + 1) if degree is None else (degree,)
+    return min((_polynomial(grey0, grey1, ratio, n) for n in degrees), key=lambda result: result.error)
+
+
+def _polynomial(grey0: FloatArray, grey1: FloatArray, ratio: FloatArray, degree: int) -> MitsunagaNayar:
+    """Solve for c₀ … c_{N−1} with c_N = 1 − Σ c."""
+    power = np.arange(degree + 1)
+    d = grey0[:, None] ** power - ratio[:, None] * grey1[:, None] ** power
+    free = np.linalg.lstsq(d[:, :-1] - d[:, -1:], -d[:, -1], rcond=None)[0]
+    coefficients = np.append(free, 1 - free.sum())
+    return MitsunagaNayar(coefficients, float(np.sqrt(np.mean((d @ coefficients) ** 2))))

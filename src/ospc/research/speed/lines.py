@@ -1,19 +1,22 @@
-"""The lines of the speed benchmark, and the goals of those that have one."""
+"""The lines of the speed benchmark, the goals of those that have one, and its table, JSON and picture."""
 
 from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.research.runner import OnProgress
+from ospc.report.style import new_figure, rules, save
+from ospc.research.pictures import look
+from ospc.research.runner import OnProgress, made_with
 from ospc.research.speed.measuring import (
     SpeedRow,
     calibrate_command,
@@ -23,7 +26,8 @@ from ospc.research.speed.measuring import (
     live,
 )
 from ospc.research.speed.reel import Reel, reel_of
-from ospc.research.store import made_with
+from ospc.research.tables import StudyReport, Table, as_json
+from ospc.versions import versions
 
 VGA, LARGE = (640, 480), (1280, 1024)
 SIZES: tuple[ImageSize, ...] = (VGA, LARGE)
@@ -148,3 +152,62 @@ def _judged_live(row: SpeedRow) -> SpeedRow:
     share = row.cpu_s / row.seconds
     met = share <= _LIVE_CORE_SHARE and (row.peak_mb is None or row.peak_mb <= _LIVE_MB)
     return replace(row, goal=f"≤ {_LIVE_CORE_SHARE:.0%} of a core, ≤ {_LIVE_MB:.0f} MB", met=met)
+
+
+_HEADER = (
+    "", "size", "frames", "seconds", "CPU s", "against", "×", "×, CPU", "goal", "push 50 %", "99 %", "memory", "notes"
+)  # fmt: skip
+_LEAST_NAMED = 0.06
+"""Share of the time from which a stage's name fits into its bar."""
+
+
+def _cells(row: SpeedRow) -> tuple[str, ...]:
+    at_a_pace = row.what.startswith("live")
+    push = ("", "") if row.push_ms is None else tuple(f"{ms:.2g} ms" for ms in row.push_ms[:2])
+    verdict = {True: "reached", False: "missed", None: ""}[row.met]
+    return (
+        row.what,
+        f"{row.size[0]}×{row.size[1]}",
+        str(row.frames),
+        f"{row.seconds:.3g}",
+        f"{row.cpu_s:.3g}",
+        f"{row.against}: {row.against_s:.3g} s",
+        "" if at_a_pace else f"{row.ratio:.2f}",
+        f"{row.cpu_ratio:.2f}",
+        f"{row.goal}: {verdict}" if row.goal else "",
+        *push,
+        "" if row.peak_mb is None else f"{row.peak_mb:.0f} MB",
+        row.notes,
+    )
+
+
+def speed_report(rows: Sequence[SpeedRow]) -> StudyReport:
+    """Return the report, with ``speed.json``, ``speed.md`` and ``speed.png``."""
+    machine = {"cores": os.cpu_count(), "machine": platform.machine(), "system": platform.system()}
+    content = {"rows": [row.as_dict() for row in rows], "machine": machine, "versions": versions()}
+    table = Table("Speed", _HEADER, tuple(_cells(row) for row in rows), 2)
+    texts = {"speed.json": as_json(content), "speed.md": table.as_markdown()}
+    pictures = {"speed.png": partial(_draw, rows)} if any(row.stages for row in rows) else {}
+    return StudyReport([table], texts, pictures, content=content)
+
+
+def _draw(rows: Sequence[SpeedRow], path: Path) -> Path:
+    """Draw a bar for each row, divided by stage; work of other threads is not in it."""
+    shown = [row for row in rows if row.stages]
+    stages = list(dict.fromkeys(stage for row in shown for stage in row.stages))
+    figure = new_figure(11.0, 1.5 + 0.5 * len(shown))
+    with rules():
+        axes = figure.subplots()
+        for place, row in enumerate(shown):
+            left = 0.0
+            for number, stage in enumerate(stages):
+                share = row.stages.get(stage, 0.0) / row.seconds
+                axes.barh(place, share, left=left, color=look(number)["color"], height=0.7)
+                if share > _LEAST_NAMED:
+                    axes.text(left + share / 2, place, stage, ha="center", va="center", fontsize=8, color="white")
+                left += share
+        names = [f"{r.what}, {r.size[0]}×{r.size[1]}: {1e3 * r.seconds / r.frames:.3g} ms a frame" for r in shown]
+        axes.set(yticks=range(len(shown)), yticklabels=names, xlim=(0, 1), xlabel="share of the time, by stage")
+        axes.invert_yaxis()
+        axes.grid(visible=False)
+        return save(figure, path)

@@ -107,7 +107,7 @@ def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRo
         If the recording cannot be calibrated.
     """
     from ospc.calibrator import OnlineCalibrator, drive
-    from ospc.research.speed.stages import clocks, with_rest
+    from ospc.research.speed.reel import clocks, with_rest
 
     count = min(count, SLOW_FRAMES) if preset == "paper" else count
     decoding = reel.decoding_s(count)

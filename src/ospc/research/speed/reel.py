@@ -1,21 +1,26 @@
-"""Frames to measure with: a simulated walk, encoded, that can be played for any length of time."""
+"""Frames to measure with, a simulated walk of any length, and clocks in the steps of the methods."""
 
 from __future__ import annotations
 
 import os
+import threading
 import time
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache, partial, wraps
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from ospc.arrays import Image, ImageSize
-from ospc.errors import FrameError
 from ospc.recording import Frame
 from ospc.recording.decoding import decode_grey
+from ospc.recording.writing.images import encoded
 
 _DISTINCT = 150
 """Frames that are simulated and then shown again and again: more would take long, and memory."""
@@ -48,10 +53,7 @@ class Reel:
         settings = SimulationSettings(size=size, frames=distinct, seed=_SEED, response="srgb", moving_objects=4)
         images, exposures_ms = [], []
         for frame in frames(settings):
-            done, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-            if not done:
-                raise FrameError(f"{frame.name}: cannot be encoded as JPEG by this OpenCV")
-            images.append(data.tobytes())
+            images.append(encoded(frame.image, "jpg", frame.name, jpg_quality=_QUALITY))
             exposures_ms.append(frame.exposure_ms)
         return cls(tuple(images), tuple(exposures_ms))
 
@@ -113,3 +115,53 @@ def reel_of(size: ImageSize, most: int) -> Reel:
 
 def _nothing() -> None:
     """Nothing to verify: the images are in memory."""
+
+
+_STEPS = (
+    ("decoding", "ospc.research.speed.reel", "", "decode_grey"),
+    ("preparing", "ospc.correspondence.preprocessing", "Preprocessor", "__call__"),
+    ("noise", "ospc.correspondence.noise_estimation", "NoiseEstimator", "observe"),
+    ("registering", "ospc.correspondence.registration", "DenseRegistration", "__call__"),
+    ("sampling", "ospc.correspondence.flat_sampling", "FlatSampler", "__call__"),
+    ("features", "ospc.methods.paper", "FeatureMatcher", "features"),
+    ("matching", "ospc.methods.paper", "FeatureMatcher", "correspondences"),
+    ("updating", "ospc.methods.maximum_likelihood", "MaximumLikelihoodMethod", "_refine"),
+    ("fitting", "ospc.methods.maximum_likelihood", "MaximumLikelihoodMethod", "_new_inputs"),
+)
+"""The stages: name, module, class or "" for a function of the module, and function."""
+
+OTHER = "other"
+"""Name of the time that no stage accounts for."""
+
+
+@contextmanager
+def clocks() -> Iterator[dict[str, float]]:
+    """Give seconds by stage, which are measured in this thread only, until the context ends."""
+    seconds: dict[str, float] = defaultdict(float)
+    with ExitStack() as stack:
+        for stage, module, owner, name in _STEPS:
+            home = import_module(module)
+            place: Any = getattr(home, owner) if owner else home
+            step = getattr(place, name)
+            stack.callback(setattr, place, name, step)
+            setattr(place, name, _clocked(step, stage, seconds, threading.get_ident()))
+        yield seconds
+
+
+def with_rest(seconds: dict[str, float], total_s: float) -> dict[str, float]:
+    """Return seconds by stage, and what is left of a total."""
+    return {**seconds, OTHER: max(0.0, total_s - sum(seconds.values()))}
+
+
+def _clocked(step: Callable[..., Any], stage: str, seconds: dict[str, float], thread: int) -> Callable[..., Any]:
+    @wraps(step)
+    def clocked(*args: Any, **named: Any) -> Any:
+        if threading.get_ident() != thread:
+            return step(*args, **named)
+        begun = time.perf_counter()
+        try:
+            return step(*args, **named)
+        finally:
+            seconds[stage] += time.perf_counter() - begun
+
+    return clocked
