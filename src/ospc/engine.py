@@ -146,9 +146,9 @@ class Engine:
         self._recognize(frame)  # at first: where it cannot read the image, nothing is learned from the frame yet
         change = brightness = None
         if self._sampler.processes_next:
-            prepared = self._foresight.frame(frame)
+            prepared, compared = self._foresight.frame(frame)
             counting = self._second.submit(self._pixels.observe, frame, prepared.thumbnail)
-            comparing = self._second.submit(exposures.observe, prepared.thumbnail)
+            comparing = self._second.submit(exposures.observe, prepared.thumbnail, compared)
             try:
                 change = method.push(frame, prepared, exposures.table)
             finally:

@@ -65,20 +65,22 @@ class Foresight:
         if frame.image.shape != self._size[::-1]:
             return
         every, sampler = self._expected
-        numbered = replace(frame, index=number)
+        numbered, grey_range, prepared = replace(frame, index=number), None, None
         if every or sampler.foreseen(number).processes_next:
             grey_range = self._grey_range()
             prepared = self._preprocess(numbered, grey_range)
-            made = _Prepared(frame.image, grey_range, prepared, prepared.thumbnail, None)
-        else:
-            previous, thumbnail, compared = self._latest, self._preprocess.thumbnail(numbered), None
-            if previous is not None and previous.frame == number - 1:
-                compared = ComparedAhead(previous, thumbnail, self._compare(previous, thumbnail))
-            made = _Prepared(frame.image, None, None, thumbnail, compared)
+        thumbnail = self._preprocess.thumbnail(numbered) if prepared is None else prepared.thumbnail
+        previous, compared = self._latest, None
+        if previous is not None and previous.frame == number - 1:
+            compared = ComparedAhead(previous, thumbnail, self._compare(previous, thumbnail))
+        made = _Prepared(frame.image, grey_range, prepared, thumbnail, compared)
         self._prepared[number], self._latest = made, made.thumbnail
 
-    def frame(self, frame: Frame) -> PreprocessedFrame:
-        """Return a frame prepared: ahead of time, where black and white have not moved since."""
+    def frame(self, frame: Frame) -> tuple[PreprocessedFrame, ComparedAhead | None]:
+        """Return a frame prepared, and its comparison with the frame before where that was made ahead.
+
+        What was prepared ahead is of no use where black and white have moved since.
+        """
         grey_range, made = self._grey_range(), self._prepared.get(frame.index)
         if (
             made is not None
@@ -86,8 +88,8 @@ class Foresight:
             and made.image is frame.image
             and made.grey_range == grey_range
         ):
-            return made.frame
-        return self._preprocess(frame, grey_range)
+            return made.frame, made.compared
+        return self._preprocess(frame, grey_range), None
 
     def thumbnail(self, frame: Frame) -> tuple[Thumbnail, ComparedAhead | None]:
         """Return the thumbnail of a frame, and its comparison with the frame before where that was made ahead."""

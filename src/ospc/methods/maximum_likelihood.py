@@ -112,18 +112,17 @@ class MaximumLikelihoodMethod:
         """Take the next processed frame, and return the change of the camera that it proves, if any."""
         self._recalled = None
         log_exposure = _log_exposure(exposures, prepared.number)
-        measured = self._second.submit(self._noise.observe, frame)
         self._circle.observe(prepared, frame.mask)
         self._observe_standing_still(frame)
         keyframe = self._select_keyframe.select(prepared.number, log_exposure)
         samples = NOTHING_FOUND
-        self._lost = False
         if keyframe is not None:
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
             registration = self._register(keyframe, prepared, self._normalize, stated)
             samples = self._sample(keyframe, prepared, registration, self._pairs)
             self._select_keyframe.learn(keyframe, prepared.number, samples)
-            self._lost = samples.overlap == 0
+        self._lost = keyframe is not None and samples.overlap == 0
+        measured = self._second.submit(self._noise.observe, frame)  # after registration, which waits for that thread
         self._select_keyframe.add(self._sample.keyframe(prepared), log_exposure)
         measured.result()
         if not len(samples.observations):
