@@ -32,7 +32,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.assessment import AssessmentState
 from ospc.exposures.brightness import GREY_BINS
 from ospc.exposures.evidence import CAPACITY, MOST_REPEATED, EvidenceState
-from ospc.methods.change_detection import MOST_USUAL, ChangeDetector
+from ospc.methods.change_detection import FASTEST, MOST_USUAL, SLOWEST, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import GREY_KNOTS, PairErrors
 from ospc.observations import MOMENTS
@@ -263,6 +263,9 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "since": ELSEWHERE,
         "calm_until": COUNT,
         "lag_frames": LAG,
+        "first_number": Numbers(-1, _MOST),
+        "first_stamp_s": Numbers(-_LARGEST, _LARGEST),
+        "frames_per_s": Numbers(SLOWEST, FASTEST),
     },
     PairErrors: {
         "frame0": COUNT,

@@ -4,6 +4,7 @@ import asyncio
 import multiprocessing
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,7 +74,11 @@ def test_a_buffer_may_be_filled_anew(monkeypatch):
 
 
 def forth_and_back(cameras):
-    return [*cameras.before, *cameras.before[::-1]]
+    return at_20_frames_per_s([*cameras.before, *cameras.before[::-1]])
+
+
+def at_20_frames_per_s(frames):
+    return [replace(frame, index=number, stamp_s=number / 20) for number, frame in enumerate(frames)]
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +122,7 @@ def test_an_unchanged_camera_is_known_and_stays_so(played):
 def changed(commanded, cameras, tmp_path_factory):
     """A run that goes on with another lens."""
     calibrator = OnlineCalibrator.load_state(commanded.save_state(tmp_path_factory.mktemp("halfway") / "state.ospc"))
-    drive(calibrator, [*forth_and_back(cameras), *cameras.after, *cameras.after[::-1]])
+    drive(calibrator, at_20_frames_per_s([*forth_and_back(cameras), *cameras.after, *cameras.after[::-1]]))
     return calibrator
 
 

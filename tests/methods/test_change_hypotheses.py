@@ -21,6 +21,7 @@ from ospc.simulation.responses import make_response
 from synthetic_observations import POLYNOMIAL, SIZE, Camera
 
 USUAL_ERROR = 0.001
+SPAN = 60
 FRAMES = 72
 CAMERA = Camera(make_response("srgb"), POLYNOMIAL)
 DARKER_CORNERS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.8, 0.05, -0.2)))
@@ -97,7 +98,7 @@ class Film:
     def explained(self, fit):
         """Return what is said of it."""
         pairs, exposures = self.pairs(fit)
-        return explain(pairs, fit, exposures, USUAL_ERROR)
+        return explain(pairs, fit, exposures, USUAL_ERROR, SPAN)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -124,4 +125,5 @@ def test_a_camera_that_pauses_does_not_hide_a_change(seed, fit):
 
 def test_a_few_pairs_prove_nothing(fit):
     pairs, exposures = Film(DARKER_CORNERS).pairs(fit)
-    assert explain(pairs[:20], fit, exposures, USUAL_ERROR) is None
+    assert explain(pairs[:20], fit, exposures, USUAL_ERROR, SPAN) is None
+    assert explain(pairs, fit, exposures, USUAL_ERROR, FRAMES) is None

@@ -12,13 +12,14 @@ that begin after the suspicion count: in a pair that spans a change of the light
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
-from ospc.methods.change_hypotheses import MIN_SIGMAS_OF_HALF, best_explanations, explain
+from ospc.methods.change_hypotheses import MIN_SIGMAS_OF_HALF, MIN_SPAN_S, best_explanations, explain
 from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import Observations
 
@@ -40,14 +41,18 @@ SURPRISE = 4.0
 USUAL_FLOOR_LOG = 0.001
 """Least usual error, in ln: registration leaves as much."""
 
-LONGEST_WATCH_FRAMES = 192
-"""Frames for which a suspicion is followed at most: ten seconds at 20 frames/s."""
+LONGEST_WATCH_S = 9.6
+"""Time for which a suspicion is followed at most."""
 
-JUDGED_FRAMES = 112
-"""Latest frames of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
+JUDGED_S = 5.6
+"""Latest time of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
 
-CALM_FRAMES = 96
-"""Frames without another suspicion after one that was followed to the end."""
+CALM_S = 4.8
+"""Time without another suspicion after one that was followed to the end."""
+
+SLOWEST, FASTEST = 20.0, 100.0
+"""Frames per second between which these times are counted in frames: slower film needs as many frames as that of 20
+frames/s, and the pairs of more than 100 frames/s would be too many to judge."""
 
 WATCHED_NEIGHBOURS, MIN_SURPRISING_SHARE = 32, 0.25
 """A suspicion ends early where fewer of the latest so many pairs of neighbours are surprising: the light changed."""
@@ -95,6 +100,10 @@ class ChangeDetector:
         Number of the frame from which on there may be another suspicion.
     lag_frames
         Lag that the errors hold for.
+    first_number, first_stamp_s
+        Number and time stamp of the first frame; no frame if negative.
+    frames_per_s
+        Frames per second by the time stamps, within limits.
     """
 
     reference: Fit | None = None
@@ -105,6 +114,20 @@ class ChangeDetector:
     since: int | None = None
     calm_until: int = 0
     lag_frames: int = 0
+    first_number: int = -1
+    first_stamp_s: float = 0.0
+    frames_per_s: float = SLOWEST
+
+    def clock(self, number: int, stamp_s: float) -> None:
+        """Take the time stamp of a frame, by which light changes however many frames it fills."""
+        if not math.isfinite(stamp_s):
+            return
+        if self.first_number < 0:
+            self.first_number, self.first_stamp_s = number, stamp_s
+            return
+        passed_s = stamp_s - self.first_stamp_s
+        rate = (number - self.first_number) / passed_s if passed_s > 0 else SLOWEST
+        self.frames_per_s = min(max(rate, SLOWEST), FASTEST)
 
     def rely_on(self, fit: Fit) -> None:
         """Predict by another fit from now on, unless a suspicion is followed: what it rests on must stay the same."""
@@ -134,7 +157,7 @@ class ChangeDetector:
         if self.since is None:
             self._look_for_surprises(pair)
             return None
-        first = max(self.since, pair.frame1 - JUDGED_FRAMES)
+        first = max(self.since, pair.frame1 - self._frames(JUDGED_S))
         self.pairs = [old for old in (*self.pairs, pair) if old.frame0 >= first]
         change = self._proven(exposures)
         if change is None:
@@ -143,7 +166,7 @@ class ChangeDetector:
 
     def _proven(self, exposures: ExposureTable) -> Change | None:
         assert self.reference is not None
-        found = explain(self.pairs, self.reference, exposures, self._usual_error)
+        found = explain(self.pairs, self.reference, exposures, self._usual_error, self._frames(MIN_SPAN_S))
         if found is None:
             return None
         part, text = found
@@ -168,12 +191,15 @@ class ChangeDetector:
         assert self.since is not None
         assert self.reference is not None
         latest = [pair for pair in self.pairs if pair.of_neighbours][-WATCHED_NEIGHBOURS:]
-        if frame > self.since + LONGEST_WATCH_FRAMES:
-            self.since, self.pairs, self.calm_until = None, [], frame + CALM_FRAMES
+        if frame > self.since + self._frames(LONGEST_WATCH_S):
+            self.since, self.pairs, self.calm_until = None, [], frame + self._frames(CALM_S)
         elif len(latest) == WATCHED_NEIGHBOURS:
             surprising = sum(self._surprises(pair) for pair in latest) >= MIN_SURPRISING_SHARE * len(latest)
             if not surprising and best_explanations(self.pairs, self.reference)[0].sigmas < MIN_SIGMAS_OF_HALF:
                 self.since, self.pairs = None, []
+
+    def _frames(self, duration_s: float) -> int:
+        return round(duration_s * self.frames_per_s)
 
     @property
     def _usual_error(self) -> float:

@@ -15,8 +15,8 @@ Halves = tuple[list[PairErrors], list[PairErrors]]
 Finding = tuple[str, str]
 """What changed, and how, as a part of a sentence."""
 
-MIN_SPAN_FRAMES = 60
-"""Frames that the pairs must span, three seconds at 20 frames/s: light that changes is often steady again by then."""
+MIN_SPAN_S = 3.0
+"""Time that the pairs must span: light that changes is often steady again by then."""
 
 FEWEST_PAIRS = 12
 """Pairs in each half by which a change is judged: what happens once is no change."""
@@ -63,7 +63,9 @@ MIN_SLOPE_ERROR_LOG = 0.008
 """Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less a frame."""
 
 
-def explain(pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_error: float) -> Finding | None:
+def explain(
+    pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_error: float, min_span_frames: int
+) -> Finding | None:
     """Return the change of the camera that pairs prove; None if they prove none.
 
     Parameters
@@ -76,8 +78,10 @@ def explain(pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_e
         The exposures by which they were predicted.
     usual_error
         Usual absolute error of a whole pair, in ln.
+    min_span_frames
+        Frames that the pairs must span.
     """
-    if len(pairs) < 2 * FEWEST_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < MIN_SPAN_FRAMES:
+    if len(pairs) < 2 * FEWEST_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < min_span_frames:
         return None
     return _steeper_response(pairs, exposures, usual_error) or _other_curve(pairs, fit)
 

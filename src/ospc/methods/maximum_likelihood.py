@@ -113,6 +113,7 @@ class MaximumLikelihoodMethod:
         self._recalled = None
         log_exposure = _log_exposure(exposures, prepared.number)
         self._circle.observe(prepared, frame.mask)
+        self._changes.clock(prepared.number, frame.stamp_s)
         self._observe_standing_still(frame)
         keyframe = self._select_keyframe.select(prepared.number, log_exposure)
         samples = NOTHING_FOUND
