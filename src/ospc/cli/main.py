@@ -45,7 +45,7 @@ _LEAST_MEMORY_MIB = 1024
 """Address space below which OpenBLAS may end the process, or never return, instead of raising an error."""
 
 _ALLOCATIONS_PER_COLLECTION = 20_000
-"""New objects after which Python looks for garbage in cycles: instead of 700."""
+"""New objects after which Python looks for garbage in cycles; it would look ten to thirty times as often."""
 
 
 class _Commands(click.Group):

@@ -81,8 +81,8 @@ class KeyframeSelector:
     """Keeps keyframes at ages that grow geometrically, and selects the one that is most informative to compare with.
 
     The worth of a comparison is predicted before it is made: exposures are given, and overlap and radial motion at
-    each age are learned from the comparisons made so far. Selections alternate between what serves the response
-    (change of exposure) and what serves the vignette (radial motion).
+    each age are learned from the comparisons made so far. One selection in three goes for what serves the response
+    (change of exposure), the others for what serves the vignette (radial motion).
 
     Attributes
     ----------

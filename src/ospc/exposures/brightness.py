@@ -163,7 +163,7 @@ class BrightnessComparer:
         # Black surrounds and saturated windows would seem to stand still.
         visible = found & first.exposed
         if np.count_nonzero(visible) < MIN_OVERLAP * np.count_nonzero(first.exposed):
-            return _nothing_in_common(first.frame, second.frame)
+            found, visible = np.zeros_like(found), np.zeros_like(visible)
         grey1 = values_at(second.grey, there)
         mean = np.sqrt(np.maximum(first.grey * grey1, _DARKEST**2))
         steep = np.maximum(first.gradient, values_at(second.gradient, there))
@@ -196,14 +196,6 @@ class BrightnessComparer:
             float(np.median(distance)) * self._size[0] / width if distance.size >= _MIN_PIXELS else float("nan"),
             _samples(first, second, places[flat], there[flat], (width, height)),
         )
-
-
-def _nothing_in_common(frame0: int, frame1: int) -> BrightnessChange:
-    bins = len(GREY_BINS) - 1
-    none = np.zeros(bins)
-    return BrightnessChange(
-        frame0, frame1, none, none, np.zeros((bins, 4)), 0.0, 0.0, float("nan"), PixelSamples.none()
-    )
 
 
 @cache

@@ -60,8 +60,8 @@ levels, whose noise makes gamma too small where most pairs have the same exposur
 response, would then be outliers. After a second round they are not."""
 
 LATENT_ITERATIONS = 3
-"""Rounds of predicting the grey levels from their point's mean and linearising anew. Chosen by hand; no effect from 1
-to 6."""
+"""Rounds of predicting the grey levels from their point's mean and linearising anew. Chosen by hand: with 1, over 28
+recordings, the error of the vignette is a fifth larger and that of the response's shape a sixth smaller."""
 
 MIN_ONE_MINUS_LEVERAGE = 1e-3
 """Least value of one minus the leverage, by which residuals are divided. No effect from 1e-4 to 1e-2."""
