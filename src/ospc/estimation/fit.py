@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.effects import Effects, Seen
 from ospc.estimation.error_model import ErrorModel
+from ospc.estimation.noisy_mean import mean_shift
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.texture import TextureShift
@@ -122,11 +124,21 @@ class Fit:
 
     def grey_of_mean(self, observations: Observations) -> FloatArray:
         """Return the grey level of the mean irradiance of the pixels of each observation, shape (n,)."""
-        if self.pixel_noise is None:
+        if self._shifts is None:
             return observations.grey
-        basis = self.response_basis
-        shift = TextureShift.of(basis, self.response_parameters, self.pixel_noise)
-        return observations.grey + self.texture_share * shift(observations, basis.index_of(observations.grey))
+        by_noise, by_texture = self._shifts
+        index = self.response_basis.index_of(observations.grey)
+        texture = self.texture_share * by_texture(observations, index)
+        return np.asarray(observations.grey - by_noise[index] + texture)
+
+    @cached_property
+    def _shifts(self) -> tuple[FloatArray, TextureShift] | None:
+        """What noise adds to the mean of pixels, on the basis's grid, and what texture takes from it."""
+        if self.pixel_noise is None:
+            return None
+        basis, log_response = self.response_basis, self.response_basis.log_of(self.response_parameters)
+        by_noise = mean_shift(basis.grid, log_response, self.pixel_noise)
+        return by_noise, TextureShift.of(basis, self.response_parameters, self.pixel_noise)
 
     def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of :meth:`log_irradiance` by the parameters of both curves.
