@@ -36,7 +36,7 @@ def test_nothing_is_contradicted(run, name):
 
 def test_pairs_compared_before_the_vignette_was_known_are_given_up(run):
     """A whole run can't show it: what these pairs spoil is less than what chance does."""
-    found = run("texture").calibration
+    found = run("dark").calibration
     ratios, pairs = found.exposure_ratios, found.counts["pairs"]
     assert pairs >= 64
     assert len(ratios.metadata) <= pairs - 16

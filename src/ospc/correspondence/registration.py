@@ -60,6 +60,16 @@ _GRADIENT_STEPS, _PATCH_STRIDE_PX = 12, 4
 """Steps of descent per patch, and distance between patches in pixels: half of OpenCV's steps on a coarser lattice.
 Flat places, where grey values are sampled, forgive the rest."""
 
+_LATTICE_PX = 16
+"""Distance between the places to whose coarse displacements a homography is fitted, in pixels: some hundreds."""
+
+_HOMOGRAPHY_ERROR_PX = 2.0
+"""Largest error of a coarse displacement that supports the homography, in pixels: as far as the search after it
+easily reaches."""
+
+_LEAST_SUPPORT = 0.25
+"""Share of the places that must support a homography; as of the places that two views must have in common."""
+
 _OUTSIDE_PX = 1e4
 """Displacement on the way back from outside the image: so far that no place comes back from there."""
 
@@ -206,7 +216,10 @@ class Registrar(Protocol):
 class DenseRegistration:
     """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on images of equal brightness.
 
-    The way back only shows where the way there is wrong by pixels: it is computed more coarsely.
+    Its smoothness holds displacements back where they grow from place to place, as when the camera moves forward or
+    turns. So a coarse search comes first, and the second image is warped by the homography that explains most of it:
+    what is left to find is small and nearly constant. The way back only shows where the way there is wrong by pixels:
+    it is computed more coarsely.
 
     Parameters
     ----------
@@ -217,7 +230,7 @@ class DenseRegistration:
 
     def __init__(self, second: SecondThread | None = None) -> None:
         self._second = second
-        self._there, self._back = _flow(finest_scale=1), _flow(finest_scale=2)
+        self._first, self._there, self._back = (_flow(finest_scale) for finest_scale in (2, 1, 2))
 
     def __call__(
         self,
@@ -228,13 +241,21 @@ class DenseRegistration:
     ) -> Registration:
         """Register two frames in both directions; the ratio is as :class:`ExposureNormalizer` takes it."""
         image0, image1 = normalize(frame0, frame1, stated_log_ratio)
+        homography = _homography(self._first.calc(image0, image1, None))
+        size = image0.shape[::-1]
+        inverse = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        warped = cv2.warpPerspective(image1, homography, size, flags=inverse, borderMode=cv2.BORDER_REPLICATE)
         if self._second is None:
-            forward, backward = self._there.calc(image0, image1, None), self._back.calc(image1, image0, None)
+            forward, backward = self._there.calc(image0, warped, None), self._back.calc(warped, image0, None)
         else:
-            returning = self._second.submit(self._back.calc, image1, image0, None)
-            forward = self._there.calc(image0, image1, None)
+            returning = self._second.submit(self._back.calc, warped, image0, None)
+            forward = self._there.calc(image0, warped, None)
             backward = returning.result()
-        return Registration(forward, _forward_backward_error(forward, backward))
+        error = _forward_backward_error(forward, backward)
+        there = cv2.perspectiveTransform(pixel_places(size) + forward, homography)
+        # The warped image goes on beyond the second one, by its border: whatever is found there has left the view.
+        error[cv2.inRange(there, (0, 0, 0, 0), (size[0] - 1, size[1] - 1, 0, 0)) == 0] = _OUTSIDE_PX
+        return Registration(there - pixel_places(size), error)
 
 
 REGISTRARS: dict[str, Callable[[SecondThread], Registrar]] = {"dense": DenseRegistration}
@@ -266,6 +287,21 @@ def _flow(finest_scale: int) -> cv2.DISOpticalFlow:
     flow.setGradientDescentIterations(_GRADIENT_STEPS)
     flow.setPatchStride(_PATCH_STRIDE_PX)
     return flow
+
+
+def _homography(displacement: Float32Array) -> FloatArray:
+    """Return the homography that explains most displacements, (h, w, 2) -> (3, 3); the identity if none does."""
+    height, width = displacement.shape[:2]
+    lattice = (slice(_LATTICE_PX // 2, None, _LATTICE_PX),) * 2
+    places = pixel_places((width, height))[lattice].reshape(-1, 2)
+    there = places + displacement[lattice].reshape(-1, 2)
+    inside = np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
+    if np.count_nonzero(inside) < _LEAST_SUPPORT * len(places):
+        return np.eye(3)
+    found, supports = cv2.findHomography(places[inside], there[inside], cv2.RANSAC, _HOMOGRAPHY_ERROR_PX)
+    if found is None or np.count_nonzero(supports) < _LEAST_SUPPORT * len(places):
+        return np.eye(3)
+    return np.asarray(found)
 
 
 def _forward_backward_error(forward: Float32Array, backward: Float32Array) -> Float32Array:
