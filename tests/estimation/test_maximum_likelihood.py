@@ -119,7 +119,7 @@ def test_only_as_rich_a_vignette_is_chosen_as_the_data_ask_for():
     assert moved.vignette_basis.free_centre
     np.testing.assert_allclose(moved.vignette_basis.centre(moved.vignette_parameters), truth.centre, atol=0.006)
     assert vignette_pixel_rmse(moved.vignette(SIZE), truth) < 0.004
-    skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.1, -0.05, 0.08, 0.0))
+    skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.05, -0.04, 0.1, -0.05, 0.08, 0.0))
     wide = fit_with_chosen_vignette(Camera(GAMMA, skew).pairs(4), ResponseBasis(32), widest, NOISE, 8)
     assert wide.vignette_basis.non_radial
     assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006

@@ -96,7 +96,7 @@ def test_vignette_scale_is_not_observable():
 
 def test_profile_hides_what_is_not_radial_and_pixels_show_it():
     radial = LogVignette((160, 120), (-0.3,))
-    skew = LogVignette((160, 120), (-0.3,), non_radial=(0.4, 0.0, 0.0, 0.0))
+    skew = LogVignette((160, 120), (-0.3,), non_radial=(0.0, 0.0, 0.4, 0.0, 0.0, 0.0))
     assert vignette_rmse(skew, radial) < 0.02
     assert vignette_pixel_rmse(skew, radial) > 0.03
 

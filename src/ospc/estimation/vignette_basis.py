@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.photometry.vignette import LogVignette
+from ospc.photometry.vignette import NON_RADIAL, LogVignette, non_radial_terms
 from ospc.settings.estimation import VIGNETTE_SIGMA
 
 
@@ -22,7 +22,7 @@ class VignetteBasis:
     free_centre
         Whether the centre is estimated: two more parameters, in which ln V is not linear.
     non_radial
-        Whether x·y, x²−y², x·R², y·R² are added.
+        Whether the terms :data:`~ospc.photometry.vignette.NON_RADIAL` are added.
     """
 
     radial: int
@@ -31,7 +31,7 @@ class VignetteBasis:
 
     def __len__(self) -> int:
         """Return the number of parameters."""
-        return self.radial + 2 * self.free_centre + 4 * self.non_radial
+        return self.radial + 2 * self.free_centre + len(NON_RADIAL) * self.non_radial
 
     @property
     def prior_sigma(self) -> FloatArray:
@@ -49,7 +49,7 @@ class VignetteBasis:
         """Names of the parameters."""
         names = [f"a{i + 1}" for i in range(self.radial)]
         names += ["centre_x", "centre_y"] if self.free_centre else []
-        return names + (["xy", "x2-y2", "xR2", "yR2"] if self.non_radial else [])
+        return names + (list(NON_RADIAL) if self.non_radial else [])
 
     def log_value(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return ln V at positions in half diagonals from the image centre, shape (n, 2) -> (n,)."""
@@ -66,18 +66,17 @@ class VignetteBasis:
             by_squared = (squared[:, None] ** (order - 1)) @ (order * parameters[: self.radial])
             columns.append(-2 * offset * by_squared[:, None] - self._slope_of_non_radial(parameters, offset))
         if self.non_radial:
-            x, y = offset[:, 0], offset[:, 1]
-            columns.append(np.stack([x * y, x**2 - y**2, x * squared, y * squared], axis=1))
+            columns.append(np.stack(non_radial_terms(*offset.T), axis=1))
         return np.concatenate(columns, axis=1)
 
     def _slope_of_non_radial(self, parameters: FloatArray, offset: FloatArray) -> FloatArray:
         """Return the derivative of the non-radial part by the offset from the centre, shape (n, 2)."""
         if not self.non_radial:
             return np.zeros_like(offset)
-        saddle, ellipse, slope_x, slope_y = parameters[-4:]
+        tilt_x, tilt_y, saddle, ellipse, slope_x, slope_y = parameters[-len(NON_RADIAL) :]
         x, y = offset.T
-        by_x = saddle * y + 2 * ellipse * x + slope_x * (3 * x**2 + y**2) + 2 * slope_y * x * y
-        by_y = saddle * x - 2 * ellipse * y + 2 * slope_x * x * y + slope_y * (x**2 + 3 * y**2)
+        by_x = tilt_x + saddle * y + 2 * ellipse * x + slope_x * (3 * x**2 + y**2) + 2 * slope_y * x * y
+        by_y = tilt_y + saddle * x - 2 * ellipse * y + 2 * slope_x * x * y + slope_y * (x**2 + 3 * y**2)
         return np.stack([by_x, by_y], axis=1)
 
     def centre(self, parameters: FloatArray) -> FloatArray:
@@ -97,5 +96,5 @@ class VignetteBasis:
             size,
             tuple(parameters[: self.radial].tolist()),
             (float(centre[0]), float(centre[1])),
-            tuple(parameters[len(self) - 4 :].tolist()) if self.non_radial else (),
+            tuple(parameters[len(self) - len(NON_RADIAL) :].tolist()) if self.non_radial else (),
         )

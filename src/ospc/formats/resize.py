@@ -24,8 +24,8 @@ _ASPECT_TOLERANCE = 0.01
 _CENTRED_PX = 1.0
 """Parts whose margins differ by at most this are centred: with an odd number of pixels they cannot be equal."""
 
-_HARMONIC_DEGREES = (2, 2, 3, 3)
-"""Degrees in x and y of the non-radial terms of :class:`LogVignette`, in its order."""
+_DEGREES = (1, 1, 2, 2, 3, 3)
+"""Degrees in x and y of the terms :data:`~ospc.photometry.vignette.NON_RADIAL`."""
 
 
 def same_aspect(first: ImageSize, second: ImageSize) -> bool:
@@ -138,12 +138,11 @@ def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
 
 def _in_unit(vignette: LogVignette, size: ImageSize, unit: float, centre: tuple[float, float]) -> LogVignette:
     """Return a log-polynomial for a radius in units ``unit`` times as long."""
-    harmonics = zip(vignette.non_radial, _HARMONIC_DEGREES, strict=False)
     return LogVignette(
         size,
         _powers(vignette.coefficients, unit),
         centre,
-        tuple(c * unit**degree for c, degree in harmonics),
+        tuple(c * unit**degree for c, degree in zip(vignette.non_radial, _DEGREES, strict=False)),
         vignette.limit / unit,
     )
 

@@ -20,6 +20,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.verdict import State, Verdict
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
+    NON_RADIAL,
     LogVignette,
     PolynomialVignette,
     RasterVignette,
@@ -181,8 +182,10 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
         vignette = PolynomialVignette(size, coefficients)
     elif model["name"] == "log_polynomial":
         non_radial = tuple(_signed(model["non_radial"], "non_radial", (None,)).tolist())
-        if len(non_radial) not in (0, 4):
-            raise FormatError(f"non_radial has {counted(len(non_radial), 'value')} instead of 4 or none")
+        if len(non_radial) not in (0, len(NON_RADIAL)):
+            raise FormatError(
+                f"non_radial has {counted(len(non_radial), 'value')} instead of {len(NON_RADIAL)} or none"
+            )
         x, y = _signed(model["centre"], "centre", (2,)).tolist()
         limit = float(_array(model["limit"], "limit", ())) if "limit" in model else math.inf
         vignette = LogVignette(size, coefficients, (x, y), non_radial, limit)

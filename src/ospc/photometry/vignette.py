@@ -95,6 +95,16 @@ def _exp(log_v: FloatArray) -> FloatArray:
     return np.asarray(np.exp(np.clip(log_v, -LARGEST_LOG, LARGEST_LOG)))
 
 
+NON_RADIAL = ("x", "y", "xy", "x2-y2", "xR2", "yR2")
+"""Names of the terms of ln V that differ between directions: a tilt, a saddle, an ellipse, and a slope that grows."""
+
+
+def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the terms :data:`NON_RADIAL` at places relative to the vignette's centre, of shapes that go together."""
+    squared = x**2 + y**2
+    return x, y, x * y, x**2 - y**2, x * squared, y * squared
+
+
 @dataclass(frozen=True)
 class LogVignette:
     """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre.
@@ -108,7 +118,7 @@ class LogVignette:
     centre
         Centre of the fall-off relative to the image centre, in half diagonals.
     non_radial
-        Coefficients of x·y, x²−y², x·R² and y·R², in this order; empty for none.
+        Coefficients of the terms :data:`NON_RADIAL`, in this order; empty for none.
     limit
         Distance from ``centre``, in half diagonals, beyond which V is unknown, as outside a fisheye's image circle:
         it keeps its value at this distance.
@@ -140,8 +150,7 @@ class LogVignette:
             x, y, squared = x * inwards, y * inwards, squared * inwards**2
         log_v = np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])
         if self.non_radial:
-            terms = (x * y, x**2 - y**2, x * squared, y * squared)
-            log_v = log_v + sum(c * t for c, t in zip(self.non_radial, terms, strict=True))
+            log_v = log_v + sum(c * t for c, t in zip(self.non_radial, non_radial_terms(x, y), strict=True))
         return np.asarray(log_v)
 
     def profile(self, radius: npt.ArrayLike) -> FloatArray:

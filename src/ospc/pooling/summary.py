@@ -28,6 +28,7 @@ from ospc.photometry.calibration_content import LARGEST_GREY
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
+from ospc.photometry.vignette import NON_RADIAL
 
 RESPONSE = ResponseBasis(32)
 VIGNETTE = VignetteBasis(5, free_centre=True, non_radial=True)
@@ -269,7 +270,7 @@ def _vignette_in_common(own: VignetteBasis, given: FloatArray) -> FloatArray:
     if own.free_centre:
         common[VIGNETTE.radial : VIGNETTE.radial + 2] = own.centre(given)
     if own.non_radial:
-        common[-4:] = given[-4:]
+        common[-len(NON_RADIAL) :] = given[-len(NON_RADIAL) :]
     if own.radial:
         squared = _RADII**2
         value = (squared[:, None] ** np.arange(1, own.radial + 1)) @ given[: own.radial]
