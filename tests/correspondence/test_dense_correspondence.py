@@ -169,6 +169,23 @@ def test_the_exposure_ratio_is_read_off_the_images(exposure):
     assert log_ratio == pytest.approx(np.log(exposure), abs=0.02)
 
 
+@pytest.mark.parametrize("angle", [0.0, 12.0])
+def test_displacements_that_grow_from_place_to_place_are_not_held_back(angle):
+    """As when the camera moves forward and turns: the smoothness of dense search prefers equal ones."""
+    texture = cv2.GaussianBlur(np.random.default_rng(1).normal(0, 1, (SIZE[1], SIZE[0])), (0, 0), 4)
+    image = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
+    centre = (np.array(SIZE) - 1) / 2
+    to_second = cv2.getRotationMatrix2D(centre.tolist(), angle, 1.2)
+    frames = (Preprocessor()(of_array(view)) for view in (image, cv2.warpAffine(image, to_second, SIZE)))
+    registration = DenseRegistration()(*frames, ExposureNormalizer(RESPONSE), 0.0)
+    places = pixel_grid(SIZE)
+    true = places @ to_second[:, :2].T + to_second[:, 2]
+    radius = np.linalg.norm(places - centre, axis=-1)
+    seen_well = np.all((true > 16) & (true < np.array(SIZE) - 17), axis=-1) & (radius > 80)
+    error = np.linalg.norm(places + registration.forward - true, axis=-1)[seen_well]
+    assert np.quantile(error, 0.9) < 0.3
+
+
 def test_what_leaves_the_image_has_a_large_forward_backward_error():
     frame0, frame1 = (Preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
     registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(RESPONSE))

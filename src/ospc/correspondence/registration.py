@@ -56,9 +56,10 @@ _LARGEST_SPREAD = 0.15
 _DARKEST_IRRADIANCE = 1e-6
 """Lowest irradiance whose logarithm is taken: below that of the first grey level of any camera."""
 
-_GRADIENT_STEPS, _PATCH_STRIDE_PX = 12, 4
-"""Steps of descent per patch, and distance between patches in pixels: half of OpenCV's steps on a coarser lattice.
-Flat places, where grey values are sampled, forgive the rest."""
+_GRADIENT_STEPS, _PATCH_STRIDE_PX = 8, 5
+"""Steps of descent per patch, and distance between patches in pixels, in the search for what a homography leaves: a
+third of OpenCV's steps on a coarser lattice. The search before it needs all of them: with fewer, half of what a pair
+tells of the vignette was lost."""
 
 _LATTICE_PX = 16
 """Distance between the places to whose coarse displacements a homography is fitted, in pixels: some hundreds."""
@@ -67,8 +68,9 @@ _HOMOGRAPHY_ERROR_PX = 2.0
 """Largest error of a coarse displacement that supports the homography, in pixels: as far as the search after it
 easily reaches."""
 
-_LEAST_SUPPORT = 0.25
-"""Share of the places that must support a homography; as of the places that two views must have in common."""
+_LEAST_SUPPORT, _FEWEST_SUPPORTS = 0.25, 16
+"""Share of the places that must support a homography, as of the places that two views must have in common, and their
+number: four determine it, by their errors too."""
 
 _OUTSIDE_PX = 1e4
 """Displacement on the way back from outside the image: so far that no place comes back from there."""
@@ -230,7 +232,8 @@ class DenseRegistration:
 
     def __init__(self, second: SecondThread | None = None) -> None:
         self._second = second
-        self._first, self._there, self._back = (_flow(finest_scale) for finest_scale in (2, 1, 2))
+        self._first = optical_flow(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, finest_scale=2)
+        self._there, self._back = _short_search(finest_scale=1), _short_search(finest_scale=2)
 
     def __call__(
         self,
@@ -282,7 +285,7 @@ def make_registrar(name: str, second: SecondThread) -> Registrar:
     return REGISTRARS[name](second)
 
 
-def _flow(finest_scale: int) -> cv2.DISOpticalFlow:
+def _short_search(finest_scale: int) -> cv2.DISOpticalFlow:
     flow = optical_flow(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, finest_scale)
     flow.setGradientDescentIterations(_GRADIENT_STEPS)
     flow.setPatchStride(_PATCH_STRIDE_PX)
@@ -296,12 +299,11 @@ def _homography(displacement: Float32Array) -> FloatArray:
     places = pixel_places((width, height))[lattice].reshape(-1, 2)
     there = places + displacement[lattice].reshape(-1, 2)
     inside = np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
-    if np.count_nonzero(inside) < _LEAST_SUPPORT * len(places):
+    fewest = max(_LEAST_SUPPORT * len(places), _FEWEST_SUPPORTS)
+    if np.count_nonzero(inside) < fewest:
         return np.eye(3)
-    found, supports = cv2.findHomography(places[inside], there[inside], cv2.RANSAC, _HOMOGRAPHY_ERROR_PX)
-    if found is None or np.count_nonzero(supports) < _LEAST_SUPPORT * len(places):
-        return np.eye(3)
-    return np.asarray(found)
+    found, supports = cv2.findHomography(places[inside], there[inside], cv2.USAC_FAST, _HOMOGRAPHY_ERROR_PX)
+    return np.eye(3) if found is None or np.count_nonzero(supports) < fewest else np.asarray(found)
 
 
 def _forward_backward_error(forward: Float32Array, backward: Float32Array) -> Float32Array:
