@@ -18,7 +18,7 @@ from image_samples import encoded
 from ospc.batch.manifest import read_manifest
 from ospc.batch.store import Result, Store
 from ospc.calibrator import OnlineCalibrator
-from ospc.errors import OspcError
+from ospc.errors import FormatError, OspcError
 from ospc.evaluation.trajectory import read_trajectory
 from ospc.exposures.brightness import PixelSamples
 from ospc.formats.adobe import write_lcp
@@ -102,20 +102,20 @@ def _state_of(arrays: dict[str, Any]) -> Parse:
     """Return the parser of the JSON part of a state."""
 
     def parse(data: bytes, folder: Path) -> None:
-        content = _stored(data)
-        if content is not None:
-            _go_on(Container(KIND, VERSION, content, arrays), folder, fitted=crc32(data) % fitted_to == 0)
+        state = Container(KIND, VERSION, _stored(data), arrays)
+        _go_on(state, folder, fitted=crc32(data) % fitted_to == 0)
 
     return parse
 
 
-def _stored(data: bytes) -> dict[str, Any] | None:
-    """Return the JSON object that a container holds; None for what it cannot hold."""
+def _stored(data: bytes) -> dict[str, Any]:
+    """Return the JSON object of a container; what no container can hold counts as refused."""
     with suppress(ValueError, RecursionError):
         content = json.loads(data)
         json.dumps(content, allow_nan=False)
-        return content if isinstance(content, dict) else None
-    return None
+        if isinstance(content, dict):
+            return content
+    raise FormatError("no JSON object that a container can hold")
 
 
 def _arrays_of(content: dict[str, Any], shapes: dict[str, Any]) -> Parse:
@@ -171,7 +171,7 @@ def _camera(place: Path) -> None:
 def _batch_result(data: bytes, folder: Path) -> None:
     """The JSON part of a result of a batch, sealed with a valid checksum."""
     content = _stored(data)
-    key = content and content.get("key")
+    key = content.get("key")
     if isinstance(key, str) and key.isalnum() and key.isascii() and len(key) < 100:
         store = Store(folder / "store")
         kind, version = "batch-result", 3
