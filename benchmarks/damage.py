@@ -102,11 +102,10 @@ def _text(data: bytes, words: list[bytes], random: Random) -> bytes:
     lines = data.splitlines(keepends=True) or [b""]
     for _ in range(random.randint(1, 4)):
         index, other = random.randrange(len(lines)), random.randrange(len(lines))
-        tokens = list(_TOKEN.finditer(lines[index]))
+        token, another = _token(lines[index], random), _token(lines[index], random)
         how = random.random()
-        if how < 0.7 and tokens:
-            token = random.choice(tokens)
-            new = random.choice(TOKENS + words) if random.random() < 0.8 else random.choice(tokens).group()
+        if how < 0.7 and token and another:
+            new = random.choice(TOKENS + words) if random.random() < 0.8 else another.group()
             lines[index] = lines[index][: token.start()] + new + lines[index][token.end() :]
         elif how < 0.8:
             lines.insert(other, lines[index])
@@ -115,6 +114,11 @@ def _text(data: bytes, words: list[bytes], random: Random) -> bytes:
         elif len(lines) > 1:
             del lines[index]
     return b"".join(lines)
+
+
+def _token(line: bytes, random: Random) -> re.Match[bytes] | None:
+    """Return a number or word after some place, or else the first: lines may be too long to look for all of them."""
+    return _TOKEN.search(line, random.randrange(len(line) + 1)) or _TOKEN.search(line)
 
 
 def _png(data: bytes, words: list[bytes], random: Random) -> bytes:

@@ -402,7 +402,8 @@ def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -
     _check_fields(found, "reservoir")
     _require(found.capacity == settings.max_points, "its capacity is not that of its settings")
     for part in found._parts:
-        _require(len(part) and np.all(part.group == part.group[0]) and part.group[0] >= 0, "groups are mixed")
+        _require(len(part) and part.group[0] >= 0 and np.all(np.diff(part.group) >= 0), "groups are mixed")
+        _require(np.all(part.group == np.repeat(part.group[part.starts], part.counts)), "groups share a point")
         _require(part.frame.max() < frames, "observations are of frames that were not there")
         Numbers(0, 1, ("n",)).check("reservoir.grey_variance", part.grey_variance, {})
         Numbers(0, 10, ("n",)).check("reservoir.gradient", part.gradient, {})

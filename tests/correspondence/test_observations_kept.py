@@ -141,6 +141,27 @@ def test_old_and_new_points_are_thinned_alike():
     assert np.all(np.abs(place - place.mean()) < 5 * np.sqrt(place.mean()) + 200)
 
 
+def test_a_group_is_thinned_alike_whatever_it_is_kept_with():
+    many = filled(300, 200).all()
+    for group in np.unique(many.group).tolist():
+        alone, halvings = observations([2] * 50, group), 0
+        while not np.isin(alone.grey, many.grey).all():
+            chosen = np.random.default_rng([group, halvings]).random(len(alone.starts)) < 0.5
+            alone, halvings = alone.of_points(chosen), halvings + 1
+        np.testing.assert_array_equal(alone.grey, many.grey[many.group == group])
+
+
+def test_many_small_additions_are_not_kept_apart():
+    reservoir = filled(2000, 1000)
+    assert len(np.unique(reservoir.all().group)) > 500
+    assert len(reservoir._parts) < 100
+
+
+def test_an_empty_reservoir_is_split_in_two():
+    later, groups = Reservoir(10).split(0)
+    assert (later.points, groups) == (0, 0)
+
+
 def test_the_same_points_make_the_same_choice():
     assert_same(filled(700, 40).all(), filled(700, 40).all())
 

@@ -139,8 +139,8 @@ LIBRARIES = {"HEIC photograph": "pillow_heif", "raw photograph": "rawpy"}
 def _photo_targets() -> dict[str, Target]:
     found = {}
     if find_spec("pillow_heif"):
-        colour = np.stack([grey(i, (64, 64)) for i in range(3)], axis=2)
-        shots = [heic(colour, exif()), heic(grey(0, (64, 64)), exif(), quality=10)]
+        colour = np.stack([grey(i, (32, 32)) for i in range(3)], axis=2)
+        shots = [heic(colour, exif()), heic(grey(0, (32, 32)), exif(), quality=10)]
         found["HEIC photograph"] = Target(_photo_of("a.heic"), shots, [b"ispe", b"irot", b"grid"])
     if find_spec("rawpy"):
         mosaic = grey(0, (64, 48), np.uint16, 1024)

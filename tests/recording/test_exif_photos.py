@@ -199,7 +199,11 @@ GPS = (0x8825, 4, 1, 8)
 """An entry that names a further directory: its own."""
 
 
-@pytest.mark.parametrize("hostile", [chained([(0, 0, 0, 0)] * 2000, 3000), chained([GPS] * 2000)])
+BEYOND = b"II*\0" + struct.pack("<IH", 8, 0xFFFF)
+"""A directory whose entries all lie beyond the end."""
+
+
+@pytest.mark.parametrize("hostile", [chained([(0, 0, 0, 0)] * 2000, 3000), chained([GPS] * 2000), BEYOND])
 def test_directories_that_are_read_again_and_again_are_given_up(hostile: bytes) -> None:
     begun_s = time.process_time()
     assert shot_of_exif(hostile) == Shot()

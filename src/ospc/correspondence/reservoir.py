@@ -8,10 +8,16 @@ import numpy as np
 
 from ospc.observations import Observations, concatenate
 
+_MOST_PARTS = 64
+"""Additions kept apart before they are joined: late in a run each has a point or two left, and its ten arrays take
+kilobytes. Joining them after each addition would take longer."""
+
 
 @dataclass
 class Reservoir:
     """Keeps every scene point until there are too many, then half of them, and so on; old and new ones alike.
+
+    Groups that are added later have higher numbers.
 
     Attributes
     ----------
@@ -30,15 +36,12 @@ class Reservoir:
             observations = _halved(observations, halving)
         self._append(observations)
         while self.points > self.capacity:
-            parts, self._parts, self.points = self._parts, [], 0
-            for part in parts:
-                self._append(_halved(part, self._halvings))
+            self._keep([_halved(part, self._halvings) for part in self._parts])
             self._halvings += 1
 
     def forget_before(self, group: int) -> None:
         """Drop the observations of groups with lower numbers."""
-        self._parts = [part for part in self._parts if part.group[0] >= group]
-        self.points = sum(len(part.starts) for part in self._parts)
+        self._keep([part.where(part.group >= group) for part in self._parts])
 
     def split(self, frame: int) -> tuple[Reservoir, int]:
         """Move the groups whose frames all have this number or a higher one to a new reservoir.
@@ -50,13 +53,19 @@ class Reservoir:
         tuple of Reservoir and int
             The new reservoir, and the number of its groups.
         """
-        later = [part for part in self._parts if part.frame.min() >= frame]
-        self._parts = [part for part in self._parts if part.frame.max() < frame]
-        self.points = sum(len(part.starts) for part in self._parts)
         moved = Reservoir(self.capacity, _halvings=self._halvings)
-        for number, part in enumerate(later):
-            moved._append(replace(part, group=np.full_like(part.group, number)))
-        return moved, len(later)
+        if not self._parts:
+            return moved, 0
+        everything = self.all()
+        begins = np.flatnonzero(np.diff(everything.group, prepend=-1))
+        lengths = np.diff(begins, append=len(everything))
+        after = np.repeat(np.minimum.reduceat(everything.frame, begins) >= frame, lengths)
+        before = np.repeat(np.maximum.reduceat(everything.frame, begins) < frame, lengths)
+        later = everything.where(after)
+        groups, number = np.unique(later.group, return_inverse=True)
+        moved._append(replace(later, group=number))
+        self._keep([everything.where(before)])
+        return moved, len(groups)
 
     def all(self) -> Observations:
         """Return all that is kept.
@@ -80,11 +89,23 @@ class Reservoir:
         if len(part):
             self._parts.append(part)
             self.points += len(part.starts)
+        if len(self._parts) > _MOST_PARTS:
+            self._parts = [concatenate(self._parts)]
+
+    def _keep(self, parts: list[Observations]) -> None:
+        """Keep only these."""
+        self._parts, self.points = [], 0
+        for part in parts:
+            self._append(part)
 
 
 def _halved(part: Observations, halving: int) -> Observations:
-    """Return about half of the points; which half is drawn anew, but reproducibly, at every halving."""
+    """Return about half of the points of each group, drawn anew, but reproducibly, at every halving."""
     if not len(part):
         return part
-    chosen = np.random.default_rng([int(part.group[0]), halving]).random(len(part.starts)) < 0.5
-    return part.of_points(chosen)
+    groups, counts = np.unique(part.group[part.starts], return_counts=True)
+    drawn = [
+        np.random.default_rng([group, halving]).random(count)
+        for group, count in zip(groups.tolist(), counts.tolist(), strict=True)
+    ]
+    return part.of_points(np.concatenate(drawn) < 0.5)

@@ -51,7 +51,9 @@ def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tup
 
 def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) -> float:
     """Return the standard deviation of the slope between pairs; 0 if chance explains it."""
-    slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
+    # Late in a long run most pairs have a point or two left, which are not worth the time.
+    enough = (pair for pair in pairs if len(pair) >= UNSTEADY_FEWEST_POINTS)
+    slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in enough) if one is not None]
     if len(slopes) < UNSTEADY_FEWEST_PAIRS:
         return 0.0
     slope, sigma = np.array(slopes).T

@@ -11,6 +11,7 @@ from ospc.exposures.flicker import Flicker, find_flicker, without_waves
 from ospc.exposures.jumps import Jump, find_jumps
 from ospc.exposures.lag_decision import exposure_cycle
 from ospc.exposures.lag_estimate import LagEstimate
+from ospc.exposures.table import blocks
 
 NOTABLE_RMS_LOG = 0.006
 """Root mean square change of ln brightness from frame to frame, unexplained by exposures, up to which nothing is
@@ -77,15 +78,15 @@ class ExposureReport:
     cycle_frames: int | None
 
     @classmethod
-    def of(cls, exposures_ms: FloatArray) -> ExposureReport:
-        """Describe exposures in milliseconds, shape (frames,)."""
-        log_exposure = np.log(exposures_ms)
-        change = np.abs(np.diff(log_exposure))
+    def of(cls, log_exposure: FloatArray) -> ExposureReport:
+        """Describe exposures by ln of their milliseconds, shape (frames,)."""
+        parts = [*blocks(log_exposure, 1)]
+        changed = sum(int(np.count_nonzero(np.abs(np.diff(part)) >= _CHANGED)) for part in parts)
         return cls(
-            float(exposures_ms.min()),
-            float(exposures_ms.max()),
-            len(np.unique(exposures_ms)),
-            float(np.mean(change >= _CHANGED)) if len(change) else 0.0,
+            float(np.exp(log_exposure.min())),
+            float(np.exp(log_exposure.max())),
+            len(np.unique(np.concatenate([np.unique(part) for part in parts]))),
+            changed / max(len(log_exposure) - 1, 1),
             exposure_cycle(log_exposure),
         )
 
@@ -132,23 +133,22 @@ class BrightnessReport:
     jumps: tuple[Jump, ...] = ()
 
 
-def brightness_report(lag: LagEstimate, exposures_ms: FloatArray) -> BrightnessReport | None:
+def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessReport | None:
     """Compare brightness with the exposures; None where too few frames could be compared.
 
     Parameters
     ----------
     lag
         Estimate of the lag, with the changes it was made from.
-    exposures_ms
-        Exposure of every frame, shape (frames,).
+    log_exposure
+        ln of the exposure of every frame, shape (frames,).
     """
     if lag.fit is None or not len(lag.frame):
         return None
     fit = lag.fit
-    flicker = _reported(lag, exposure_cycle(np.log(exposures_ms)))
+    flicker = _reported(lag, exposure_cycle(log_exposure))
     unexplained = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in flicker])
     energy = float(np.sum(fit.observed**2))
-    log_exposure = np.log(exposures_ms)
     shift = lag.candidates[0] if lag.candidates else 0
     change = log_exposure[lag.frame + 1 + shift] - log_exposure[lag.frame + shift]
     unchanged = unexplained[np.abs(change) < _UNCHANGED]

@@ -232,10 +232,9 @@ def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int, m
 
 
 def _assess(changes: BrightnessChanges, written: FloatArray, max_lag: int) -> ExposureFindings:
-    exposures_ms = np.exp(written)
-    course = ExposureReport.of(exposures_ms)
-    lag = estimate_lag(changes, exposures_ms, max_lag)
-    brightness = brightness_report(lag, exposures_ms)
+    course = ExposureReport.of(written)
+    lag = estimate_lag(changes, written, max_lag)
+    brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < _FEW_FRAMES
     unlike = _unlike(brightness, lag)
     verdict = next(_verdicts(course, lag, brightness, len(written), unlike=unlike))

@@ -67,7 +67,7 @@ _LARGEST_FOLLOWING_LOG = 0.1
 does. Chosen by hand: a higher limit would doubt programmed exposures, which vary more."""
 
 
-def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
+def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
     """Estimate by how many frames exposures come late.
 
     Every lag is fitted to the same pairs of frames (those whose exposure is known for all lags). The most likely lag
@@ -78,14 +78,13 @@ def estimate_lag(seen: BrightnessChanges, exposures_ms: FloatArray, max_lag: int
     ----------
     seen
         Changes of brightness between consecutive frames.
-    exposures_ms
-        Exposure of every frame of the recording, shape (frames,).
+    log_exposure
+        ln of the exposure of every frame of the recording, shape (frames,).
     max_lag
         Largest lag tried, either way.
     """
     lags = np.arange(-max_lag, max_lag + 1)
-    log_exposure = np.log(exposures_ms)
-    last = len(exposures_ms) - 1
+    last = len(log_exposure) - 1
     inner = seen.where((seen.frame - max_lag >= 0) & (seen.frame + 1 + max_lag <= last))
     constant = float(np.ptp(log_exposure)) < MIN_LOG_CHANGE
     if len(inner.driven) < MIN_PAIRS:

@@ -73,7 +73,7 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     since = _suspicion(latest, exposures, known)
     if since is None or sum(change.frame0 < first + since for change in changes) < FEWEST_BEFORE:
         return None
-    found = estimate_lag(latest.where(latest.frame >= since), np.exp(exposures), reach)
+    found = estimate_lag(latest.where(latest.frame >= since), exposures, reach)
     later = [lag - known for lag in found.candidates]
     usual = [lag for lag in later if abs(lag) <= USUAL_LAG]
     if found.state not in ("determined", "ambiguous") or not usual or len(later) > MOST_CANDIDATES:

@@ -11,6 +11,7 @@ from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.flicker import Flicker, fast_part, waves, without_waves
 from ospc.exposures.lag_estimate import SILENT, LagEstimate, LagState
 from ospc.exposures.lag_likelihood import LagFit, fit_exposures
+from ospc.exposures.table import blocks
 
 USUAL_LAG = 3
 """Largest lag that is common, in frames; larger ones are believed only where nothing else fits."""
@@ -278,11 +279,18 @@ def exposure_cycle(log_exposure: FloatArray) -> int | None:
     """
     if np.ptp(log_exposure) < MIN_LOG_CHANGE:
         return None
-    for period in range(2, min(_LONGEST_CYCLE, len(log_exposure) // _LEAST_CYCLES) + 1):
-        same = np.abs(log_exposure[period:] - log_exposure[:-period]) < _SAME_LOG_EXPOSURE
-        if same.mean() >= _CYCLE_SHARE:
-            return period
-    return None
+    periods = range(2, min(_LONGEST_CYCLE, len(log_exposure) // _LEAST_CYCLES) + 1)
+    return next((period for period in periods if _repeat(log_exposure, period)), None)
+
+
+def _repeat(log_exposure: FloatArray, period: int) -> bool:
+    """Return whether most exposures are those of a number of frames before."""
+    pairs = same = len(log_exposure) - period
+    for block in blocks(log_exposure, period):
+        same -= int(np.count_nonzero(np.abs(block[period:] - block[:-period]) >= _SAME_LOG_EXPOSURE))
+        if same / pairs < _CYCLE_SHARE:
+            return False
+    return True
 
 
 def _differs_within(trial: Trial, best: int) -> bool:

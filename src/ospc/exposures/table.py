@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 
 _FIRST_CAPACITY = 1024
 """Exposures that the table holds before it grows, each time to twice its size."""
+
+_BLOCK = 2**14
+"""Exposures looked at together: what is computed of them fits in the processor's cache, and endless runs do not fill
+the memory."""
 
 
 @dataclass
@@ -39,7 +44,10 @@ class ExposureTable:
     def append(self, exposure_ms: float) -> int:
         """Take the exposure written beside the next frame, NaN where there is none, and return the frame's number."""
         if self._count == len(self._log_exposure):
-            self._log_exposure = np.concatenate([self._log_exposure, np.empty(self._count)])
+            # What is not yet written to takes no memory, so that each frame costs eight bytes.
+            room = np.empty(2 * self._count)
+            room[: self._count] = self._log_exposure
+            self._log_exposure = room
         known = np.isfinite(exposure_ms) and exposure_ms > 0
         self._log_exposure[self._count] = np.log(exposure_ms) if known else np.nan
         self._count += 1
@@ -53,11 +61,6 @@ class ExposureTable:
     def written(self) -> FloatArray:
         """Ln of the exposures in milliseconds as written, NaN where there is none, shape (frames,)."""
         return self._log_exposure[: self._count]
-
-    @property
-    def log_exposure(self) -> FloatArray:
-        """Ln of every frame's own exposure in milliseconds, NaN where it is unknown, shape (frames,)."""
-        return self.log_exposure_of(np.arange(self._count))
 
     def log_exposure_of(self, frames: IntArray) -> FloatArray:
         """Return ln of the exposure in milliseconds of frames, NaN where it is unknown, shape (n,) -> (n,)."""
@@ -77,15 +80,38 @@ class ExposureTable:
 
     def range_ms(self) -> tuple[float, float]:
         """Return the shortest and the longest exposure in milliseconds; (inf, 0) where none is known."""
-        known = self.log_exposure
-        known = known[np.isfinite(known)]
-        return (float(np.exp(known.min())), float(np.exp(known.max()))) if known.size else (np.inf, 0.0)
+        lag = self.lag_frames
+        own = self.written[max(lag, 0) : max(self._count + min(lag, 0), 0)]
+        # The initial values are what is left where all exposures, NaN, are passed over.
+        low, high = np.fmin.reduce(own, initial=np.inf), np.fmax.reduce(own, initial=-np.inf)
+        return float(np.exp(low)), float(np.exp(high))
 
 
 def filled(log_exposure: FloatArray) -> FloatArray:
-    """Return the exposures with missing ones interpolated, so that their neighbours can still be compared."""
+    """Return the exposures with missing ones interpolated, so that their neighbours can still be compared.
+
+    Where none is missing, they are not copied.
+    """
     known = np.isfinite(log_exposure)
-    if known.all() or not known.any():
-        return np.where(known, log_exposure, 0.0)
-    frames = np.arange(len(log_exposure))
-    return np.interp(frames, frames[known], log_exposure[known])
+    if known.all():
+        return log_exposure
+    if not known.any():
+        return np.zeros(len(log_exposure))
+    missing, neighbours = np.flatnonzero(~known), np.flatnonzero(known & _beside(~known))
+    complete = log_exposure.copy()
+    complete[missing] = np.interp(missing, neighbours, log_exposure[neighbours])
+    return complete
+
+
+def blocks(log_exposure: FloatArray, shared: int) -> Iterator[FloatArray]:
+    """Give all exposures, a bounded number at a time; each block begins with so many values of the one before."""
+    for start in range(0, max(len(log_exposure) - shared, 1), _BLOCK):
+        yield log_exposure[start : start + _BLOCK + shared]
+
+
+def _beside(there: BoolArray) -> BoolArray:
+    """Return the places next to those that are true."""
+    beside = np.zeros_like(there)
+    beside[1:] |= there[:-1]
+    beside[:-1] |= there[1:]
+    return beside

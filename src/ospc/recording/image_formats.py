@@ -27,8 +27,9 @@ _TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", 
 _MOST_BYTES = 8 * 2**20
 """Read of the EXIF of one photograph, some bytes again and again: far more than cameras write."""
 
-_READ_COST_BYTES = 512
-"""Bytes that a read counts at least, so that the number of reads is limited too."""
+_READ_COST_BYTES, _MISSED_COST_BYTES = 512, 4096
+"""Bytes that a read counts at least, so that the number of reads is limited too, and a read beyond the end: damaged
+directories claim thousands of entries there."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class _BoundedReads(BytesIO):
 
     def read(self, size: int | None = -1, /) -> bytes:
         found = super().read(size)
-        self._left -= max(len(found), _READ_COST_BYTES)
+        self._left -= max(len(found), _READ_COST_BYTES if found else _MISSED_COST_BYTES)
         if self._left < 0:
             raise ValueError("too many reads")
         return found

@@ -1,0 +1,61 @@
+"""Exposures by frame number: summed up without copies, however many frames there are."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from ospc.exposures.course import ExposureReport
+from ospc.exposures.lag_decision import exposure_cycle
+from ospc.exposures.table import ExposureTable, filled
+
+MANY = 300_000
+
+
+def table(exposures_ms: np.ndarray, lag: int = 0) -> ExposureTable:
+    made = ExposureTable(lag)
+    for exposure_ms in exposures_ms:
+        made.append(exposure_ms)
+    return made
+
+
+@pytest.mark.parametrize("lag", [-7, -2, 0, 3, 9])
+def test_the_range_is_that_of_the_frames_own_exposures(lag: int) -> None:
+    made = table(np.array([4.0, 9.0, np.nan, 1.0, 2.0, 3.0]), lag)
+    own = made.log_exposure_of(np.arange(6))
+    own = own[np.isfinite(own)]
+    assert made.range_ms() == ((np.exp(own.min()), np.exp(own.max())) if own.size else (np.inf, 0.0))
+
+
+def test_missing_exposures_lie_between_their_neighbours() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        values = rng.normal(size=12)
+        known = rng.random(12) < 0.6
+        expected = np.interp(np.arange(12), np.flatnonzero(known), values[known]) if known.any() else np.zeros(12)
+        np.testing.assert_array_equal(filled(np.where(known, values, np.nan)), expected)
+
+
+@pytest.mark.parametrize("wrong_share", [0.0, 0.01, 0.02])
+def test_a_long_course_is_summed_up_like_a_short_one(wrong_share: float) -> None:
+    rng = np.random.default_rng(1)
+    exposures_ms = np.array([1.0, 2.0, 5.0, 3.0])[np.arange(MANY) % 4]
+    exposures_ms[rng.random(MANY) < wrong_share] = 7.0
+    log_exposure = np.log(exposures_ms)
+    report = ExposureReport.of(log_exposure)
+    assert report.values == len(np.unique(exposures_ms))
+    assert report.changed_share == np.mean(np.abs(np.diff(log_exposure)) >= 0.01)
+    repeated = np.mean(np.abs(log_exposure[4:] - log_exposure[:-4]) < 1e-3)
+    assert report.cycle_frames == exposure_cycle(log_exposure) == (4 if repeated >= 0.97 else None)
+
+
+def test_frames_without_end_take_eight_bytes_each() -> None:
+    made = table(np.array([1.0, 2.0, 5.0])[np.arange(MANY) % 3])
+    tracemalloc.start()
+    made.range_ms()
+    ExposureReport.of(filled(made.written))
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak_bytes < 4 * MANY
