@@ -100,8 +100,7 @@ class Effect:
     systematic
         Standard deviation of the parameter that other errors of clean recordings imitate.
     least, most
-        Limits between which the parameter makes sense: there is no negative light, and tone mapping darkens what is
-        bright around.
+        Limits between which the parameter makes sense: there is no negative light.
     """
 
     adds: Addition
@@ -126,7 +125,7 @@ EFFECTS = {
     "late exposures": Effect(
         "log", lambda seen: seen.log_exposure_rate, *LATENESS, -MOST_LATE_FRAMES, MOST_LATE_FRAMES
     ),
-    "local tone mapping": Effect("log", lambda seen: seen.log_surround_gain, *LOCAL_TONE, most=0.0),
+    "local tone mapping": Effect("log", lambda seen: seen.log_surround_gain, *LOCAL_TONE),
     "curved exposures": Effect("log", lambda seen: np.log(seen.exposure) ** 2, *CURVATURE),
     "drifting response": Effect("log", lambda seen: seen.time * seen.log_grey_gain, *RESPONSE_DRIFT),
     "drifting black level": Effect("log", lambda seen: seen.time * seen.log_black_gain, *BLACK_DRIFT),
