@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ospc.cli.calibration_report import concluded
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import out_option, quiet_option
 from ospc.cli.progress import progress_of
 from ospc.cli.terminal import say
-from ospc.errors import OspcError
 
 if TYPE_CHECKING:
     from ospc.simulation.settings import SimulationSettings
@@ -61,13 +61,12 @@ def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int,
         preset("default"),
         ResultFolder(folder, recorded, interruption, quiet=quiet, truth=open_photometry(recording)),
     ).calibrate()
-    if content["error"]:
-        raise OspcError(content["error"])
+    code = concluded(content, as_json=False)
     picture = result / "figure.png"
     if not quiet and picture.exists():
         say()
         say(f"estimate compared with the truth: {picture}")
-    return int(content["exit_code"])
+    return code
 
 
 def _settings(frames: int, seed: int) -> SimulationSettings:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.calibration_report import print_json, say_notes
+from ospc.cli.calibration_report import concluded, say_notes
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.options import (
     COMPLETE,
@@ -146,11 +146,7 @@ def command(
                     capture.end("failed", content["error"])
                 else:
                     capture.end("written", f"Written to {out}. This page can be closed.")
-    if as_json:
-        print_json(content)
-    if content["error"]:
-        raise OspcError(content["error"])
-    return int(content["exit_code"])
+    return concluded(content, as_json=as_json)
 
 
 @contextmanager
