@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import Protocol, TypeAlias
@@ -121,6 +121,14 @@ def failure(error: Exception) -> str:
     return str(error) if isinstance(error, OspcError) else f"{type(error).__name__}: {error}"
 
 
+def with_and_without(
+    name: str, truth: Response | None, estimate: Callable[[Response | None], Estimate]
+) -> dict[str, Outcome]:
+    """Return what a method finds with one point of the true response, where that is known, and without any."""
+    variants = {"without": None} if truth is None else {"with": truth, "without": None}
+    return {f"{name}-{variant}": estimate(known) for variant, known in variants.items()}
+
+
 VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
 """The solvers that the paper compares (section 5)."""
 
@@ -221,10 +229,8 @@ class SharedMatcher:
 class SolversKnowingResponse:
     """The paper's vignette alone, by several of its solvers, with the true response given."""
 
-    def __init__(
-        self, response: Response, settings: PaperSettings, solvers: Sequence[str] = VIGNETTE_SOLVERS
-    ) -> None:
-        self._response, self._settings, self._solvers = response, settings, solvers
+    def __init__(self, response: Response, settings: PaperSettings) -> None:
+        self._response, self._settings = response, settings
         self._matcher = FeatureMatcher(settings)
         self._recent: deque[tuple[Features, float]] = deque()
         self._rows: list[FloatArray] = []
@@ -250,10 +256,10 @@ class SolversKnowingResponse:
         """Return the vignette of each solver."""
         count = sum(map(len, self._targets))
         if count < self._settings.min_samples:
-            return {f"true g/{name}": f"only {count} points move along the radius" for name in self._solvers}
+            return {f"true g/{name}": f"only {count} points move along the radius" for name in VIGNETTE_SOLVERS}
         rows, targets = np.concatenate(self._rows), np.concatenate(self._targets)
         outcomes: dict[str, Outcome] = {}
-        for name in self._solvers:
+        for name in VIGNETTE_SOLVERS:
             coefficients = tuple(solve_vignette(rows, targets, name, self._settings.huber_tuning).tolist())
             outcomes[f"true g/{name}"] = Estimate(self._response, PolynomialVignette(self._size, coefficients))
         return outcomes
