@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import process_time
 from typing import Protocol, TypeAlias
 
@@ -33,7 +33,7 @@ from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
 from ospc.research.held_out import HeldOutPair
 from ospc.research.runner import OnProgress
-from ospc.settings import PaperSettings, preset
+from ospc.settings import PaperSettings
 
 
 @dataclass(frozen=True)
@@ -137,17 +137,6 @@ _MATCHING = (
     "filter_blocks", "filter_bins", "filter_min_matches", "filter_length_sigmas",
 )  # fmt: skip
 """Settings that the detection and matching of features depend on."""
-
-
-def methods_of_preset(name: str, *, solvers: bool) -> dict[str, Method]:
-    """Return new methods of a preset; where asked for, "paper" with each of its vignette solvers."""
-    settings = preset(name)
-    if not isinstance(settings, PaperSettings):
-        return {settings.name: OwnMethod(settings.name)}
-    if not solvers:
-        return {"paper": PaperVariants({"paper": settings})}
-    variants = {f"paper/{solver}": replace(settings, vignette_solver=solver) for solver in VIGNETTE_SOLVERS}
-    return {"paper": PaperVariants(variants)}
 
 
 class OwnMethod:

@@ -25,9 +25,17 @@ from ospc.research.accuracy.charts import FOLDER as CHARTS
 from ospc.research.accuracy.charts import ChartSource, chart_sources
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
-from ospc.research.method import Estimate, Method, Outcome, methods_of_preset, quadratic_on_known_pixels
+from ospc.research.method import (
+    VIGNETTE_SOLVERS,
+    Estimate,
+    Method,
+    Outcome,
+    OwnMethod,
+    PaperVariants,
+    quadratic_on_known_pixels,
+)
 from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
-from ospc.settings import as_dict, preset
+from ospc.settings import PaperSettings, as_dict, preset
 from ospc.simulation import SimulationSettings
 from ospc.simulation.responses import LEVELS
 from ospc.simulation.settings import NoisePreset
@@ -79,7 +87,13 @@ class PresetMethods(Methods):
 
     def make(self, source: Source) -> dict[str, Method]:
         """Return the methods; "paper" is run with every solver where the vignette can be known."""
-        return methods_of_preset(self.name, solvers=source.group == "simulated")
+        settings = preset(self.name)
+        if not isinstance(settings, PaperSettings):
+            return {settings.name: OwnMethod(settings.name)}
+        if source.group != "simulated":
+            return {"paper": PaperVariants({"paper": settings})}
+        solvers = {f"paper/{solver}": replace(settings, vignette_solver=solver) for solver in VIGNETTE_SOLVERS}
+        return {"paper": PaperVariants(solvers)}
 
     def references(self, source: Source) -> dict[str, Outcome]:
         """Return what else a real recording has to compare with.
