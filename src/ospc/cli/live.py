@@ -41,7 +41,6 @@ _GOAL = 0.005
 class _Source:
     """Where frames come from: a recording, or a camera, of which there is no recording."""
 
-    name: str
     notes: tuple[str, ...]
     frames: Iterable[Frame]
     identity: dict[str, Any]
@@ -160,14 +159,14 @@ def _opened(source: str, reading: Reading, pace: float) -> Iterator[_Source]:
         from ospc.cli.calibration_run import identification
 
         recording = reading.open(place)
-        yield _Source(source, recording.notes, replayed(recording, pace), identification(recording), recording)
+        yield _Source(recording.notes, replayed(recording, pace), identification(recording), recording)
         return
     if reading.mask is not None or reading.region is not None or reading.each_channel or reading.kind is not None:
         raise click.UsageError("--kind, --mask, --roi and --channel each are for recordings, not for cameras")
     if place.name != source:
         raise OspcError(f"{source}: does not exist; name a recording, or a camera such as opencv:0")
     with open_camera(source, reading.options) as camera:
-        yield _Source(source, camera.notes, camera, {"kind": "camera", "name": camera.name})
+        yield _Source(camera.notes, camera, {"kind": "camera", "name": camera.name})
 
 
 def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) -> None:
