@@ -5,14 +5,14 @@ from __future__ import annotations
 import logging
 import math
 import re
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from io import BytesIO
 from pathlib import PurePath
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -114,7 +114,7 @@ _TURNS = re.compile(rb"\0\0\0\x09(irot|imir)(.)", re.DOTALL)
 _EXIF = b"Exif\0\0"
 
 
-class ImageFormat(ABC):
+class ImageFormat(Protocol):
     """Decodes the files of one format; all its methods raise MissingExtraError without its library."""
 
     suffixes: ClassVar[frozenset[str]]
