@@ -117,7 +117,6 @@ class _Request:
     "preset_name",
     type=click.Choice(["default", "fast", "paper"]),
     default="default",
-    show_default=True,
     help="The method: maximum likelihood, the same with fewer frames and points, or the paper's.",
 )
 @click.option(
@@ -133,7 +132,6 @@ class _Request:
     metavar="SECONDS",
     type=click.FloatRange(min=0),
     default=5.0,
-    show_default=True,
     help="How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
 )
 @click.option("--rerun", is_flag=True, help="Open the Rerun viewer and watch the run in it; needs the extra rerun.")

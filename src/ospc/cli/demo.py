@@ -26,10 +26,8 @@ _MEAN_EXPOSURE_MS, _EXPOSURE_FACTOR = 9.0, 2.8
 
 @click.command("demo")
 @out_option("ospc-demo", help="Folder for the recording and its calibration; those of an earlier demo are replaced.")
-@click.option(
-    "--frames", type=click.IntRange(1, 10_000), default=_FRAMES, show_default=True, help="Number of frames."
-)
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seeds scene, motion and noise.")
+@click.option("--frames", type=click.IntRange(1, 10_000), default=_FRAMES, help="Number of frames.")
+@click.option("--seed", type=click.IntRange(0), default=0, help="Seeds scene, motion and noise.")
 @quiet_option
 @click.pass_obj
 def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int, quiet: bool) -> int:

@@ -35,7 +35,7 @@ def command() -> None:
 @command.command("ealign")
 @click.argument("trajectory", type=PATH)
 @click.argument("truth", type=PATH)
-@click.option("--interval", default=1.0, show_default=True, help="Seconds between the poses of relative errors.")
+@click.option("--interval", default=1.0, help="Seconds between the poses of relative errors.")
 @json_option
 def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> None:
     """Compute the drift of TRAJECTORY from its alignments to the two halves of TRUTH.
@@ -159,17 +159,16 @@ _CONDITIONS = "truth,paper,ours,joint-wgt,joint-wogt,none"
 @click.option("--program", type=PATH, help="Your dso_dataset, or one with its arguments.")
 @click.option("--builtin", is_flag=True, help="Use the built-in direct odometry; needs simulated recordings.")
 @study_out_option("ospc-odometry")
-@click.option("--runs", type=click.IntRange(1, 1000), default=10, show_default=True, help="Runs of each.")
+@click.option("--runs", type=click.IntRange(1, 1000), default=10, help="Runs of each.")
 @click.option(
     "--conditions",
     default=_CONDITIONS,
-    show_default=True,
     help="Columns, separated by commas; 'affine' is a further one: no calibration, mode 1.",
 )
 @calibration_option
 @click.option("--batch", is_flag=True, help="Joint estimation from the whole recording, not online.")
 @jobs_option
-@click.option("--timeout", default=3600.0, show_default=True, help="Time limit of a run in seconds.")
+@click.option("--timeout", default=3600.0, help="Time limit of a run in seconds.")
 @click.option("--ends", type=float, metavar="SHARE", help="Use only this share of the truth at the start and end.")
 @click.option("--argument", "arguments", multiple=True, help="Further argument of the program, such as preset=0.")
 @json_option

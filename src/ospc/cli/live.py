@@ -63,21 +63,23 @@ class _Source:
 @out_option(help="Folder to write the results to.")
 @click.option("--no-page", is_flag=True, help="Show instruction and bars in the terminal, not in a browser.")
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page; by default any that is free."
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    show_default=False,
+    help="Port of the page; by default any that is free.",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address of the page, but open no browser.")
 @click.option(
     "--goal",
     type=click.FloatRange(min=0),
     default=_GOAL,
-    show_default=True,
     help="Uncertainty of response and vignette at which the capture ends by itself; 0 to end it yourself.",
 )
 @click.option(
     "--pace",
     type=click.FloatRange(min=0),
     default=1.0,
-    show_default=True,
     help="How many times as fast as it was filmed a recording is replayed; 0 for as fast as it can be calibrated.",
 )
 @correct_lag_option

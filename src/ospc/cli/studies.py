@@ -28,9 +28,7 @@ _WIDTH = 400
 """Columns of tables: the terminal wraps lines that are longer; cells that were cut would be lost."""
 
 study_out_option = partial(out_option, help="Folder of the results.")
-jobs_option = click.option(
-    "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Number of processes."
-)
+jobs_option = click.option("--jobs", type=click.IntRange(1, 256), default=1, help="Number of processes.")
 calibration_option = click.option(
     "--calibration",
     "given",
@@ -42,9 +40,7 @@ calibration_option = click.option(
 
 def presets_option(default: str) -> Callable[[_Command], _Command]:
     """Give a command the option for presets."""
-    return click.option(
-        "--presets", default=default, show_default=True, help="Presets, separated by commas.", callback=_presets
-    )
+    return click.option("--presets", default=default, help="Presets, separated by commas.", callback=_presets)
 
 
 def _folder(_ctx: click.Context, _param: click.Parameter, value: Path | None) -> Path | None:
