@@ -16,7 +16,8 @@ _WIDTH = 96
 
 def _help_texts(command: click.Command, name: str, parent: click.Context | None = None) -> list[tuple[str, str]]:
     """Return name and help text of a command and all below it."""
-    context = click.Context(command, info_name=name, parent=parent, max_content_width=_WIDTH, terminal_width=_WIDTH)
+    widths = {"max_content_width": _WIDTH, "terminal_width": _WIDTH}
+    context = click.Context(command, info_name=name, parent=parent, **command.context_settings | widths)
     texts = [(context.command_path, command.get_help(context))]
     if isinstance(command, click.Group):
         for below in command.list_commands(context):

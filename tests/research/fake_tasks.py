@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ospc.research.measurement import Measurement
@@ -30,7 +30,7 @@ class FakeTask:
             time.sleep(0.05)
         progress(0.5)
         progress(1.0)
-        return [Measurement(self.name, "default", {"response_shape_rmse": self.shape}).as_dict()]
+        return [asdict(Measurement(self.name, "default", {"response_shape_rmse": self.shape}))]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.methods.paper import FeatureMatcher
 from ospc.recording.frame import Frame
 from ospc.research import method
-from ospc.research.method import VIGNETTE_SOLVERS, Estimate, SharedMatcher, methods_of_preset, run_methods
+from ospc.research.accuracy.design import PresetMethods
+from ospc.research.method import VIGNETTE_SOLVERS, Estimate, SharedMatcher, run_methods
+from ospc.research.source import SimulatedSource
 from ospc.settings import PaperSettings, preset
 from ospc.simulation import SimulationSettings, frames
 
@@ -24,7 +26,8 @@ def recording():
 
 
 def found_by(name, recording, *, solvers=True, progress=lambda _share: None):
-    results = run_methods(methods_of_preset(name, solvers=solvers), recording, len(recording), progress)
+    source = SimulatedSource("simulated", SETTINGS, group="simulated" if solvers else "static")
+    results = run_methods(PresetMethods(name).make(source), recording, len(recording), progress)
     return {result.variant: result.outcome for result in results}
 
 

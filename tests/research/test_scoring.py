@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
@@ -123,4 +125,4 @@ def test_profile_begins_at_one_and_is_that_of_the_model():
 
 def test_measurements_survive_the_way_through_json():
     row = measurement(SOURCE, Result("m", Estimate.of(calibration(sigma=0.1)), 1.5), TRUTH, HeldOut())
-    assert Measurement(**row.as_dict()) == row
+    assert Measurement(**asdict(row)) == row

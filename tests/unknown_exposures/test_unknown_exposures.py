@@ -22,8 +22,9 @@ from ospc.recording.options import ReadingOptions
 from ospc.report.charts import Findings, charts_of
 from ospc.report.pictures import row_of
 from ospc.simulation import SimulationSettings, frames, simulate, truth
-from ospc.unknown_exposures import EXPONENT_SIGMA, calibrate_without_exposures, recover_exposures, typical_exponent
+from ospc.unknown_exposures import calibrate_without_exposures, recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
+from ospc.unknown_exposures.recovery import EXPONENT_SIGMA, typical_exponent
 from ospc.unknown_exposures.response_model import SAMPLES, learned_model
 
 SETTINGS = SimulationSettings(
@@ -168,5 +169,5 @@ def test_images_alone_are_a_recording_then(folder: Path) -> None:
 
 def test_nothing_to_follow_is_an_error() -> None:
     flat = ArrayRecording(np.full((4, 60, 80), 100, np.uint8), np.ones(4))
-    with pytest.raises(NotObservableError, match="exposures cannot be estimated"):
+    with pytest.raises(NotObservableError, match="do not show the exposures"):
         recover_exposures(flat)

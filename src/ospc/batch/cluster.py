@@ -6,13 +6,14 @@ import os
 import time
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import islice
 from typing import Any
 from uuid import uuid4
 
 import ospc
 from ospc.batch.work import Answer, Task, work
-from ospc.errors import MissingExtraError, SettingError, said_by
+from ospc.errors import SettingError, needs_extra, said_by
 
 _TASKS_PER_THREAD, _FEWEST_IN_FLIGHT = 4, 16
 """Tasks handed out at a time: enough that no worker waits, and few enough for the scheduler's memory."""
@@ -41,7 +42,8 @@ class Cluster:
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Give the answers as they come."""
-        distributed = _distributed()
+        with needs_extra("working on a Dask cluster", "cluster"):
+            distributed: Any = import_module("distributed")
         try:
             client = distributed.Client(self.address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
@@ -73,20 +75,15 @@ class _Run:
             if not self.pending:
                 return
             try:
-                done = self._some_done()
+                with self.client.as_current():
+                    found = self.distributed.wait([*self.pending], _LOOK_EVERY_S, return_when="FIRST_COMPLETED")
             except (TimeoutError, self.distributed.TimeoutError):
                 self._rescue(threads)
                 continue
-            for future in done:
+            for future in set(found.done):
                 task = self.pending.pop(future)
                 self._allowed.pop(future, None)
                 yield self._answer(future, task)
-
-    def _some_done(self) -> set[Any]:
-        """Return the futures that are done, waiting a moment for the first one."""
-        with self.client.as_current():
-            found = self.distributed.wait(list(self.pending), timeout=_LOOK_EVERY_S, return_when="FIRST_COMPLETED")
-        return set(found.done)
 
     def _workers(self) -> dict[str, int]:
         """Return the workers and their threads, waiting for one if there is none."""
@@ -170,14 +167,6 @@ class _Run:
         except Exception as error:  # any error concerns this recording only
             return Answer(task.number, error=f"{type(error).__name__}: {said_by(error, _LONGEST_REASON)}")
         return answer
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError:
-        raise MissingExtraError("working on a Dask cluster", "cluster") from None
-    return distributed
 
 
 def _version() -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.batch.object_store import matches
-from ospc.errors import FormatError, MissingExtraError, RecordingError, SettingError, said_by
+from ospc.errors import FormatError, RecordingError, SettingError, needs_extra, said_by
 from ospc.exposures.findings import LagChoice, lag_choice
 from ospc.recording.kinds import kinds, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
@@ -229,11 +229,9 @@ def _of_csv(place: Path) -> list[dict[str, str]]:
 
 
 def _of_parquet(place: Path) -> list[dict[str, str]]:
-    try:
+    with needs_extra("reading Parquet tables", "parquet"):
         import pyarrow as arrow
         from pyarrow import parquet
-    except ImportError:
-        raise MissingExtraError("reading Parquet tables", "parquet") from None
     try:
         names = parquet.read_schema(place).names
         _check_columns(place, names)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ospc.errors import MissingExtraError, RecordingError, said_by
+from ospc.errors import RecordingError, needs_extra, said_by
 
 _PROTOCOLS = (
     *("abfs", "abfss", "adl", "az", "file", "ftp", "gcs", "gs", "hdfs", "http", "https", "local", "memory"),
@@ -53,10 +53,8 @@ def _store(address: str) -> tuple[Any, str]:
     protocol = address.split("://", 1)[0]
     if protocol not in _PROTOCOLS or "::" in address:
         raise RecordingError(f"{address}: {protocol} is no object store that is known; {', '.join(_PROTOCOLS)} are")
-    try:
+    with needs_extra("reading from object stores", "objects"):
         from fsspec.core import url_to_fs
-    except ImportError:
-        raise MissingExtraError("reading from object stores", "objects") from None
     with _one_error(address):
         store, root = url_to_fs(address)
     return store, str(root)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from ospc.batch.cameras import Camera, merged_cameras, write_overview
 from ospc.batch.manifest import Entry
@@ -16,6 +15,7 @@ from ospc.batch.work import Answer, Runner, Task
 from ospc.errors import MissingExtraError, OspcError, SettingError
 from ospc.folders import check_usable
 from ospc.formats.files import json_object, write_text
+from ospc.photometry.calibration import Calibration
 from ospc.versions import versions
 
 SCHEMA = "ospc-batch/1"
@@ -180,8 +180,9 @@ class _Batch:
 def _with_result(row: Row, store: Store) -> Row:
     """Return the row of a recording that is done with the figures of its result."""
     result = store.get(row.key)
-    found = result.calibration
-    counts, states = found["counts"], {name: verdict["state"] for name, verdict in found["verdicts"].items()}
+    found = Calibration.from_dict(result.calibration)
+    counts, states = found.counts, {name: verdict.state for name, verdict in found.verdicts.items()}
+    spread = None if found.response is None else found.response.inverse_sigma
     return replace(
         row,
         frames=int(counts.get("frames", 0)),
@@ -190,20 +191,10 @@ def _with_result(row: Row, store: Store) -> Row:
         samples=int(counts.get("samples", 0)),
         response=states.get("response", ""),
         vignette=states.get("vignette", ""),
-        response_sigma=_response_sigma(found["response"]),
-        vignette_sigma=_vignette_sigma(found["vignette"]),
+        response_sigma=None if spread is None else float(spread.max()),
+        vignette_sigma=None if found.vignette_sigma is None else float(found.vignette_sigma.max()),
         notes="; ".join(result.notes),
     )
-
-
-def _response_sigma(part: dict[str, Any] | None) -> float | None:
-    if part is None or not part["log_sigma"]:
-        return None
-    return float(max(g * sigma for g, sigma in zip(part["inverse_table"], part["log_sigma"], strict=True)))
-
-
-def _vignette_sigma(part: dict[str, Any] | None) -> float | None:
-    return None if part is None or not part["profile_sigma"] else float(max(part["profile_sigma"]))
 
 
 def _check(place: Path, *, force: bool) -> None:
@@ -213,15 +204,9 @@ def _check(place: Path, *, force: bool) -> None:
     if (place / _HEAD).exists():
         schema = json_object(place / _HEAD).get("schema")
         if schema != SCHEMA:
-            raise SettingError(
-                f"{place}: holds a batch of another version (schema {schema!r}, expected {SCHEMA!r}); choose another "
-                "folder"
-            )
+            raise SettingError(f"{place}: holds a batch of schema {schema!r}, not {SCHEMA!r}; choose another folder")
         return
     # A batch that was stopped before its end has results, and perhaps the first of the files that come last.
     found = {entry.name for entry in place.iterdir()}
     if not force and (_RECORDINGS not in found or found - _OWN_NAMES):
-        raise SettingError(
-            f"{place}: holds something else than an earlier batch; choose another folder, or add --force to write "
-            "into it"
-        )
+        raise SettingError(f"{place}: holds something else than a batch; choose another folder, or add --force")

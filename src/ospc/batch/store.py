@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from ospc.errors import FormatError, MissingExtraError
+from ospc.errors import FormatError, needs_extra
 from ospc.formats.files import csv_text, write_bytes, write_text
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.summary import Summary
@@ -160,11 +160,9 @@ def write_csv(rows: Sequence[Row], path: Path) -> Path:
 
 def write_parquet(rows: Sequence[Row], path: Path) -> Path:
     """Write the table as Parquet (extra ``parquet``), whole or not at all, and return the path."""
-    try:
+    with needs_extra("writing Parquet tables", "parquet"):
         import pyarrow as arrow
         from pyarrow import parquet
-    except ImportError:
-        raise MissingExtraError("writing Parquet tables", "parquet") from None
     kinds = {name: arrow.int64() for name in _INTEGERS} | {name: arrow.float64() for name in _FLOATS}
     schema = arrow.schema([(name, kinds.get(name, arrow.string())) for name in _COLUMNS])
     packed = io.BytesIO()

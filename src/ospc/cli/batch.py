@@ -44,7 +44,6 @@ _MOST_LISTED = 10
     "--retries",
     type=click.IntRange(0, 100),
     default=1,
-    show_default=True,
     help="How often a recording that failed is tried again, after all others.",
 )
 @click.option("--camera", help="Name of the camera of all recordings, in place of what MANIFEST says.")

@@ -28,7 +28,7 @@ def command() -> None:
 @data_option
 @jobs_option
 @click.option("--only", metavar="PATTERN", help="Recordings whose name matches, such as 'srgb-*' or 'chart'.")
-@click.option("--frames", type=click.IntRange(2, 100_000), default=500, show_default=True, help="Frames simulated.")
+@click.option("--frames", type=click.IntRange(2, 100_000), default=500, help="Frames simulated.")
 @json_option
 def accuracy(
     out: Path, presets: tuple[str, ...], data: Path | None, *, jobs: int, only: str | None, frames: int, as_json: bool
@@ -63,14 +63,8 @@ def accuracy(
     multiple=True,
     help="Strength of the faults; repeatable. [all three]",
 )
-@click.option(
-    "--recordings",
-    type=click.IntRange(1, 28),
-    default=5,
-    show_default=True,
-    help="Simulated recordings, of as many cameras.",
-)
-@click.option("--frames", type=click.IntRange(2, 100_000), default=500, show_default=True, help="Frames simulated.")
+@click.option("--recordings", type=click.IntRange(1, 28), default=5, help="Simulated recordings, of as many cameras.")
+@click.option("--frames", type=click.IntRange(2, 100_000), default=500, help="Frames simulated.")
 @click.option("--list", "only_list", is_flag=True, help="Print the faults, and do nothing else.")
 @json_option
 def faults(
@@ -120,11 +114,9 @@ def faults(
     metavar="WxH",
     help="Size of the frames; repeatable. [640x480, 1280x1024]",
 )
-@click.option("--frames", type=click.IntRange(2, 1_000_000), default=1500, show_default=True, help="Frames at most.")
-@click.option("--live", "live_s", type=click.FloatRange(0, 3600), default=30, show_default=True, help="Seconds live.")
-@click.option(
-    "--rate", "rate_hz", type=click.FloatRange(0.1, 1000), default=30, show_default=True, help="Frames/s live."
-)
+@click.option("--frames", type=click.IntRange(2, 1_000_000), default=1500, help="Frames at most.")
+@click.option("--live", "live_s", type=click.FloatRange(0, 3600), default=30, help="Seconds live.")
+@click.option("--rate", "rate_hz", type=click.FloatRange(0.1, 1000), default=30, help="Frames/s live.")
 @json_option
 def speed(
     out: Path,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.calibration_report import print_json
+from ospc.cli.calibration_report import concluded, print_json
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.options import (
     COMPLETE,
@@ -33,6 +33,7 @@ from ospc.cli.terminal import say
 from ospc.errors import OspcError, RecordingError, SettingError
 
 if TYPE_CHECKING:
+    from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.findings import LagChoice
     from ospc.formats.opening import Photometry
     from ospc.recording import Recording
@@ -76,6 +77,14 @@ class _Request:
         except SettingError as error:
             raise click.UsageError(str(error)) from None
 
+    def result(self, recording: Recording | None, truth: Photometry | None) -> ResultFolder:
+        """Return where the result goes; refuse a folder that must not be written to."""
+        from ospc.cli.calibration_result import ResultFolder
+        from ospc.output import OutputFolder
+
+        folder = OutputFolder.at(self.out, recording=self.path, force=self.force)
+        return ResultFolder(folder, recording, self.interruption, self.quiet, self.as_json, truth, self.pdf)
+
     def of_camera(self, name: str) -> _Request:
         """Return what is asked for of one camera of a rig."""
 
@@ -108,7 +117,6 @@ class _Request:
     "preset_name",
     type=click.Choice(["default", "fast", "paper"]),
     default="default",
-    show_default=True,
     help="The method: maximum likelihood, the same with fewer frames and points, or the paper's.",
 )
 @click.option(
@@ -124,7 +132,6 @@ class _Request:
     metavar="SECONDS",
     type=click.FloatRange(min=0),
     default=5.0,
-    show_default=True,
     help="How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
 )
 @click.option("--rerun", is_flag=True, help="Open the Rerun viewer and watch the run in it; needs the extra rerun.")
@@ -187,19 +194,13 @@ def command(interruption: Interruption, /, *, list_topics: bool, **options: Any)
         if request.all_cameras or request.reading.each_channel:
             return _calibrate_rig(request)
         content = _calibrate_one(request, partial(request.reading.open, request.path))
-    if request.as_json:
-        print_json(content)
-    if content["error"]:
-        raise OspcError(content["error"])
-    return int(content["exit_code"])
+    return concluded(content, as_json=request.as_json)
 
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
-    from ospc.cli.calibration_result import ResultFolder
     from ospc.cli.calibration_run import CalibrationRun
     from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
-    from ospc.output import OutputFolder
     from ospc.recording.image_source import is_image_name
 
     settings, exposures_unknown = request.settings, request.reading.options.unknown_exposures
@@ -217,19 +218,17 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         if request.path.is_file() and is_image_name(request.path.name):
             raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
         raise
-    folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
+    result = request.result(recording, truth)
     if exposures_unknown:
         from ospc.unknown_exposures import recover_exposures
 
         with progress_of("exposures", quiet=request.quiet, interruption=request.interruption) as step:
             recording = recover_exposures(recording, step)
+        result = replace(result, recording=recording)
     if prior is not None:
         prior.check_size(recording.size)
     # A state does not hold an exponent: it must not be merged with states of known exposures.
-    checkpoints = None if exposures_unknown else Checkpoints(folder.path, request.checkpoint_s, request.resume, prior)
-    result = ResultFolder(
-        folder, recording, request.interruption, request.quiet, request.as_json, truth=truth, pdf=request.pdf
-    )
+    checkpoints = None if exposures_unknown else Checkpoints(request.out, request.checkpoint_s, request.resume, prior)
     return CalibrationRun(
         recording,
         settings,
@@ -243,24 +242,14 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
 def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
     """Calibrate from single images, of which nothing is known; the result is never complete."""
-    from ospc.cli.calibration_report import result_as_dict, say_result
-    from ospc.output import OutputFolder
+    from ospc.cli.calibration_result import Outcome
+    from ospc.output import Written
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images, single_images
 
-    folder = OutputFolder.at(request.out, recording=request.path, force=request.force)
     images = single_images(request.path, request.reading.kind, request.reading.options)
     calibration = replace(calibrate_single_images(images), source={"name": request.path.name})
-    written = folder.write(calibration)
-    written += folder.report(calibration, truth=truth, pdf=request.pdf) + folder.draw(calibration, truth)
-    if request.talkative:
-        say(f"note: {calibration.caveat}", err=True)
-        say_result(calibration, folder, written, truth, [])
-    return {
-        "exit_code": UNDETERMINED,
-        **result_as_dict(calibration, folder, written, truth),
-        "rests_on": calibration.rests_on,
-        "error": "; ".join(written.problems) or None,
-    }
+    content = request.result(None, truth).take(Outcome(calibration), lambda: (Written(), [calibration.caveat]))
+    return content | {"rests_on": calibration.rests_on}
 
 
 def _calibrate_rig(request: _Request) -> int:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ospc.cli.terminal import console, say
+from ospc.errors import OspcError
 
 if TYPE_CHECKING:
     from ospc.evaluation.comparison import Comparison
@@ -34,6 +35,15 @@ def print_json(content: Any) -> None:
     """Print one JSON document on standard output; numbers that are not finite become null."""
     for line in json.dumps(_finite(content), indent=1, allow_nan=False).split("\n"):
         say(line.replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
+
+
+def concluded(content: dict[str, Any], *, as_json: bool) -> int:
+    """Print a result as JSON if that is asked for, and return its exit code; OspcError if the run failed."""
+    if as_json:
+        print_json(content)
+    if content["error"]:
+        raise OspcError(content["error"])
+    return int(content["exit_code"])
 
 
 def _finite(content: Any) -> Any:

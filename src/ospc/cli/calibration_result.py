@@ -35,9 +35,9 @@ class Outcome:
     """
 
     calibration: Calibration
-    skipped: tuple[str, ...]
-    interrupted: bool
-    failure: str
+    skipped: tuple[str, ...] = ()
+    interrupted: bool = False
+    failure: str = ""
 
     @property
     def exit_code(self) -> int:
@@ -60,11 +60,11 @@ class Outcome:
     def basis(self, recording: Recording | None) -> Iterator[str]:
         """Return what the calibration rests on, as lines."""
         counts, partial = self.calibration.counts, self.calibration.partial
-        seen = counted(counts["frames"], "frame")
+        nouns = ("recording", "frame", "pair", "sample")
+        seen = {noun: counted(counts[f"{noun}s"], noun) for noun in nouns if f"{noun}s" in counts}
         if partial and recording is not None:
-            seen = f"{counts['frames']} of {counted(len(recording), 'frame')}"
-        pairs, samples = (counted(counts.get(f"{noun}s", 0), noun) for noun in ("pair", "sample"))
-        yield f"from {seen}, {pairs}, {samples}"
+            seen["frame"] = f"{counts['frames']} of {counted(len(recording), 'frame')}"
+        yield f"from {', '.join(seen.values())}"
         if self.interrupted:
             yield "partial: the run was interrupted; more frames would tell more"
         elif partial:
@@ -75,8 +75,8 @@ class Outcome:
 class ResultFolder:
     """Where a result goes, and how it is reported.
 
-    ``recording`` is None for a camera; ``times`` then says when frames were taken. With ``as_json``, somebody else
-    prints the result. An interruption while files are written only leaves out pictures.
+    ``recording`` is None where there is none; ``times`` then says when frames were taken. With ``as_json``,
+    somebody else prints the result. An interruption while files are written only leaves out pictures.
     """
 
     folder: OutputFolder

@@ -15,7 +15,6 @@ from ospc.state.container import STATE_NAME
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.prior_calibration import PriorCalibration
-    from ospc.settings import Settings
 
 _LARGEST_SHARE = 0.02
 """Checkpoints may take so much of a run's time at most."""
@@ -113,6 +112,7 @@ class Checkpoints:
 
     def _loaded(self, new: OnlineCalibrator) -> OnlineCalibrator:
         from ospc.calibrator import OnlineCalibrator
+        from ospc.settings import as_dict
         from ospc.versions import versions
 
         found = OnlineCalibrator.load_state(self.place)
@@ -121,7 +121,12 @@ class Checkpoints:
             name = found.source.get("name", "a live camera")
             raise SettingError(f"{self.place}: is the state of another recording ({name}); {start_anew}")
         if (found.settings, found.correct_lag) != (new.settings, new.correct_lag):
-            changed = [*_differences(found.settings, new.settings)]
+            before = as_dict(found.settings)
+            changed = [
+                f"{name} {before.get(name)} instead of {value}"
+                for name, value in as_dict(new.settings).items()
+                if before.get(name) != value
+            ]
             if found.correct_lag != new.correct_lag:
                 changed.append(f"--correct-lag {found.correct_lag} instead of {new.correct_lag}")
             raise SettingError(f"{self.place}: was made with other settings ({', '.join(changed)}); {start_anew}")
@@ -132,10 +137,3 @@ class Checkpoints:
             self.notes.append(f"the state was saved by {names}: the result may differ in the last digits")
         found.source = new.source
         return found
-
-
-def _differences(one: Settings, other: Settings) -> list[str]:
-    from ospc.settings import as_dict
-
-    left, right = as_dict(one), as_dict(other)
-    return [f"{name} {left.get(name)} instead of {value}" for name, value in right.items() if left.get(name) != value]

@@ -28,10 +28,7 @@ _REASONS_SHOWN = 3
 
 
 @click.command(
-    "correct",
-    epilog=exit_codes(
-        {0: "written", INTERRUPTED: "interrupted; the same command completes OUT"},
-    ),
+    "correct", epilog=exit_codes({0: "written", INTERRUPTED: "interrupted; the same command completes OUT"})
 )
 @click.argument("sources", metavar="SOURCE...", type=PATH, nargs=-1, required=True)
 @click.argument("calibration")
@@ -62,7 +59,6 @@ _REASONS_SHOWN = 3
     "--white",
     type=float,
     default=1.0,
-    show_default=True,
     help="Irradiance that becomes the largest grey value; 1 saturates the camera where there is no vignette.",
 )
 @click.option("--mask-saturated", is_flag=True, help="Make saturated pixels NaN, or the largest grey value.")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ospc.cli.calibration_report import concluded
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import out_option, quiet_option
 from ospc.cli.progress import progress_of
 from ospc.cli.terminal import say
-from ospc.errors import OspcError
 
 if TYPE_CHECKING:
     from ospc.simulation.settings import SimulationSettings
@@ -26,10 +26,8 @@ _MEAN_EXPOSURE_MS, _EXPOSURE_FACTOR = 9.0, 2.8
 
 @click.command("demo")
 @out_option("ospc-demo", help="Folder for the recording and its calibration; those of an earlier demo are replaced.")
-@click.option(
-    "--frames", type=click.IntRange(1, 10_000), default=_FRAMES, show_default=True, help="Number of frames."
-)
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seeds scene, motion and noise.")
+@click.option("--frames", type=click.IntRange(1, 10_000), default=_FRAMES, help="Number of frames.")
+@click.option("--seed", type=click.IntRange(0), default=0, help="Seeds scene, motion and noise.")
 @quiet_option
 @click.pass_obj
 def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int, quiet: bool) -> int:
@@ -61,13 +59,12 @@ def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int,
         preset("default"),
         ResultFolder(folder, recorded, interruption, quiet=quiet, truth=open_photometry(recording)),
     ).calibrate()
-    if content["error"]:
-        raise OspcError(content["error"])
+    code = concluded(content, as_json=False)
     picture = result / "figure.png"
     if not quiet and picture.exists():
         say()
         say(f"estimate compared with the truth: {picture}")
-    return int(content["exit_code"])
+    return code
 
 
 def _settings(frames: int, seed: int) -> SimulationSettings:

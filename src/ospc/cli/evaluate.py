@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,25 +10,21 @@ import click
 
 from ospc.cli.calibration_report import print_json
 from ospc.cli.correct import warn_of_assumed
+from ospc.cli.interruption import leaving
 from ospc.cli.options import PATH, assume_missing_option, json_option, kind_option
-from ospc.cli.progress import progress_of
-from ospc.cli.studies import (
-    calibration_option,
-    finish_study,
-    given_calibrations,
-    jobs_option,
-    study_out_option,
-    study_progress,
-    until_interrupted,
-    words,
-)
+from ospc.cli.progress import progress_line, progress_of
+from ospc.cli.studies import calibration_option, given_calibrations, jobs_option, run_study, study_out_option, words
 from ospc.cli.terminal import say
 from ospc.errors import SettingError, counted, escaped
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ospc.evaluation.tracking import TrackingComparison
     from ospc.recording import Recording
     from ospc.research.odometry.experiment import Odometry
+    from ospc.research.runner import Finished
+    from ospc.research.tables import StudyReport
 
 
 @click.group("evaluate")
@@ -39,7 +35,7 @@ def command() -> None:
 @command.command("ealign")
 @click.argument("trajectory", type=PATH)
 @click.argument("truth", type=PATH)
-@click.option("--interval", default=1.0, show_default=True, help="Seconds between the poses of relative errors.")
+@click.option("--interval", default=1.0, help="Seconds between the poses of relative errors.")
 @json_option
 def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> None:
     """Compute the drift of TRAJECTORY from its alignments to the two halves of TRUTH.
@@ -163,17 +159,16 @@ _CONDITIONS = "truth,paper,ours,joint-wgt,joint-wogt,none"
 @click.option("--program", type=PATH, help="Your dso_dataset, or one with its arguments.")
 @click.option("--builtin", is_flag=True, help="Use the built-in direct odometry; needs simulated recordings.")
 @study_out_option("ospc-odometry")
-@click.option("--runs", type=click.IntRange(1, 1000), default=10, show_default=True, help="Runs of each.")
+@click.option("--runs", type=click.IntRange(1, 1000), default=10, help="Runs of each.")
 @click.option(
     "--conditions",
     default=_CONDITIONS,
-    show_default=True,
     help="Columns, separated by commas; 'affine' is a further one: no calibration, mode 1.",
 )
 @calibration_option
 @click.option("--batch", is_flag=True, help="Joint estimation from the whole recording, not online.")
 @jobs_option
-@click.option("--timeout", default=3600.0, show_default=True, help="Time limit of a run in seconds.")
+@click.option("--timeout", default=3600.0, help="Time limit of a run in seconds.")
 @click.option("--ends", type=float, metavar="SHARE", help="Use only this share of the truth at the start and end.")
 @click.option("--argument", "arguments", multiple=True, help="Further argument of the program, such as preset=0.")
 @json_option
@@ -202,22 +197,25 @@ def odometry(
     cumulative.png and the trajectories. Every finished run is kept in OUT: the same command continues where it was
     interrupted. A calibration given under the name of a condition replaces its estimate.
     """
-    from ospc.research.odometry.experiment import Experiment, Outcome, run_experiment
+    from ospc.research.odometry.experiment import Experiment, result_of, tasks_of
     from ospc.research.odometry.inputs import Calibrations, chosen, external
     from ospc.research.odometry.report import odometry_report
 
     files = given_calibrations(given)
     columns = chosen(words(conditions))
     columns += tuple(external(name) for name in files if name not in {c.name for c in columns})
-    calibrations = Calibrations(out / "calibrations", files, not batch)
-    experiment = Experiment(_recordings(recordings), columns, runs, calibrations, out, ends)
     tracker = _odometry(program, arguments, timeout, recordings if builtin else ())
-    outcome = Outcome()
-    with study_progress(len(recordings) * len(columns) * runs) as (on_step, finish):
-        watched = replace(experiment, calibrations=replace(calibrations, progress=on_step))
-        results = run_experiment(watched, tracker, outcome, jobs, lambda task, share: on_step(task.name, share))
-        complete = until_interrupted(results, finish, lambda _stored: None)
-    finish_study(odometry_report(experiment, outcome), out, as_json=as_json, complete=complete)
+    with leaving("the same command continues where it stopped"), progress_line() as show:
+        estimates = Calibrations(
+            out / "calibrations", files, not batch, lambda what, share: show(what, 100 * share, 100)
+        )
+        experiment = Experiment(_recordings(recordings), columns, runs, estimates, out, ends)
+        tasks, failed = tasks_of(experiment, tracker)
+
+    def report(finished: Sequence[Finished]) -> StudyReport:
+        return odometry_report(experiment, [*failed, *(result_of(one, experiment) for one in finished)])
+
+    run_study(tasks, out, jobs, report, as_json=as_json)
 
 
 def _recordings(places: tuple[Path, ...]) -> dict[str, Recording]:

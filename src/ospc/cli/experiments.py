@@ -60,14 +60,7 @@ def _add(name: str) -> None:
     @data_option
     @click.option("--count", type=click.IntRange(1, 1000), help="Number of recordings simulated.")
     @click.option("--frames", type=click.IntRange(2, 1_000_000), help="Frames used of each.")
-    @click.option(
-        "--size",
-        type=STUDY_SIZE,
-        metavar="WxH",
-        default="320x240",
-        show_default=True,
-        help="Size of simulated images.",
-    )
+    @click.option("--size", type=STUDY_SIZE, metavar="WxH", default="320x240", help="Size of simulated images.")
     @click.option("--speed", type=float, help="Factor of the speed of the simulated motion.")
     @calibration_option
     @click.option(
@@ -111,12 +104,16 @@ def _run_experiment(name: str, options: dict[str, Any]) -> None:
 @click.argument("recordings", nargs=-1, type=PATH)
 @study_out_option("ospc-experiments")
 @data_option
-@click.option("--count", type=click.IntRange(0, 1000), default=10, show_default=True, help="Recordings simulated.")
-@click.option("--frames", type=click.IntRange(2, 1_000_000), default=200, show_default=True, help="Frames of each.")
+@click.option("--count", type=click.IntRange(0, 1000), default=10, help="Recordings simulated.")
+@click.option("--frames", type=click.IntRange(2, 1_000_000), default=200, help="Frames of each.")
+@click.option("--size", type=STUDY_SIZE, metavar="WxH", default="320x240", help="Size of simulated images.")
 @click.option(
-    "--size", type=STUDY_SIZE, metavar="WxH", default="320x240", show_default=True, help="Size of simulated images."
+    "--only",
+    default="",
+    show_default=False,
+    metavar="NAMES",
+    help="Systems of these names or patterns, separated by commas.",
 )
-@click.option("--only", default="", metavar="NAMES", help="Systems of these names or patterns, separated by commas.")
 @click.option(
     "--list", "only_list", is_flag=True, help="Print the systems with authors and year, and do nothing else."
 )

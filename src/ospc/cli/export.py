@@ -43,7 +43,7 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
     help="For images binned by averaging blocks of NxN pixels, after the crop.",
 )
 @click.option("--size", metavar="WxH", type=SIZE, help="For images scaled to this size, after the crop.")
-@click.option("--values", default=256, show_default=True, help="Grey levels in pcalib.txt (dso).")
+@click.option("--values", default=256, help="Grey levels in pcalib.txt (dso).")
 @click.option("--focal-px", type=float, help="Focal length in pixels (adobe, lensfun).")
 @click.option("--focal-mm", type=float, help="Focal length in millimetres (adobe, lensfun).")
 @click.option("--crop-factor", type=float, help="Diagonal of 36x24 mm over the sensor's (adobe, lensfun).")
@@ -55,7 +55,6 @@ def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None)
     "--lensfun-model",
     type=click.Choice(["pa", "acm"]),
     default="pa",
-    show_default=True,
     help="Radius in half diagonals or in focal lengths (lensfun).",
 )
 @click.option("--emor", type=PATH, help="The base curves emor.txt, to write the response (hugin).")

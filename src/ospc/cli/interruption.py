@@ -8,7 +8,7 @@ import stat
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Literal, TypeVar
 
 INTERRUPTED = 130
@@ -51,11 +51,9 @@ class Interruption:
         if self.requested:
             raise KeyboardInterrupt
 
-    @contextmanager
-    def deferred(self) -> Iterator[None]:
+    def deferred(self) -> AbstractContextManager[None]:
         """Defer the first signal until the caller asks for :attr:`requested`."""
-        with self._switched("deferred"):
-            yield
+        return self._switched("deferred")
 
     def until_requested(self, items: Iterable[_Item]) -> Iterator[_Item]:
         """Yield items until there is a signal, which also ends the wait for the next one, however long it takes."""
@@ -69,11 +67,9 @@ class Interruption:
                 return
             yield item
 
-    @contextmanager
-    def held(self) -> Iterator[None]:
+    def held(self) -> AbstractContextManager[None]:
         """Hold back all signals, while files are written."""
-        with self._switched("held"):
-            yield
+        return self._switched("held")
 
     def __enter__(self) -> Interruption:
         # Only the main thread can handle signals; in others, the handlers stay as they are.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.calibration_report import print_json, say_notes
+from ospc.cli.calibration_report import concluded, say_notes
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.options import (
     COMPLETE,
@@ -41,7 +41,6 @@ _GOAL = 0.005
 class _Source:
     """Where frames come from: a recording, or a camera, of which there is no recording."""
 
-    name: str
     notes: tuple[str, ...]
     frames: Iterable[Frame]
     identity: dict[str, Any]
@@ -64,21 +63,23 @@ class _Source:
 @out_option(help="Folder to write the results to.")
 @click.option("--no-page", is_flag=True, help="Show instruction and bars in the terminal, not in a browser.")
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page; by default any that is free."
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    show_default=False,
+    help="Port of the page; by default any that is free.",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address of the page, but open no browser.")
 @click.option(
     "--goal",
     type=click.FloatRange(min=0),
     default=_GOAL,
-    show_default=True,
     help="Uncertainty of response and vignette at which the capture ends by itself; 0 to end it yourself.",
 )
 @click.option(
     "--pace",
     type=click.FloatRange(min=0),
     default=1.0,
-    show_default=True,
     help="How many times as fast as it was filmed a recording is replayed; 0 for as fast as it can be calibrated.",
 )
 @correct_lag_option
@@ -146,11 +147,7 @@ def command(
                     capture.end("failed", content["error"])
                 else:
                     capture.end("written", f"Written to {out}. This page can be closed.")
-    if as_json:
-        print_json(content)
-    if content["error"]:
-        raise OspcError(content["error"])
-    return int(content["exit_code"])
+    return concluded(content, as_json=as_json)
 
 
 @contextmanager
@@ -164,14 +161,14 @@ def _opened(source: str, reading: Reading, pace: float) -> Iterator[_Source]:
         from ospc.cli.calibration_run import identification
 
         recording = reading.open(place)
-        yield _Source(source, recording.notes, replayed(recording, pace), identification(recording), recording)
+        yield _Source(recording.notes, replayed(recording, pace), identification(recording), recording)
         return
     if reading.mask is not None or reading.region is not None or reading.each_channel or reading.kind is not None:
         raise click.UsageError("--kind, --mask, --roi and --channel each are for recordings, not for cameras")
     if place.name != source:
         raise OspcError(f"{source}: does not exist; name a recording, or a camera such as opencv:0")
     with open_camera(source, reading.options) as camera:
-        yield _Source(source, camera.notes, camera, {"kind": "camera", "name": camera.name})
+        yield _Source(camera.notes, camera, {"kind": "camera", "name": camera.name})
 
 
 def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) -> None:

@@ -173,8 +173,6 @@ class LiveView:
         from rich.console import Group
         from rich.text import Text
 
-        from ospc.cli.live_view import filled
-
         status, preview = self.capture.status, self.capture.preview
         parts: list[RenderableType] = [Text(status.advice, style="bold"), Text(figures(status), style="dim")]
         for name, share in asdict(self.capture.bars).items():
@@ -201,8 +199,6 @@ class LiveView:
 
     def _curves(self, width: int) -> RenderableType:
         from rich.table import Table
-
-        from ospc.cli.live_view import Canvas, falling
 
         columns = max(8, min(_MOST_COLUMNS, width // 2 - 3))
         table = Table(box=None, padding=(0, 2, 0, 0))
@@ -242,8 +238,6 @@ def in_words(bars: Bars) -> str:
 
 def _coverage(preview: Preview) -> RenderableType:
     from rich.table import Table
-
-    from ospc.cli.live_view import bars
 
     seen = preview.coverage
     low, high = seen.exposure_edges_ms[[0, -1]]

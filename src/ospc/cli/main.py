@@ -101,7 +101,7 @@ def _check_memory_limit() -> None:
         raise OspcError(f"{given} MiB of memory are too few; allow {_LEAST_MEMORY_MIB} MiB at least (ulimit -v)")
 
 
-@click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "show_default": True})
 @click.version_option(__version__, prog_name="ospc")
 def cli() -> None:
     """Photometric calibration of cameras from ordinary recordings."""

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.calibration_report import print_json, result_as_dict, say_notes, say_result
+from ospc.cli.calibration_report import concluded, say_notes
+from ospc.cli.interruption import Interruption
 from ospc.cli.options import (
     COMPLETE,
     PATH,
@@ -21,9 +22,10 @@ from ospc.cli.options import (
     quiet_option,
     truth_option,
 )
-from ospc.errors import FormatError, counted
+from ospc.errors import FormatError
 
 if TYPE_CHECKING:
+    from ospc.cli.calibration_result import Saved
     from ospc.pooling.summary import Summary
 
 
@@ -42,8 +44,17 @@ if TYPE_CHECKING:
 @force_option("Write into OUT even if it holds other files; earlier results go.")
 @quiet_option
 @json_option
+@click.pass_obj
 def command(
-    states: tuple[Path, ...], *, out: Path, truth: str | None, force: bool, quiet: bool, as_json: bool
+    interruption: Interruption,
+    /,
+    *,
+    states: tuple[Path, ...],
+    out: Path,
+    truth: str | None,
+    force: bool,
+    quiet: bool,
+    as_json: bool,
 ) -> int:
     """Merge the STATES of recordings of one camera into one calibration.
 
@@ -53,6 +64,7 @@ def command(
 
     OUT gets the files that 'ospc calibrate' writes; OUT/state.ospc can be merged again with others.
     """
+    from ospc.cli.calibration_result import Outcome, ResultFolder
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder, Written
     from ospc.pooling.pool import Pool
@@ -63,34 +75,18 @@ def command(
     folder = OutputFolder.at(out, force=force)
     found = _named_apart([(place, summary) for place in states for summary in _summaries(place)])
     pool = Pool.of(found)
-    repeated = len(found) - len(pool.summaries)
     merged = merge(pool)
-    calibration, differing = merged.calibration, list(merged.agreement.differing.values())
-    written = folder.write(calibration)
-    written += Written((pool.save(folder.path / STATE_NAME),))
-    written += folder.report(calibration, None, known)
-    written += folder.draw(calibration, known)
-    code = COMPLETE if calibration.complete else UNDETERMINED
-    if as_json:
-        print_json(
-            {
-                "exit_code": code,
-                **result_as_dict(calibration, folder, written, known),
-                "differing": [vars(difference) for difference in differing],
-                "notes": list(written.notes),
-            }
-        )
-    else:
+    differing = list(merged.agreement.differing.values())
+    repeated = len(found) - len(pool.summaries)
+    notes = [f"{repeated} of the {len(found)} given are of a recording given already; it counts once"]
+
+    def saved() -> Saved:
+        return Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []
+
+    content = ResultFolder(folder, None, interruption, quiet, as_json, known).take(Outcome(merged.calibration), saved)
+    if not as_json:
         say_notes((f"{d.name} differs from the others: {d.text}" for d in differing), "warning")
-    if not (quiet or as_json):
-        counts = calibration.counts
-        if repeated:
-            say_notes([f"{repeated} of the {len(found)} given are of a recording given already; it counts once"])
-        basis = "from " + ", ".join(counted(counts[f"{noun}s"], noun) for noun in ("recording", "frame", "sample"))
-        say_result(calibration, folder, written, known, [basis])
-    if written.problems:
-        raise FormatError("; ".join(written.problems))
-    return code
+    return concluded(content | {"differing": [vars(difference) for difference in differing]}, as_json=as_json)
 
 
 def _summaries(place: Path) -> Sequence[Summary]:

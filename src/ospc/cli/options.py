@@ -106,7 +106,7 @@ def out_option(
 
     A folder is made, and kept for this process alone while the command runs.
     """
-    usual: dict[str, Any] = {"default": Path(default), "show_default": True} if default else {"required": required}
+    usual: dict[str, Any] = {"default": Path(default)} if default else {"required": required}
     option = click.option("-o", "--out", type=PATH, help=help, **usual)
     return lambda command: option(reserving_out(command) if folder else command)
 
@@ -165,7 +165,6 @@ correct_lag_option = click.option(
     metavar="auto|never|N",
     type=_Lag(),
     default="auto",
-    show_default=True,
     help="What to do where exposures are written beside other frames than theirs: correct that if the images show by "
     "how many frames (auto), never, or correct it by N frames; positive if exposures come late.",
 )

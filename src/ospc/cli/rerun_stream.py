@@ -11,7 +11,7 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.cli.progress import Watcher
-from ospc.errors import FormatError, MissingExtraError, SettingError, counted
+from ospc.errors import FormatError, SettingError, counted, needs_extra
 from ospc.pace import Pace
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.correction import Corrector
@@ -56,11 +56,9 @@ class RerunStream:
         cls, recording: Recording, file: Path | None, *, spawn: bool, pace: Pace | None = None
     ) -> Iterator[Watcher]:
         """Open a stream to a file, to a viewer that is started, or both, and close it at the end."""
-        try:
+        with needs_extra("streaming to the Rerun viewer", "rerun"):
             import rerun as rr
             import rerun.blueprint as rrb
-        except ImportError:
-            raise MissingExtraError("streaming to the Rerun viewer", "rerun") from None
         stream = rr.RecordingStream("ospc")
         sinks: list[Any] = []
         if file is not None:
@@ -91,7 +89,7 @@ class RerunStream:
             return
         self._stream.set_time("frame", sequence=frame.index)
         self._stream.set_time("time", timestamp=frame.stamp_s)
-        self._log("exposure/stated", self._rr.Scalars(np.log2(frame.exposure_ms)))
+        self._stream.log("exposure/stated", self._rr.Scalars(np.log2(frame.exposure_ms)))
         pairs = calibrator.status.progress.pairs
         if pairs == self._pairs:
             return  # most frames are not even decoded
@@ -116,8 +114,8 @@ class RerunStream:
         spread = np.zeros_like(grey)
         if response.inverse_sigma is not None:
             spread = np.interp(grey, response.levels, response.inverse_sigma)
-            self._log("spread/response", rr.Scalars(float(spread.max())))
-        self._log("spread/vignette", rr.Scalars(float(sigma[-1])))
+            self._stream.log("spread/response", rr.Scalars(float(spread.max())))
+        self._stream.log("spread/vignette", rr.Scalars(float(sigma[-1])))
         self._log_curve("response", response.inverse(grey), spread, _BLUE)
         self._log_curve("vignette", diagonal_profile(vignette, PROFILE_RADII), sigma, _ORANGE)
         corrector = Corrector(response, vignette, frame.max_grey)
@@ -126,26 +124,23 @@ class RerunStream:
     def _log_matches(self, matches: Matches | None, frame: Frame) -> None:
         rr = self._rr
         if matches is None or matches.frames[1] != frame.index:
-            self._log("recorded/matches", rr.Clear(recursive=False))
+            self._stream.log("recorded/matches", rr.Clear(recursive=False))
             return
         step = -(-len(matches.points0) // _MOST_POINTS)
         moves = np.stack([matches.points0, matches.points1], axis=1)[::step]
-        self._log("recorded/matches", rr.LineStrips2D(moves, colors=_GREEN))
+        self._stream.log("recorded/matches", rr.LineStrips2D(moves, colors=_GREEN))
         if matches.log_ratios is not None:
             shown_ms = matches.exposures_ms[0] / np.exp(np.median(matches.log_ratios))
-            self._log("exposure/from_images", rr.Scalars(np.log2(shown_ms)))
+            self._stream.log("exposure/from_images", rr.Scalars(np.log2(shown_ms)))
 
     def _log_curve(self, name: str, value: Any, sigma: Any, colour: tuple[int, int, int]) -> None:
         across = np.linspace(0, 1, len(value))
         lines = [np.stack([across, 1 - y], axis=1) for y in (value, value - 2 * sigma, value + 2 * sigma)]
-        self._log(name, self._rr.LineStrips2D(lines, colors=[colour, _GREY, _GREY]))
+        self._stream.log(name, self._rr.LineStrips2D(lines, colors=[colour, _GREY, _GREY]))
 
     def _log_image(self, name: str, image: Image) -> None:
         picture = self._rr.Image(image, color_model="L")
-        self._log(name, picture if image.size < 4096 else picture.compress(jpeg_quality=_JPEG))
-
-    def _log(self, name: str, content: Any) -> None:
-        self._stream.log(name, content)
+        self._stream.log(name, picture if image.size < 4096 else picture.compress(jpeg_quality=_JPEG))
 
 
 def _check_place(file: Path) -> None:

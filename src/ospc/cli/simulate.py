@@ -27,34 +27,25 @@ def _numbers(_context: click.Context, _parameter: click.Parameter, value: str | 
 
 @click.command()
 @click.argument("out", type=PATH)
-@click.option("--frames", default=500, show_default=True, help="Number of images.")
-@click.option("--size", default="640x480", show_default=True, type=SIZE, help="Width x height in pixels.")
-@click.option("--fps", default=20.0, show_default=True, help="Images per second.")
-@click.option("--seed", default=0, show_default=True, help="Seed of scene, motion and noise.")
+@click.option("--frames", default=500, help="Number of images.")
+@click.option("--size", default="640x480", type=SIZE, help="Width x height in pixels.")
+@click.option("--fps", default=20.0, help="Images per second.")
+@click.option("--seed", default=0, help="Seed of scene, motion and noise.")
 @click.option(
-    "--response",
-    default="gamma2.2",
-    show_default=True,
-    help="linear, srgb, gamma2.2, log, filmic, tum_narrow, or a pcalib.txt.",
+    "--response", default="gamma2.2", help="linear, srgb, gamma2.2, log, filmic, tum_narrow, or a pcalib.txt."
 )
-@click.option(
-    "--vignette",
-    default="polynomial",
-    show_default=True,
-    help="none, polynomial, cos4, decentred, or a vignette.png.",
-)
+@click.option("--vignette", default="polynomial", help="none, polynomial, cos4, decentred, or a vignette.png.")
 @click.option(
     "--vignette-coefficients",
     metavar="V1,V2,V3",
     callback=_numbers,
     help="1 + V1 R² + V2 R⁴ + V3 R⁶, R = 1 at the corner.",
 )
-@click.option("--noise", type=click.Choice(["none", "low", "high"]), default="low", show_default=True)
+@click.option("--noise", type=click.Choice(["none", "low", "high"]), default="low")
 @click.option(
     "--exposure",
     type=click.Choice(["auto", "sweep", "cycle", "file", "constant"]),
     default="auto",
-    show_default=True,
     help="How the exposures are set.",
 )
 @click.option("--exposure-range", nargs=2, type=float, metavar="MIN MAX", help="Limits of auto and sweep, in ms.")
@@ -64,25 +55,14 @@ def _numbers(_context: click.Context, _parameter: click.Parameter, value: str | 
     type=click.Path(path_type=Path, dir_okay=False),
     help="For file: exposures in ms, the last column of a text file such as times.txt.",
 )
-@click.option(
-    "--motion",
-    type=click.Choice(["handheld", "static", "pan", "forward"]),
-    default="handheld",
-    show_default=True,
-)
-@click.option("--speed", default=1.0, show_default=True, help="Factor on the speed of the motion.")
-@click.option("--lag", default=0, show_default=True, help="Number of frames by which the metadata are late.")
-@click.option(
-    "--metadata-error", default=0.0, show_default=True, help="Relative standard deviation of errors in the metadata."
-)
-@click.option("--flicker", default=0.0, show_default=True, help="Relative amplitude of flicker of the light.")
-@click.option(
-    "--moving-objects", default=0, show_default=True, help="Number of patches that move in front of the scene."
-)
-@click.option(
-    "--motion-blur", "motion_blur_samples", default=1, show_default=True, help="Instants averaged per frame."
-)
-@click.option("--bit-depth", default=8, show_default=True, help="Bits per grey value, 8 to 16.")
+@click.option("--motion", type=click.Choice(["handheld", "static", "pan", "forward"]), default="handheld")
+@click.option("--speed", default=1.0, help="Factor on the speed of the motion.")
+@click.option("--lag", default=0, help="Number of frames by which the metadata are late.")
+@click.option("--metadata-error", default=0.0, help="Relative standard deviation of errors in the metadata.")
+@click.option("--flicker", default=0.0, help="Relative amplitude of flicker of the light.")
+@click.option("--moving-objects", default=0, help="Number of patches that move in front of the scene.")
+@click.option("--motion-blur", "motion_blur_samples", default=1, help="Instants averaged per frame.")
+@click.option("--bit-depth", default=8, help="Bits per grey value, 8 to 16.")
 @click.option("--jpg", is_flag=True, help="Store JPEG instead of PNG.")
 @click.option("--archive", is_flag=True, help="Store images.zip instead of the folder images.")
 @force_option("Replace an earlier simulated recording at OUT.")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -22,20 +21,14 @@ if TYPE_CHECKING:
     from ospc.research.tables import StudyReport, Table
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
-_Item = TypeVar("_Item")
 EXAMPLE = "theirs=pcalib.txt,vignette.png"
 """A calibration of another program, as its option takes it."""
-
-OnStep = Callable[[str, float], None]
-"""Called with what is under way and the share of it that is done."""
 
 _WIDTH = 400
 """Columns of tables: the terminal wraps lines that are longer; cells that were cut would be lost."""
 
 study_out_option = partial(out_option, help="Folder of the results.")
-jobs_option = click.option(
-    "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Number of processes."
-)
+jobs_option = click.option("--jobs", type=click.IntRange(1, 256), default=1, help="Number of processes.")
 calibration_option = click.option(
     "--calibration",
     "given",
@@ -47,9 +40,7 @@ calibration_option = click.option(
 
 def presets_option(default: str) -> Callable[[_Command], _Command]:
     """Give a command the option for presets."""
-    return click.option(
-        "--presets", default=default, show_default=True, help="Presets, separated by commas.", callback=_presets
-    )
+    return click.option("--presets", default=default, help="Presets, separated by commas.", callback=_presets)
 
 
 def _folder(_ctx: click.Context, _param: click.Parameter, value: Path | None) -> Path | None:
@@ -84,19 +75,6 @@ def given_calibrations(entries: Iterable[str]) -> dict[str, Photometry]:
     return {name: open_photometry(files) for name, files in named(entries, EXAMPLE).items()}
 
 
-@contextmanager
-def study_progress(total: int) -> Iterator[tuple[OnStep, Callable[[], None]]]:
-    """Show a progress bar on standard error; give a function for steps, and one for finished tasks."""
-    done = 0
-    with progress_line() as show:
-
-        def finish() -> None:
-            nonlocal done
-            done += 1
-
-        yield lambda what, share: show(what, done + share, total), finish
-
-
 def run_study(
     tasks: Sequence[Task],
     out: Path,
@@ -117,29 +95,25 @@ def run_study(
     def finished() -> list[Finished]:
         return [found[task.name] for task in tasks if task.name in found]
 
-    def keep(one: Finished) -> None:
-        found[one.task.name] = one
-        if len(found) < len(tasks) and partly(finished()):
-            report(finished()).write(out)
-
-    with study_progress(len(tasks)) as (on_step, finish):
-        results = run(tasks, ResultStore(out / "cache"), jobs, lambda task, share: on_step(task.name, share))
-        complete = until_interrupted(results, finish, keep)
-    if not found:
-        _leave(complete=complete)
-    else:
-        finish_study(report(finished()), out, as_json=as_json, complete=complete)
-
-
-def until_interrupted(items: Iterable[_Item], finish: Callable[[], None], take: Callable[[_Item], None]) -> bool:
-    """Take all items; return whether that was not interrupted from the keyboard."""
-    try:
-        for item in items:
-            take(item)
-            finish()
-    except KeyboardInterrupt:
-        return False
-    return True
+    interrupted = False
+    with progress_line() as show:
+        results = run(
+            tasks,
+            ResultStore(out / "cache"),
+            jobs,
+            lambda task, share: show(task.name, len(found) + share, len(tasks)),
+        )
+        try:
+            for one in results:
+                found[one.task.name] = one
+                if len(found) < len(tasks) and partly(finished()):
+                    report(finished()).write(out)
+        except KeyboardInterrupt:
+            interrupted = True
+    if found or not tasks:
+        _present(report(finished()), out, as_json=as_json)
+    if interrupted:
+        raise KeyboardInterrupt("the same command continues where it stopped")
 
 
 def print_tables(tables: Iterable[Table]) -> None:
@@ -159,8 +133,8 @@ def print_tables(tables: Iterable[Table]) -> None:
         say()
 
 
-def finish_study(report: StudyReport, out: Path, *, as_json: bool, complete: bool) -> None:
-    """Write a report, and print it, as tables or JSON; exit if the study was interrupted."""
+def _present(report: StudyReport, out: Path, *, as_json: bool) -> None:
+    """Write a report, and print it, as tables or JSON."""
     written = report.write(out)
     if as_json:
         print_json(report.content)
@@ -169,9 +143,3 @@ def finish_study(report: StudyReport, out: Path, *, as_json: bool, complete: boo
     for line in report.notes:
         say(line, err=as_json)
     say(f"written to {out}: {', '.join(path.name for path in written)}", err=as_json)
-    _leave(complete=complete)
-
-
-def _leave(*, complete: bool) -> None:
-    if not complete:
-        raise KeyboardInterrupt("the same command continues where it stopped")

@@ -24,7 +24,6 @@ _COLOURS = {"error": "red", "warning": "yellow", "note": "blue"}
     "program",
     type=click.Choice(["dso", "mono"]),
     default="dso",
-    show_default=True,
     help="Apply the rules of DSO and its descendants, or of the TUM monocular data set's own tools.",
 )
 @size_option

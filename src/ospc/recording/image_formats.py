@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import re
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -114,10 +115,29 @@ _TURNS = re.compile(rb"\0\0\0\x09(irot|imir)(.)", re.DOTALL)
 _EXIF = b"Exif\0\0"
 
 
-class Heic:
+class ImageFormat(Protocol):
+    """Decodes the files of one format; all its methods raise MissingExtraError without its library."""
+
+    suffixes: ClassVar[frozenset[str]]
+    """Suffixes of its files, in lower case."""
+
+    @abstractmethod
+    def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
+        """Decode a file, called ``name`` in messages, to one channel; FrameError if that fails."""
+
+    @abstractmethod
+    def shot(self, data: bytes, name: str) -> Shot:
+        """Return how a photograph was taken; FrameError if the file is damaged."""
+
+    def exif(self, data: bytes) -> bytes:
+        """Return the EXIF block that a corrected copy gets, from its mark 'Exif' on; empty if there is none."""
+        return b""
+
+
+class Heic(ImageFormat):
     """The format of HEIC photographs; pillow-heif decodes it."""
 
-    suffixes: ClassVar = frozenset({".heic", ".heif", ".hif"})
+    suffixes = frozenset({".heic", ".heif", ".hif"})
 
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
         """Decode to one channel, by default to luma; more than 8 bits are left-aligned in 16."""
@@ -187,10 +207,13 @@ _DEPTH = BitDepth(16, 0, 16)
 """Black and white are brought to both ends of 16 bits, which holds the 10 to 14 of sensors."""
 
 
-class Raw:
-    """The format of raw photographs; LibRaw decodes it, by rawpy."""
+class Raw(ImageFormat):
+    """The format of raw photographs; LibRaw decodes it, by rawpy.
 
-    suffixes: ClassVar = frozenset({".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef"})
+    Corrected copies get no EXIF: that of a raw file describes its own pixels, and leads all over it.
+    """
+
+    suffixes = frozenset({".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef"})
 
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
         """Decode to linear values of 16 bits, black at 0 and white at 65535.
@@ -230,10 +253,6 @@ class Raw:
             taken = stated.timestamp if stated.timestamp > datetime(1971, 1, 1) else None
             return Shot(time_s, iso, f_number, taken)
 
-    def exif(self, data: bytes) -> bytes:
-        """Return nothing: the EXIF of a raw file describes its own pixels, and leads all over it."""
-        return b""
-
 
 @contextmanager
 def _opened_raw(data: bytes, name: str) -> Iterator[Any]:
@@ -253,9 +272,7 @@ def _mosaic(photo: Any, pattern: str, name: str) -> Mosaic:
     try:
         return Mosaic(pattern if np.shape(photo.raw_pattern) == (2, 2) else "")
     except SettingError:
-        raise FrameError(
-            f"{name}: its colours are not arranged as in a Bayer mosaic; convert it to 16-bit TIFF without a curve"
-        ) from None
+        raise FrameError(f"{name}: its colours are no Bayer mosaic; convert it to a linear 16-bit TIFF") from None
 
 
 def _scaled(pixels: Image, black: Float32Array, white: float) -> Image:
@@ -265,27 +282,6 @@ def _scaled(pixels: Image, black: Float32Array, white: float) -> Image:
 
 
 RAW = Raw()
-
-
-class ImageFormat(Protocol):
-    """Decodes the files of one format; all its methods raise MissingExtraError without its library."""
-
-    @property
-    def suffixes(self) -> frozenset[str]:
-        """Suffixes of its files, in lower case."""
-        ...
-
-    def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
-        """Decode a file, called ``name`` in messages, to one channel; FrameError if that fails."""
-        ...
-
-    def shot(self, data: bytes, name: str) -> Shot:
-        """Return how a photograph was taken; FrameError if the file is damaged."""
-        ...
-
-    def exif(self, data: bytes) -> bytes:
-        """Return the EXIF block that a corrected copy gets, from its mark 'Exif' on; empty if there is none."""
-        ...
 
 
 _FORMATS: tuple[ImageFormat, ...] = (HEIC, RAW)

@@ -14,7 +14,7 @@ from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame, check_size
 from ospc.recording.frame_table import NO_STAMPS, FrameTable, match_images, table_or_unlisted
 from ospc.recording.image_formats import format_of
-from ospc.recording.image_source import FolderImages, ImageSource, why_unread
+from ospc.recording.image_source import ImageSource, why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
 from ospc.recording.recording import StoredRecording
@@ -116,9 +116,10 @@ def open_sequence(
         raise
     if table.source == place:
         matching = ()  # without a list, there is nothing to match
-    left_out = source.left_out if isinstance(source, FolderImages) else ()
-    if left_out:
-        pixels.append(f"{place}: {listed(left_out)} left out, for there are images of another format beside them")
+    if source.left_out:
+        pixels.append(
+            f"{place}: {listed(source.left_out)} left out, for there are images of another format beside them"
+        )
     numbered = () if table.stamped else (f"{table.source}: {NO_STAMPS}",)
     return ImageSequence(
         path=path,

@@ -6,10 +6,10 @@ import re
 import stat
 import threading
 import zipfile
+from abc import ABC, abstractmethod
 from collections import Counter, deque
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Protocol
 
 from ospc.errors import FrameError, RecordingError, escaped, listed, quoted
 from ospc.formats.files import read_bytes
@@ -50,49 +50,33 @@ def _as_number(digits: str) -> tuple[int, str]:
     return len(significant), significant
 
 
-class ImageSource(Protocol):
-    """Image files by name."""
-
-    @property
-    def place(self) -> Path:
-        """The folder or archive."""
-        ...
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the image files, sorted with numbers in numeric order."""
-        ...
-
-    def label(self, name: str) -> str:
-        """Return the name of an image file in messages."""
-        ...
-
-    def read(self, name: str) -> bytes:
-        """Return the bytes of an image file; FrameError if it cannot be read, RecordingError if none can any more."""
-        ...
-
-    def close(self) -> None:
-        """Close open files; nothing can be read afterwards."""
-        ...
-
-
 @dataclass(frozen=True)
-class FolderImages:
-    """The image files of a folder, not those of its sub-folders.
+class ImageSource(ABC):
+    """Image files, in a folder or archive, by name; sorted with numbers in numeric order.
 
-    Attributes
-    ----------
-    place
-        The folder.
-    names
-        The files that are used.
-    left_out
-        Photographs in other formats than these: the same ones, most often, as HEIC or raw files beside JPEGs.
+    ``left_out`` are photographs in other formats than these: the same ones, most often, as HEIC or raw files beside
+    JPEGs.
     """
 
     place: Path
     names: tuple[str, ...]
     left_out: tuple[str, ...] = ()
+
+    @abstractmethod
+    def read(self, name: str) -> bytes:
+        """Return the bytes of an image file; FrameError if it cannot be read, RecordingError if none can any more."""
+
+    def label(self, name: str) -> str:
+        """Return the path of an image file for messages."""
+        return escaped(str(self.place / name))
+
+    def close(self) -> None:  # noqa: B027 (files of a folder are open only while they are read)
+        """Close open files; nothing can be read afterwards."""
+
+
+@dataclass(frozen=True)
+class FolderImages(ImageSource):
+    """The image files of a folder, not those of its sub-folders."""
 
     @classmethod
     def of(cls, folder: Path) -> FolderImages:
@@ -109,10 +93,6 @@ class FolderImages:
         used = next((group for group in groups.values() if group), [])
         return cls(folder, tuple(used), tuple(name for name in names if name not in set(used)))
 
-    def label(self, name: str) -> str:
-        """Return the path of an image file."""
-        return escaped(str(self.place / name))
-
     def read(self, name: str) -> bytes:
         """Return the bytes of an image file; FrameError if it cannot be read or is too large.
 
@@ -126,18 +106,13 @@ class FolderImages:
                 raise
         raise RecordingError(f"{self.place}: was removed meanwhile; put it back, and run the command again")
 
-    def close(self) -> None:
-        """Do nothing: files are open only while they are read."""
-
 
 @dataclass(frozen=True)
-class ZipImages:
+class ZipImages(ImageSource):
     """The image files of a zip archive; threads may share it."""
 
-    place: Path
-    names: tuple[str, ...]
-    _archive: zipfile.ZipFile = field(repr=False, compare=False)
-    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
+    _archive: zipfile.ZipFile = field(repr=False, compare=False, kw_only=True)
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False, kw_only=True)
 
     @classmethod
     def of(cls, path: Path) -> ZipImages:
@@ -157,11 +132,7 @@ class ZipImages:
         except RecordingError:
             archive.close()
             raise
-        return cls(path, tuple(sorted((m.filename for m in members), key=by_name)), archive)
-
-    def label(self, name: str) -> str:
-        """Return the path of the archive followed by the name of its member."""
-        return escaped(f"{self.place}/{name}")
+        return cls(path, tuple(sorted((m.filename for m in members), key=by_name)), _archive=archive)
 
     def read(self, name: str) -> bytes:
         """Return the bytes of a member; FrameError if it is damaged, or the archive has been closed."""
@@ -171,9 +142,7 @@ class ZipImages:
             with self._lock, self._archive.open(name) as member:
                 data = member.read(size + 1)
         except Exception:
-            raise FrameError(
-                f"{self.label(name)}: cannot be read from the archive; it is damaged, or the recording was closed"
-            ) from None
+            raise FrameError(f"{self.label(name)}: cannot be read; the archive is damaged, or was closed") from None
         if len(data) != size:
             raise FrameError(f"{self.label(name)}: ends early; copy or download the archive again")
         return data

@@ -55,7 +55,8 @@ class Chart:
 
     def draw_into(self, cell: Any) -> None:
         """Draw the chart with its title into a cell of a grid."""
-        self.draw(cell).set_title(self.title)
+        axes = curves.draw_text(cell, self.unknown) if self.unknown else self.draw(cell)
+        axes.set_title(self.title)
 
 
 def charts_of(findings: Findings) -> dict[str, Chart]:

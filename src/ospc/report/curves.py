@@ -71,8 +71,7 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
     the uncertainty is relative to.
     """
     response, white = calibration.response, calibration.max_grey
-    if response is None:
-        return _draw_unknown(cell, calibration, "response")
+    assert response is not None
     index = np.unique(np.linspace(0, response.inverse_table.size - 1, _MOST_LEVELS).round().astype(int))
     curve = _Curve(
         x=response.levels[index] * white,
@@ -98,8 +97,7 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
 def draw_vignette(cell: Any, calibration: Calibration, reference: Vignette | None = None) -> Any:
     """Draw V over the radius, its uncertainty and error enlarged, and the number of observations."""
     vignette = calibration.vignette
-    if vignette is None:
-        return _draw_unknown(cell, calibration, "vignette")
+    assert vignette is not None
     curve = _Curve(
         x=PROFILE_RADII,
         value=diagonal_profile(vignette, PROFILE_RADII),
@@ -237,12 +235,10 @@ def _legend(axes: Any, place: str) -> None:
     axes.legend([by_label[name] for name in order], order, loc=place)
 
 
-def _draw_unknown(cell: Any, calibration: Calibration, part: str) -> Any:
-    """Say in place of a curve that it is unknown, and why."""
+def draw_text(cell: Any, text: str) -> Any:
+    """Write a text in place of a curve."""
     axes = axes_in(cell)
-    verdict = calibration.verdicts.get(part)
-    reason = "" if verdict is None else f": {printable(verdict.reason)}"
-    text = textwrap.fill(f"not known{reason}", _WRAP_COLUMNS)
+    text = textwrap.fill(printable(text), _WRAP_COLUMNS)
     axes.set(xticks=[], yticks=[])
     axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes, parse_math=False)
     return axes

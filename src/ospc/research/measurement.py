@@ -120,13 +120,9 @@ class Measurement:
             return ""
         return self.failure or "; ".join(self.reasons.values()) or "it found neither response nor vignette"
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as JSON-compatible values."""
-        return asdict(self)
-
     def summary(self) -> dict[str, Any]:
         """Return everything but the curves and ratios as JSON-compatible values."""
-        return {name: value for name, value in self.as_dict().items() if name not in ("curves", "ratios")}
+        return {name: value for name, value in asdict(self).items() if name not in ("curves", "ratios")}
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from time import process_time
 from typing import Protocol, TypeAlias
 
@@ -33,7 +33,7 @@ from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
 from ospc.research.held_out import HeldOutPair
 from ospc.research.runner import OnProgress
-from ospc.settings import PaperSettings, preset
+from ospc.settings import PaperSettings
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,14 @@ def failure(error: Exception) -> str:
     return str(error) if isinstance(error, OspcError) else f"{type(error).__name__}: {error}"
 
 
+def with_and_without(
+    name: str, truth: Response | None, estimate: Callable[[Response | None], Estimate]
+) -> dict[str, Outcome]:
+    """Return what a method finds with one point of the true response, where that is known, and without any."""
+    variants = {"without": None} if truth is None else {"with": truth, "without": None}
+    return {f"{name}-{variant}": estimate(known) for variant, known in variants.items()}
+
+
 VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
 """The solvers that the paper compares (section 5)."""
 
@@ -129,17 +137,6 @@ _MATCHING = (
     "filter_blocks", "filter_bins", "filter_min_matches", "filter_length_sigmas",
 )  # fmt: skip
 """Settings that the detection and matching of features depend on."""
-
-
-def methods_of_preset(name: str, *, solvers: bool) -> dict[str, Method]:
-    """Return new methods of a preset; where asked for, "paper" with each of its vignette solvers."""
-    settings = preset(name)
-    if not isinstance(settings, PaperSettings):
-        return {settings.name: OwnMethod(settings.name)}
-    if not solvers:
-        return {"paper": PaperVariants({"paper": settings})}
-    variants = {f"paper/{solver}": replace(settings, vignette_solver=solver) for solver in VIGNETTE_SOLVERS}
-    return {"paper": PaperVariants(variants)}
 
 
 class OwnMethod:
@@ -221,10 +218,8 @@ class SharedMatcher:
 class SolversKnowingResponse:
     """The paper's vignette alone, by several of its solvers, with the true response given."""
 
-    def __init__(
-        self, response: Response, settings: PaperSettings, solvers: Sequence[str] = VIGNETTE_SOLVERS
-    ) -> None:
-        self._response, self._settings, self._solvers = response, settings, solvers
+    def __init__(self, response: Response, settings: PaperSettings) -> None:
+        self._response, self._settings = response, settings
         self._matcher = FeatureMatcher(settings)
         self._recent: deque[tuple[Features, float]] = deque()
         self._rows: list[FloatArray] = []
@@ -250,10 +245,10 @@ class SolversKnowingResponse:
         """Return the vignette of each solver."""
         count = sum(map(len, self._targets))
         if count < self._settings.min_samples:
-            return {f"true g/{name}": f"only {count} points move along the radius" for name in self._solvers}
+            return {f"true g/{name}": f"only {count} points move along the radius" for name in VIGNETTE_SOLVERS}
         rows, targets = np.concatenate(self._rows), np.concatenate(self._targets)
         outcomes: dict[str, Outcome] = {}
-        for name in self._solvers:
+        for name in VIGNETTE_SOLVERS:
             coefficients = tuple(solve_vignette(rows, targets, name, self._settings.huber_tuning).tolist())
             outcomes[f"true g/{name}"] = Estimate(self._response, PolynomialVignette(self._size, coefficients))
         return outcomes

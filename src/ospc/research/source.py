@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
@@ -111,7 +111,7 @@ class MeasuringTask:
         source = self.source
         results = run_methods(self.methods.make(source), source.frames(), source.count, progress)
         results += [Result(name, outcome) for name, outcome in self.methods.references(source).items()]
-        return [found.as_dict() for found in judge(source, results, source.held_out())]
+        return [asdict(found) for found in judge(source, results, source.held_out())]
 
 
 def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = None) -> list[Measurement]:

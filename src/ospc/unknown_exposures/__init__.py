@@ -1,21 +1,5 @@
 """Recordings without exposures: estimated from the images, up to one exponent."""
 
-from ospc.unknown_exposures.recovery import (
-    EXPONENT_SIGMA,
-    MOST_FRAMES,
-    RecoveredRecording,
-    calibrate_without_exposures,
-    labelled,
-    recover_exposures,
-    typical_exponent,
-)
+from ospc.unknown_exposures.recovery import calibrate_without_exposures, labelled, recover_exposures
 
-__all__ = [
-    "EXPONENT_SIGMA",
-    "MOST_FRAMES",
-    "RecoveredRecording",
-    "calibrate_without_exposures",
-    "labelled",
-    "recover_exposures",
-    "typical_exponent",
-]
+__all__ = ["calibrate_without_exposures", "labelled", "recover_exposures"]

@@ -99,7 +99,9 @@ class JointEstimate:
         found = self.model.response(self.coefficients)
         if self.exponent == 1.0:
             return found
-        return Response.from_values(_strict(found.inverse_table**self.exponent), model={"name": "joint"})
+        powered = found.inverse_table**self.exponent
+        # The ramp makes it increase strictly even where a power has made it flat.
+        return Response.from_values(powered + np.linspace(0, 1e-9, powered.size), model={"name": "joint"})
 
     @property
     def vignette(self) -> Vignette:
@@ -297,8 +299,3 @@ def _first_exposures(
         x0=np.append(start, np.zeros(points)),
     )[0]
     return np.asarray(found[:frames]), np.asarray(found[frames:])
-
-
-def _strict(table: FloatArray) -> FloatArray:
-    """Return a curve that increases strictly even where a power has made it flat."""
-    return np.asarray(table + np.linspace(0, 1e-9, table.size))

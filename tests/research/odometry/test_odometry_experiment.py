@@ -13,9 +13,11 @@ from ospc.errors import RecordingError, SettingError
 from ospc.evaluation.trajectory import AlignmentError, read_trajectory
 from ospc.formats.opening import open_photometry
 from ospc.recording import open_recording
-from ospc.research.odometry.experiment import Experiment, Outcome, RunResult, Tracked, end_segments, run_experiment
+from ospc.research.odometry.experiment import Experiment, RunResult, Tracked, end_segments, result_of, tasks_of
 from ospc.research.odometry.inputs import AFFINE, STANDARD, Calibrations, OdometryInput, chosen, external, images_of
-from ospc.research.odometry.report import median_table, odometry_report
+from ospc.research.odometry.report import columns_of, median_table, odometry_report
+from ospc.research.runner import ResultStore
+from ospc.research.runner import run as run_tasks
 
 
 @pytest.fixture
@@ -32,20 +34,21 @@ def calls(tmp_path) -> int:
 
 
 def run(experiment, program, jobs=1):
-    outcome = Outcome()
-    return outcome, list(run_experiment(experiment, program, outcome, jobs))
+    tasks, failed = tasks_of(experiment, program)
+    finished = list(run_tasks(tasks, ResultStore(experiment.folder / "cache"), jobs))
+    results = [*failed, *(result_of(one, experiment) for one in finished)]
+    return {(r.recording, r.condition, r.run): r for r in results}, [one.stored for one in finished]
 
 
 def test_all_runs_are_made_once_and_found_again(experiment, make_program, tmp_path):
     first, stored = run(experiment, make_program(), 2)
     assert stored == [False] * 8
     assert calls(tmp_path) == 8
-    assert set(first.results) == {(("room"), name, n) for name in ("truth", "ours", "none", "mine") for n in (0, 1)}
+    assert set(first) == {(("room"), name, n) for name in ("truth", "ours", "none", "mine") for n in (0, 1)}
     again, stored = run(experiment, make_program())
     assert stored == [True] * 8
     assert calls(tmp_path) == 8
-    # truth, ours and mine are the same files, and so the same runs
-    assert again.results["room", "truth", 0].error == pytest.approx(again.results["room", "mine", 0].error)
+    assert {key: found.error for key, found in again.items()} == {key: found.error for key, found in first.items()}
 
 
 def test_another_calibration_program_or_number_of_runs_is_run_anew(experiment, make_program, tmp_path):
@@ -58,22 +61,24 @@ def test_another_calibration_program_or_number_of_runs_is_run_anew(experiment, m
 
 
 def test_an_interruption_keeps_what_is_finished(experiment, make_program, tmp_path):
-    runs = run_experiment(experiment, make_program(), Outcome())
+    tasks, _ = tasks_of(experiment, make_program())
+    runs = run_tasks(tasks, ResultStore(experiment.folder / "cache"))
     next(runs)
     runs.close()
     assert calls(tmp_path) == 1
     outcome, stored = run(experiment, make_program())
     assert stored.count(True) >= 1
-    assert len(outcome.results) == 8
+    assert len(outcome) == 8
     assert calls(tmp_path) <= 8
 
 
 def test_a_calibration_that_cannot_be_made_is_a_failed_run(experiment, make_program):
     wanting = replace(experiment, conditions=(external("absent"), *chosen(["none"])))
     outcome, _ = run(wanting, make_program())
-    assert [outcome.results["room", name, 0].ending for name in ("absent", "none")] == ["failed", "finished"]
-    assert "absent" in outcome.notes[0]
-    written = odometry_report(wanting, outcome).write(wanting.folder)
+    assert [outcome["room", name, 0].ending for name in ("absent", "none")] == ["failed", "finished"]
+    report = odometry_report(wanting, outcome.values())
+    assert any("absent" in note for note in report.notes)
+    written = report.write(wanting.folder)
     assert {p.name for p in written} == {
         "runs.csv",
         "results.json",
@@ -92,7 +97,7 @@ def test_a_calibration_that_cannot_be_made_is_a_failed_run(experiment, make_prog
         ("none", "0"),
         ("none", "1"),
     ]
-    assert float(rows[2]["e_align"]) == pytest.approx(outcome.results["room", "none", 0].error)
+    assert float(rows[2]["e_align"]) == pytest.approx(outcome["room", "none", 0].error)
 
 
 def test_estimates_are_made_once_and_the_joint_ones_differ_by_an_exponent(recording, tmp_path):
@@ -118,8 +123,8 @@ def result(condition: str, run: int, error: float | None) -> RunResult:
 def test_the_table_has_medians_the_lowest_marked_and_says_how_many_failed(experiment):
     conditions = chosen(["truth", "ours", "none"])
     errors = {"truth": (0.1, 0.3, 0.2), "ours": (0.15, None, 0.1), "none": (None, None, 5.0)}
-    outcome = Outcome({("room", c, n): result(c, n, e) for c, some in errors.items() for n, e in enumerate(some)})
-    table = median_table(replace(experiment, conditions=conditions), outcome)
+    results = [result(c, n, e) for c, some in errors.items() for n, e in enumerate(some)]
+    table = median_table(columns_of(replace(experiment, conditions=conditions), results))
     assert table.rows == (("room", "0.2000", "0.1500 (1/3 failed)", "failed (2/3 failed)"),)
     assert table.best == {(0, 2)}
 

@@ -9,10 +9,10 @@ from ospc.errors import NotObservableError
 from ospc.evaluation.metrics import response_rmse
 from ospc.recording.frame import Frame
 from ospc.research.rivals.grundmann_2013 import Grundmann, mixture_responses
-from ospc.research.rivals.log_response import ANCHOR, LogModel
+from ospc.research.rivals.log_response import ANCHOR, log_model
 from ospc.unknown_exposures.tracking import TrackObservations
 
-MODEL = LogModel.learned()
+MODEL = log_model()
 FRAMES, POINTS = 101, 150
 
 

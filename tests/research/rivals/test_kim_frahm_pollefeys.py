@@ -10,9 +10,9 @@ from ospc.errors import NotObservableError
 from ospc.evaluation.metrics import response_rmse
 from ospc.recording.frame import Frame
 from ospc.research.rivals.kim_frahm_pollefeys import KimFrahmPollefeys, track
-from ospc.research.rivals.log_response import LogModel
+from ospc.research.rivals.log_response import log_model
 
-MODEL = LogModel.learned()
+MODEL = log_model()
 TRUTH = MODEL.response(np.array([0.4, -0.3, 0.2, 0.0, 0.1]), "of the model")
 SHIFT = np.array([1.7, -1.2])
 """Displacement from frame to frame in pixels."""

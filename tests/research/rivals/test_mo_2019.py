@@ -9,13 +9,13 @@ from ospc.errors import NotObservableError
 from ospc.evaluation.metrics import response_rmse
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.research.rivals.log_response import LogModel
+from ospc.research.rivals.log_response import log_model
 from ospc.research.rivals.mo_2019 import Mo, exponent_of_edges, powered, rank_one_response
 from ospc.simulation.responses import srgb
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from polygon_pictures import picture
 
-MODEL = LogModel.learned()
+MODEL = log_model()
 
 
 def test_a_matrix_of_rank_one_gives_the_response_up_to_its_exponent():

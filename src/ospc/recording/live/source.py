@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -22,18 +21,10 @@ _QUOTED_CHARACTERS = 160
 """Characters of a driver's own message that an error quotes."""
 
 
-@dataclass(frozen=True)
-class DriverFrame:
-    """A frame as a driver delivers it.
+class DriverFrame(NamedTuple):
+    """A frame as a driver delivers it, with exposure and gain in the driver's units.
 
-    Attributes
-    ----------
-    image
-        Shape (height, width) or (height, width, channels), channels in the order blue, green, red.
-    exposure, gain
-        In the units of the driver.
-    stamp_s
-        Time stamp in seconds.
+    The image has shape (height, width), or (height, width, channels) in the order blue, green, red.
     """
 
     image: Image

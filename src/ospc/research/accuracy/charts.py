@@ -51,7 +51,7 @@ _ROUNDS = 30
 """Turns of fitting the exposures and the radiances."""
 
 _DARKEST, _BRIGHTEST = 5, 250
-"""Grey values between which responses are compared (the shape metric)."""
+"""Grey values between which responses are compared (the shape metric), and outside of which a pixel is clipped."""
 
 
 @dataclass(frozen=True)
@@ -186,9 +186,6 @@ FOLDER = "chart_cameras"
 _STATED_MS = tuple(2.0**step for step in range(EXPOSURES))
 """The exposures that the series is said to have: each twice the one before."""
 
-_DARKEST_EXPOSED, _BRIGHTEST_EXPOSED = 5, 250
-"""Grey values outside of which a pixel counts as clipped."""
-
 
 @dataclass(frozen=True)
 class ChartSource(Source):
@@ -273,7 +270,7 @@ class ChartSource(Source):
 
 def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> HeldOutPair:
     """Return the pixels that neither of two exposures clips."""
-    exposed = (planes > _DARKEST_EXPOSED) & (planes < _BRIGHTEST_EXPOSED)
+    exposed = (planes > _DARKEST) & (planes < _BRIGHTEST)
     kept = exposed[first] & exposed[second]
     places = pixel_grid((planes.shape[2], planes.shape[1]))[kept]
     return HeldOutPair(planes[first][kept] / 255, planes[second][kept] / 255, places, places, ratio)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -25,9 +25,17 @@ from ospc.research.accuracy.charts import FOLDER as CHARTS
 from ospc.research.accuracy.charts import ChartSource, chart_sources
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
-from ospc.research.method import Estimate, Method, Outcome, methods_of_preset, quadratic_on_known_pixels
+from ospc.research.method import (
+    VIGNETTE_SOLVERS,
+    Estimate,
+    Method,
+    Outcome,
+    OwnMethod,
+    PaperVariants,
+    quadratic_on_known_pixels,
+)
 from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
-from ospc.settings import as_dict, preset
+from ospc.settings import PaperSettings, as_dict, preset
 from ospc.simulation import SimulationSettings
 from ospc.simulation.responses import LEVELS
 from ospc.simulation.settings import NoisePreset
@@ -56,17 +64,8 @@ _NOISE_SWAPPED, _SCENES_SWAPPED = (0, 1, 0, 1, 0, 1, 1), (0, 0, 1, 1, 0, 1, 0)
 _Named: TypeAlias = tuple[str, str, str | Response]
 """The name of a response, its level of the factor "response", and the response."""
 
-
-class HasName(Protocol):
-    """Something that is chosen by its name."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
-
-
-_Item = TypeVar("_Item", bound=HasName)
+_Item = TypeVar("_Item", bound=Any)
+"""Something with a name."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,13 @@ class PresetMethods(Methods):
 
     def make(self, source: Source) -> dict[str, Method]:
         """Return the methods; "paper" is run with every solver where the vignette can be known."""
-        return methods_of_preset(self.name, solvers=source.group == "simulated")
+        settings = preset(self.name)
+        if not isinstance(settings, PaperSettings):
+            return {settings.name: OwnMethod(settings.name)}
+        if source.group != "simulated":
+            return {"paper": PaperVariants({"paper": settings})}
+        solvers = {f"paper/{solver}": replace(settings, vignette_solver=solver) for solver in VIGNETTE_SOLVERS}
+        return {"paper": PaperVariants(solvers)}
 
     def references(self, source: Source) -> dict[str, Outcome]:
         """Return what else a real recording has to compare with.
@@ -231,9 +236,7 @@ def _arrays(place: Path) -> tuple[FloatArray, FloatArray]:
             raise FormatError(f"{place}: too large for a database of responses; give a .mat file with I and B")
         sizes = {name: math.prod(shape) for name, shape, _ in whosmat(place)}
         if max(sizes["I"], sizes["B"]) > _MAX_VALUES:
-            raise FormatError(
-                f"{place}: I and B hold more than {_MAX_VALUES} values; that is no database of responses"
-            )
+            raise FormatError(f"{place}: I and B hold over {_MAX_VALUES} values; that is no database of responses")
         content = loadmat(place, variable_names=["I", "B"])
         irradiance, brightness = (np.asarray(content[name], dtype=np.float64) for name in ("I", "B"))
     except FormatError:

@@ -47,10 +47,6 @@ _SLOW = 0.5
 """Speed of stand-ins whose features are matched over 30 frames, as in the paper's recordings."""
 
 
-def _none(_source: Source) -> dict[str, Method]:
-    return {}
-
-
 @dataclass(frozen=True)
 class Experiment(Methods):
     """One of the paper's figures or tables, or a comparison with methods of other papers, by the name of its command.
@@ -76,7 +72,7 @@ class Experiment(Methods):
     comparison: Comparison
     stand_ins: tuple[int, int]
     variants: dict[str, dict[str, PaperSettings]] = field(default_factory=dict)
-    rivals: Callable[[Source], dict[str, Method]] = _none
+    rivals: Callable[[Source], dict[str, Method]] | None = None
     speed: float = 1.0
     at_rest: bool = False
     with_ratios: bool = False
@@ -88,7 +84,8 @@ class Experiment(Methods):
 
     def make(self, source: Source) -> dict[str, Method]:
         """Return new methods for a recording."""
-        return {**self.rivals(source), **{name: PaperVariants(group) for name, group in self.variants.items()}}
+        rivals = {} if self.rivals is None else self.rivals(source)
+        return {**rivals, **{name: PaperVariants(group) for name, group in self.variants.items()}}
 
 
 def _compared(title: str, figure: str, varied: dict[str, float] | None = None, axis: str = "") -> Comparison:

@@ -20,13 +20,14 @@ _LEAST_STEP = 1e-9
 _WHITE, _RANGE = 255.0, 219.0
 """Largest grey value, and that of limited range (16 to 235) above its black."""
 
-Filter = Callable[[FloatArray, int], FloatArray]
-"""Changes an image of floats, given the number of its frame."""
+
+def _filtered(footage: Footage, change: Callable[[FloatArray], FloatArray]) -> Footage:
+    """Change every image as floats, then round and clip it."""
+    return footage.with_images(_bytes(change(image.astype(np.float64))) for image in footage.images)
 
 
-def _filtered(footage: Footage, change: Filter) -> Footage:
-    images = (change(image.astype(np.float64), i) for i, image in enumerate(footage.images))
-    return footage.with_images(_bytes(image) for image in images)
+def _each(footage: Footage, change: Callable[[Image], Image]) -> Footage:
+    return footage.with_images(change(image) for image in footage.images)
 
 
 def _bytes(image: FloatArray) -> Image:
@@ -35,55 +36,26 @@ def _bytes(image: FloatArray) -> Image:
 
 def _curved(footage: Footage, curve: FloatArray) -> Footage:
     """Put a curve, 256 increasing grey values, on every image; what the camera does with it is another response."""
-    before = np.interp(_GREYS, *_rising(curve))
+    rising = (curve > 0) & (curve < _WHITE)
+    before = np.interp(_GREYS, curve[rising], _GREYS[rising])
     table = footage.responses[0].inverse(before / _WHITE)
     table[0] = 0.0
     known = (*footage.responses, Response.from_values(np.maximum.accumulate(table) + _LEAST_STEP * _GREYS))
     return replace(_looked_up(footage, lambda _i: curve), responses=known)
 
 
-def _rising(curve: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return values and places of the part of a curve that is not clipped."""
-    inside = (curve > 0) & (curve < _WHITE)
-    return curve[inside], _GREYS[inside]
-
-
 def _looked_up(footage: Footage, curve_of: Callable[[int], FloatArray]) -> Footage:
+    """Put a curve of its own on every image, by the number of its frame."""
     return footage.with_images(_bytes(curve_of(i))[image] for i, image in enumerate(footage.images))
 
 
-def _limited_range(footage: Footage, black: float, _random: np.random.Generator) -> Footage:
-    scale = 1 - (1 - _RANGE / _WHITE) * black / 16
-    return _curved(footage, black + _GREYS * scale)
-
-
-def _expanded_twice(footage: Footage, black: float, _random: np.random.Generator) -> Footage:
-    scale = 1 - (1 - _RANGE / _WHITE) * black / 16
-    return _curved(footage, (_GREYS - black) / scale)
-
-
-def _pedestal(footage: Footage, level: float, _random: np.random.Generator) -> Footage:
-    return _curved(footage, _GREYS + level)
-
-
-def _pedestal_drift(footage: Footage, level: float, _random: np.random.Generator) -> Footage:
-    return _looked_up(footage, lambda i: _GREYS + level * i / len(footage))
-
-
-def _white_clipped(footage: Footage, level: float, _random: np.random.Generator) -> Footage:
-    return _looked_up(footage, lambda _i: np.minimum(_GREYS, level))
+def _limited_scale(black: float) -> float:
+    """Return the grey levels of limited range over those of full range where its black is at this level."""
+    return 1 - (1 - _RANGE / _WHITE) * black / 16
 
 
 def _gamma(exponent: float) -> FloatArray:
     return np.asarray(_WHITE * (_GREYS / _WHITE) ** exponent)
-
-
-def _gamma_midway(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
-    return _looked_up(footage, lambda i: _gamma(exponent if i >= half(footage) else 1.0))
-
-
-def _gamma_drift(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
-    return _looked_up(footage, lambda i: _gamma(exponent ** (i / len(footage))))
 
 
 def _gamma_by_brightness(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
@@ -97,37 +69,22 @@ def _two_gammas(footage: Footage, exponent: float, random: np.random.Generator) 
 
 
 def _auto_contrast(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    def stretched(image: FloatArray, _i: int) -> FloatArray:
+    def stretched(image: FloatArray) -> FloatArray:
         low, high = np.percentile(image, (1, 99))
         return np.asarray((1 - share) * image + share * (image - low) * _WHITE / max(high - low, 1.0))
 
     return _filtered(footage, stretched)
 
 
-def _equalised(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    return footage.with_images(
-        cv2.addWeighted(image, 1 - share, cv2.equalizeHist(image), share, 0) for image in footage.images
-    )
-
-
-def _clahe(footage: Footage, limit: float, _random: np.random.Generator) -> Footage:
-    method = cv2.createCLAHE(clipLimit=limit, tileGridSize=(8, 8))
-    return footage.with_images(method.apply(image) for image in footage.images)
-
-
 def _tone_mapped(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
     """Draw the surroundings of every pixel, an eighth of the width about it, towards the middle of the scale."""
 
-    def mapped(image: FloatArray, _i: int) -> FloatArray:
+    def mapped(image: FloatArray) -> FloatArray:
         small = cv2.resize(image, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
         around = cv2.resize(cv2.GaussianBlur(small, (0, 0), small.shape[1] / 8), image.shape[::-1])
         return np.asarray(image * (128 / np.maximum(around, 1.0)) ** share)
 
     return _filtered(footage, mapped)
-
-
-def _bilateral(footage: Footage, greys: float, _random: np.random.Generator) -> Footage:
-    return footage.with_images(cv2.bilateralFilter(image, 7, greys, 3) for image in footage.images)
 
 
 def _temporal(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
@@ -139,41 +96,18 @@ def _temporal(footage: Footage, share: float, _random: np.random.Generator) -> F
     return footage.with_images(images)
 
 
-def _median(footage: Footage, side: float, _random: np.random.Generator) -> Footage:
-    return footage.with_images(cv2.medianBlur(image, int(side)) for image in footage.images)
+def _compressed(image: Image, quality: float) -> Image:
+    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
 
 
-def _blurred(footage: Footage, sigma_px: float, _random: np.random.Generator) -> Footage:
-    return _filtered(footage, lambda image, _i: np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px)))
-
-
-def _sharpened(footage: Footage, amount: float, _random: np.random.Generator) -> Footage:
-    return _filtered(footage, lambda image, _i: image + amount * (image - cv2.GaussianBlur(image, (0, 0), 1.5)))
-
-
-def _jpeg(footage: Footage, quality: float, _random: np.random.Generator) -> Footage:
-    coded = (cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])[1] for image in footage.images)
-    return footage.with_images(np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)) for data in coded)
-
-
-def _upscaled(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
-    def rescaled(image: Image) -> Image:
-        small = cv2.resize(image, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
-        return np.asarray(cv2.resize(small, image.shape[::-1], interpolation=cv2.INTER_LINEAR))
-
-    return footage.with_images(rescaled(image) for image in footage.images)
-
-
-def _fewer_levels(footage: Footage, step: float, _random: np.random.Generator) -> Footage:
-    return _looked_up(footage, lambda _i: (_GREYS // step + 0.5) * step)
-
-
-def _noise(footage: Footage, greys: float, random: np.random.Generator) -> Footage:
-    return _filtered(footage, lambda image, _i: image + greys * random.standard_normal(image.shape))
+def _enlarged(image: Image, factor: float) -> Image:
+    small = cv2.resize(image, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(small, image.shape[::-1], interpolation=cv2.INTER_LINEAR))
 
 
 def _impulses(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    def hit(image: FloatArray, _i: int) -> FloatArray:
+    def hit(image: FloatArray) -> FloatArray:
         drawn = random.random(image.shape)
         return np.where(drawn < share / 2, 0.0, np.where(drawn > 1 - share / 2, _WHITE, image))
 
@@ -183,16 +117,12 @@ def _impulses(footage: Footage, share: float, random: np.random.Generator) -> Fo
 def _dead_pixels(footage: Footage, share: float, random: np.random.Generator) -> Footage:
     shape = footage.images[0].shape
     dead, value = random.random(shape) < share, random.choice([0.0, _WHITE], shape)
-    return _filtered(footage, lambda image, _i: np.where(dead, value, image))
+    return _filtered(footage, lambda image: np.where(dead, value, image))
 
 
 def _fixed_columns(footage: Footage, greys: float, random: np.random.Generator) -> Footage:
     offset = greys * random.standard_normal(footage.images[0].shape[1])
-    return _filtered(footage, lambda image, _i: image + offset)
-
-
-def _row_noise(footage: Footage, greys: float, random: np.random.Generator) -> Footage:
-    return _filtered(footage, lambda image, _i: image + greys * random.standard_normal((image.shape[0], 1)))
+    return _filtered(footage, lambda image: image + offset)
 
 
 def _overlay(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
@@ -212,15 +142,14 @@ def _watermark(footage: Footage, opacity: float, _random: np.random.Generator) -
     height, width = footage.images[0].shape
     mark = np.zeros((height, width), np.uint8)
     cv2.putText(mark, "SAMPLE", (width // 8, height // 2), cv2.FONT_HERSHEY_PLAIN, width / 80, 255, 4)
-    return _filtered(footage, lambda image, _i: image + opacity * mark / _WHITE * (_WHITE - image))
+    return _filtered(footage, lambda image: image + opacity * mark / _WHITE * (_WHITE - image))
 
 
 def _masked(footage: Footage, inside: BoolArray) -> Footage:
     """Make everything else black, shape (height, width)."""
     height, width = inside.shape
     radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)
-    masked = _filtered(footage, lambda image, _i: image * inside)
-    return replace(masked, reach=float(radius[inside].max()))
+    return replace(_filtered(footage, lambda image: image * inside), reach=float(radius[inside].max()))
 
 
 def _letterbox(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
@@ -236,36 +165,86 @@ def _disc(footage: Footage, radius: float, _random: np.random.Generator) -> Foot
 
 
 FAULTS = (
-    Fault("limited-range", "video of limited range that is not expanded, black at {}", (8, 16, 32), _limited_range),
-    Fault("expanded-twice", "full range expanded as if its black were at {}", (8, 16, 32), _expanded_twice),
-    Fault("pedestal", "{} grey levels added", (5, 10, 20), _pedestal),
-    Fault("pedestal-drift", "a pedestal that grows to {} grey levels", (5, 10, 20), _pedestal_drift),
-    Fault("white-clipped", "grey values end at {}", (250, 235, 200), _white_clipped),
-    Fault("gamma-midway", "an exponent of {} on the second half", (1.1, 1.2, 1.5), _gamma_midway),
-    Fault("gamma-drift", "an exponent that drifts to {}", (1.1, 1.2, 1.5), _gamma_drift),
+    Fault(
+        "limited-range", "video of limited range that is not expanded, black at {}", (8, 16, 32),
+        lambda f, black, _: _curved(f, black + _GREYS * _limited_scale(black)),
+    ),
+    Fault(
+        "expanded-twice", "full range expanded as if its black were at {}", (8, 16, 32),
+        lambda f, black, _: _curved(f, (_GREYS - black) / _limited_scale(black)),
+    ),
+    Fault("pedestal", "{} grey levels added", (5, 10, 20), lambda f, x, _: _curved(f, _GREYS + x)),
+    Fault(
+        "pedestal-drift", "a pedestal that grows to {} grey levels", (5, 10, 20),
+        lambda f, x, _: _looked_up(f, lambda i: _GREYS + x * i / len(f)),
+    ),
+    Fault(
+        "white-clipped", "grey values end at {}", (250, 235, 200),
+        lambda f, x, _: _looked_up(f, lambda _i: np.minimum(_GREYS, x)),
+    ),
+    Fault(
+        "gamma-midway", "an exponent of {} on the second half", (1.1, 1.2, 1.5),
+        lambda f, x, _: _looked_up(f, lambda i: _gamma(x if i >= half(f) else 1.0)),
+    ),
+    Fault(
+        "gamma-drift", "an exponent that drifts to {}", (1.1, 1.2, 1.5),
+        lambda f, x, _: _looked_up(f, lambda i: _gamma(x ** (i / len(f)))),
+    ),
     Fault(
         "gamma-by-brightness", "an exponent that follows brightness, base {}", (1.1, 1.3, 1.6), _gamma_by_brightness
     ),
     Fault("two-gammas", "an exponent of {} on three frames of ten", (1.1, 1.2, 1.5), _two_gammas),
     Fault("auto-contrast", "every frame stretched to the full scale, a share of {}", (0.25, 0.5, 1), _auto_contrast),
-    Fault("equalised", "histograms equalised, a share of {}", (0.1, 0.3, 1), _equalised),
-    Fault("clahe", "local histogram equalisation with clip limit {}", (1, 2, 4), _clahe),
+    Fault(
+        "equalised", "histograms equalised, a share of {}", (0.1, 0.3, 1),
+        lambda f, x, _: _each(f, lambda image: cv2.addWeighted(image, 1 - x, cv2.equalizeHist(image), x, 0)),
+    ),
+    Fault(
+        "clahe", "local histogram equalisation with clip limit {}", (1, 2, 4),
+        lambda f, x, _: _each(f, cv2.createCLAHE(clipLimit=x, tileGridSize=(8, 8)).apply),
+    ),
     Fault("tone-mapping", "surroundings compressed by an exponent of {}", (0.05, 0.1, 0.25), _tone_mapped),
-    Fault("bilateral", "bilateral filter, {} grey levels", (10, 25, 60), _bilateral),
+    Fault(
+        "bilateral", "bilateral filter, {} grey levels", (10, 25, 60),
+        lambda f, x, _: _each(f, lambda image: cv2.bilateralFilter(image, 7, x, 3)),
+    ),
     Fault("temporal-denoising", "average with earlier frames, share {}", (0.3, 0.5, 0.7), _temporal),
-    Fault("median-filter", "median filter of {} pixels a side", (3, 5, 7), _median),
-    Fault("blur", "Gaussian blur of {} pixels", (1, 2, 4), _blurred),
-    Fault("sharpening", "unsharp mask of strength {}", (0.5, 1, 2), _sharpened),
-    Fault("jpeg", "JPEG of quality {}", (60, 30, 10), _jpeg),
-    Fault("upscaled", "enlarged from images {} times smaller", (1.5, 2, 4), _upscaled),
-    Fault("fewer-levels", "only every {}th grey level", (2, 4, 16), _fewer_levels),
-    Fault("noise", "Gaussian noise of {} grey levels", (3, 6, 12), _noise),
+    Fault(
+        "median-filter", "median filter of {} pixels a side", (3, 5, 7),
+        lambda f, x, _: _each(f, lambda image: cv2.medianBlur(image, int(x))),
+    ),
+    Fault(
+        "blur", "Gaussian blur of {} pixels", (1, 2, 4),
+        lambda f, x, _: _filtered(f, lambda image: np.asarray(cv2.GaussianBlur(image, (0, 0), x))),
+    ),
+    Fault(
+        "sharpening", "unsharp mask of strength {}", (0.5, 1, 2),
+        lambda f, x, _: _filtered(f, lambda image: image + x * (image - cv2.GaussianBlur(image, (0, 0), 1.5))),
+    ),
+    Fault(
+        "jpeg", "JPEG of quality {}", (60, 30, 10), lambda f, x, _: _each(f, lambda image: _compressed(image, x))
+    ),
+    Fault(
+        "upscaled", "enlarged from images {} times smaller", (1.5, 2, 4),
+        lambda f, x, _: _each(f, lambda image: _enlarged(image, x)),
+    ),
+    Fault(
+        "fewer-levels", "only every {}th grey level", (2, 4, 16),
+        lambda f, x, _: _looked_up(f, lambda _i: (_GREYS // x + 0.5) * x),
+    ),
+    Fault(
+        "noise", "Gaussian noise of {} grey levels", (3, 6, 12),
+        lambda f, x, random: _filtered(f, lambda image: image + x * random.standard_normal(image.shape)),
+    ),
     Fault("impulses", "a share of {} of pixels black or white, anew in every frame", (0.001, 0.01, 0.05), _impulses),
     Fault("dead-pixels", "a share of {} of pixels always black or white", (0.0001, 0.001, 0.01), _dead_pixels),
     Fault("fixed-columns", "a fixed offset for each column of {} grey levels", (1, 2, 4), _fixed_columns),
-    Fault("row-noise", "an offset for each row and frame of {} grey levels", (1, 2, 4), _row_noise),
+    Fault(
+        "row-noise", "an offset for each row and frame of {} grey levels", (1, 2, 4),
+        lambda f, x, random: _filtered(f, lambda image: image + x * random.standard_normal((len(image), 1))),
+    ),
     Fault("overlay", "a clock in a box over a share of {} of the image", (0.02, 0.05, 0.1), _overlay),
     Fault("watermark", "a watermark of opacity {}", (0.1, 0.3, 0.6), _watermark),
     Fault("letterbox", "black bars over a share of {} of the image", (0.05, 0.15, 0.3), _letterbox),
     Fault("disc", "black outside a disc, {} times the height wide", (1.2, 1.0, 0.8), _disc),
-)
+)  # fmt: skip

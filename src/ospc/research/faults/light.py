@@ -25,10 +25,6 @@ def _factored(footage: Footage, factor: FloatArray) -> Footage:
     return footage.relit(lambda light, i: light * np.float32(factor[i]))
 
 
-def _glare(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    return footage.relit(lambda light, _i: light + np.float32(share) * light.mean())
-
-
 def _near_glare(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
     def spread(light: Float32Array, _i: int) -> Float32Array:
         small = cv2.resize(light, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
@@ -38,31 +34,10 @@ def _near_glare(footage: Footage, share: float, _random: np.random.Generator) ->
     return footage.relit(spread)
 
 
-def _bloom(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    def spilt(light: Float32Array, _i: int) -> Float32Array:
-        return np.asarray(light + share * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8))
-
-    return footage.relit(spilt)
-
-
 def _dark_current(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
     exposures = footage.camera.exposures_ms
     added = share * exposures / np.median(exposures)
     return footage.relit(lambda light, i: light + np.float32(added[i]))
-
-
-def _persistence(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    before = footage.camera.irradiance
-    return footage.relit(lambda light, i: light + np.float32(share) * np.minimum(before[max(0, i - 1)], 1))
-
-
-def _locked_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
-    """Flicker in step with the frames: every exposure is centred on a maximum of the light."""
-    return _factored(footage, 1 + amplitude * np.sinc(_LAMP_HZ * footage.camera.exposures_ms / 1000))
-
-
-def _beating_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
-    return _factored(footage, 1 + amplitude * wave(len(footage), len(footage) / 8.7))
 
 
 def _row_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
@@ -74,25 +49,11 @@ def _row_flicker(footage: Footage, amplitude: float, _random: np.random.Generato
     return footage.relit(lit)
 
 
-def _lamp(footage: Footage, factor: float, random: np.random.Generator) -> Footage:
-    return _factored(footage, factor ** (blocks(len(footage), 50, random) / 2))
-
-
 def _clouds(footage: Footage, amplitude: float, random: np.random.Generator) -> Footage:
     phase = random.uniform(0, 2 * np.pi, 3)
     time = np.arange(len(footage)) / len(footage)
     course = sum(np.sin(2 * np.pi * cycles * time + p) for cycles, p in zip((1.3, 3.1, 7.7), phase, strict=True))
     return _factored(footage, np.exp(amplitude * np.asarray(course) / 2))
-
-
-def _white_balance(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
-    return _factored(footage, 1 + amplitude * wave(len(footage), 2.5))
-
-
-def _dimming(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
-    """Light that falls where the exposure rises: no image can tell it from another scale of the exposures."""
-    exposures = footage.camera.exposures_ms
-    return _factored(footage, (exposures / np.median(exposures)) ** -exponent)
 
 
 def _shaded(footage: Footage, transmission: Float32Array) -> Footage:
@@ -109,20 +70,12 @@ def _grid(footage: Footage) -> tuple[FloatArray, FloatArray]:
     return (x - (width - 1) / 2) / height, (y - (height - 1) / 2) / height
 
 
-def _shading_corrected(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    return _shaded(footage, footage.camera.attenuation ** np.float32(-share))
-
-
 def _smudge(footage: Footage, depth: float, random: np.random.Generator) -> Footage:
     x, y = _grid(footage)
     transmission = np.ones_like(x)
     for centre in random.uniform(-0.5, 0.5, (4, 2)):
         transmission -= depth * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (2 * 0.04**2))
     return _shaded(footage, np.clip(transmission, 0.05, 1).astype(np.float32))
-
-
-def _graduated(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    return _shaded(footage, (1 - share * (0.5 - _grid(footage)[1])).astype(np.float32))
 
 
 def _decentred(footage: Footage, shift: float, _random: np.random.Generator) -> Footage:
@@ -132,11 +85,6 @@ def _decentred(footage: Footage, shift: float, _random: np.random.Generator) -> 
     height, width = footage.images[0].shape
     moved = footage.vignette.at(pixel_grid((width, height)) - [shift * height, shift * height / 2])
     return _shaded(footage, np.asarray(moved / footage.camera.attenuation, np.float32))
-
-
-def _vignette_midway(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
-    change = footage.camera.attenuation ** np.float32(exponent - 1)
-    return footage.relit(lambda light, i: light * change if i >= half(footage) else light)
 
 
 def _pixel_gains(footage: Footage, sigma: float, random: np.random.Generator) -> Footage:
@@ -150,14 +98,6 @@ def _shot_noise(footage: Footage, sigma: float, random: np.random.Generator) -> 
         return np.asarray(light + np.float32(sigma) * np.sqrt(np.maximum(light, 0)) * drawn)
 
     return footage.relit(noisy)
-
-
-def _overexposed(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
-    return _factored(footage, np.full(len(footage), factor))
-
-
-def _underexposed(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
-    return _factored(footage, np.full(len(footage), 1 / factor))
 
 
 def _speculars(footage: Footage, share: float, random: np.random.Generator) -> Footage:
@@ -197,18 +137,6 @@ def _motion_blur(footage: Footage, frames: float, _random: np.random.Generator) 
         return np.asarray(mean * camera.attenuation * camera.exposures_ms[i])
 
     return footage.relit(averaged)
-
-
-def _textureless(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    def smoothed(image: Float32Array, _i: int) -> Float32Array:
-        return np.asarray(cv2.GaussianBlur(image, (0, 0), share * image.shape[1]))
-
-    return _reshot(footage, footage.camera.exposures_ms, smoothed)
-
-
-def _constant_exposure(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
-    middle = float(np.median(footage.camera.exposures_ms)) * factor
-    return _reshot(footage, np.full(len(footage), middle), lambda image, _i: image)
 
 
 def _small_range(footage: Footage, ratio: float, _random: np.random.Generator) -> Footage:
@@ -251,35 +179,82 @@ def _reshot(
 
 
 FAULTS = (
-    Fault("glare", "{} of the mean irradiance of a frame on all of it", (0.01, 0.02, 0.05), _glare),
+    Fault(
+        "glare", "{} of the mean irradiance of a frame on all of it", (0.01, 0.02, 0.05),
+        lambda f, x, _: f.relit(lambda light, _i: light + np.float32(x) * light.mean()),
+    ),
     Fault("near-glare", "{} of the irradiance scattered to its surroundings", (0.02, 0.05, 0.1), _near_glare),
-    Fault("bloom", "{} of what is beyond saturation spills over", (0.1, 0.3, 1), _bloom),
+    Fault(
+        "bloom", "{} of what is beyond saturation spills over", (0.1, 0.3, 1),
+        lambda f, x, _: f.relit(lambda light, _i: light + x * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8)),
+    ),
     Fault("dark-current", "{} of saturation added at the middle exposure", (0.005, 0.01, 0.02), _dark_current),
-    Fault("persistence", "{} of the frame before remains", (0.02, 0.05, 0.1), _persistence),
-    Fault("locked-flicker", "100 Hz flicker of ±{} in step with the frames", (0.1, 0.3, 0.6), _locked_flicker),
-    Fault("beating-flicker", "flicker of ±{} every 8.7 frames", (0.02, 0.05, 0.15), _beating_flicker),
+    Fault(
+        "persistence", "{} of the frame before remains", (0.02, 0.05, 0.1),
+        lambda f, x, _: f.relit(
+            lambda light, i: light + np.float32(x) * np.minimum(f.camera.irradiance[max(0, i - 1)], 1)
+        ),
+    ),
+    Fault(
+        "locked-flicker", "100 Hz flicker of ±{} in step with the frames", (0.1, 0.3, 0.6),
+        # Every exposure is centred on a maximum of the light.
+        lambda f, x, _: _factored(f, 1 + x * np.sinc(_LAMP_HZ * f.camera.exposures_ms / 1000)),
+    ),
+    Fault(
+        "beating-flicker", "flicker of ±{} every 8.7 frames", (0.02, 0.05, 0.15),
+        lambda f, x, _: _factored(f, 1 + x * wave(len(f), len(f) / 8.7)),
+    ),
     Fault("row-flicker", "flicker of ±{} along the rows of a rolling shutter", (0.02, 0.05, 0.15), _row_flicker),
-    Fault("lamp", "light that switches by a factor of {}", (1.1, 1.3, 2), _lamp),
+    Fault(
+        "lamp", "light that switches by a factor of {}", (1.1, 1.3, 2),
+        lambda f, x, random: _factored(f, x ** (blocks(len(f), 50, random) / 2)),
+    ),
     Fault("clouds", "light that wanders by ±{} in ln", (0.05, 0.15, 0.4), _clouds),
-    Fault("white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25), _white_balance),
-    Fault("dimming", "light that falls as exposure to the power of {} rises", (0.05, 0.1, 0.2), _dimming),
-    Fault("shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1), _shading_corrected),
+    Fault(
+        "white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25),
+        lambda f, x, _: _factored(f, 1 + x * wave(len(f), 2.5)),
+    ),
+    Fault(
+        "dimming", "light that falls as exposure to the power of {} rises", (0.05, 0.1, 0.2),
+        # No image can tell it from another scale of the exposures.
+        lambda f, x, _: _factored(f, (f.camera.exposures_ms / np.median(f.camera.exposures_ms)) ** -x),
+    ),
+    Fault(
+        "shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1),
+        lambda f, x, _: _shaded(f, f.camera.attenuation ** np.float32(-x)),
+    ),
     Fault("smudge", "four smudges that take {} of the light", (0.1, 0.3, 0.6), _smudge),
-    Fault("graduated-filter", "a filter that takes {} of the light at the top", (0.1, 0.25, 0.5), _graduated),
+    Fault(
+        "graduated-filter", "a filter that takes {} of the light at the top", (0.1, 0.25, 0.5),
+        lambda f, x, _: _shaded(f, (1 - x * (0.5 - _grid(f)[1])).astype(np.float32)),
+    ),
     Fault("decentred", "a vignette moved by {} of the height", (0.03, 0.06, 0.12), _decentred),
-    Fault("vignette-midway", "V to the power of {} from half-way on", (0.8, 0.5, 0), _vignette_midway),
+    Fault(
+        "vignette-midway", "V to the power of {} from half-way on", (0.8, 0.5, 0),
+        lambda f, x, _: f.relit(
+            lambda light, i: light * f.camera.attenuation ** np.float32(x - 1) if i >= half(f) else light
+        ),
+    ),
     Fault("pixel-gains", "gains of pixels that scatter by {}", (0.01, 0.02, 0.05), _pixel_gains),
     Fault("shot-noise", "shot noise of {} at saturation", (0.02, 0.04, 0.08), _shot_noise),
-    Fault("overexposed", "{} times the light", (1.5, 2, 4), _overexposed),
-    Fault("underexposed", "light {} times less", (2, 4, 16), _underexposed),
+    Fault("overexposed", "{} times the light", (1.5, 2, 4), lambda f, x, _: _factored(f, np.full(len(f), x))),
+    Fault("underexposed", "light {} times less", (2, 4, 16), lambda f, x, _: _factored(f, np.full(len(f), 1 / x))),
     Fault("speculars", "glints over a share of {} of the image", (0.001, 0.005, 0.02), _speculars),
     Fault("crowd", "{} patches moving before the scene", (4, 12, 40), _crowd),
     Fault("motion-blur", "the scene of {} frames in one", (3, 5, 9), _motion_blur),
-    Fault("textureless", "a scene smoothed over {} of the width", (0.02, 0.05, 0.15), _textureless),
-    Fault("constant-exposure", "an exposure fixed at {} times the middle one", (1, 0.5, 2), _constant_exposure),
+    Fault(
+        "textureless", "a scene smoothed over {} of the width", (0.02, 0.05, 0.15),
+        lambda f, x, _: _reshot(
+            f, f.camera.exposures_ms, lambda image, _i: cv2.GaussianBlur(image, (0, 0), x * image.shape[1])
+        ),
+    ),
+    Fault(
+        "constant-exposure", "an exposure fixed at {} times the middle one", (1, 0.5, 2),
+        lambda f, x, _: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)), lambda image, _i: image),
+    ),
     Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
     Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1), _standing_still),
     Fault(
         "roll-only", "the camera turns by ±{} degrees about its axis and does nothing else", (10, 40, 90), _roll_only
     ),
-)
+)  # fmt: skip

@@ -24,10 +24,6 @@ def _renumbered(footage: Footage, kept: np.ndarray) -> Footage:
     )
 
 
-def _lost_images(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    return _renumbered(footage, ~some(len(footage), share, random))
-
-
 def _lost_block(footage: Footage, count: float, _random: np.random.Generator) -> Footage:
     numbers = np.arange(len(footage)) - len(footage) // 3
     return _renumbered(footage, (numbers < 0) | (numbers >= count))
@@ -53,18 +49,6 @@ def _frozen(footage: Footage, share: float, _random: np.random.Generator) -> Foo
     return footage.with_images(footage.images[first if first <= i < last else i] for i in range(len(footage)))
 
 
-def _dropped(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    return footage.chosen(~some(len(footage), share, random))
-
-
-def _time_lapse(footage: Footage, step: float, _random: np.random.Generator) -> Footage:
-    return footage.chosen(np.arange(len(footage)) % int(step) == 0)
-
-
-def _short(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    return footage.chosen(np.arange(len(footage)) < max(2, share * len(footage)))
-
-
 def _cuts(footage: Footage, length: float, random: np.random.Generator) -> Footage:
     """Shuffle pieces of ``length`` frames, with their exposures."""
     pieces = np.array_split(np.arange(len(footage)), max(2, len(footage) // int(length)))
@@ -77,10 +61,6 @@ def _changed(
 ) -> Footage:
     chosen = some(len(footage), share, random)
     return footage.with_images(change(image) if chosen[i] else image for i, image in enumerate(footage.images))
-
-
-def _covered(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    return _changed(footage, share, random, np.zeros_like)
 
 
 def _torn(footage: Footage, share: float, random: np.random.Generator) -> Footage:
@@ -106,19 +86,11 @@ def _since_midway(footage: Footage, change: Callable[[Image], Image]) -> Footage
     return footage.with_images(change(image) if i >= half(footage) else image for i, image in images)
 
 
-def _resized(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
-    return _since_midway(footage, lambda image: np.asarray(cv2.resize(image, None, fx=factor, fy=factor)))
-
-
 def _zoomed_in(image: Image, factor: float, shift: tuple[float, float] = (0.0, 0.0)) -> Image:
     height, width = image.shape
     x, y = ((1 - factor) * (width - 1) / 2 + shift[0], (1 - factor) * (height - 1) / 2 + shift[1])
     view = np.array([[factor, 0.0, x], [0.0, factor, y]])
     return np.asarray(cv2.warpAffine(image, view, (width, height), borderMode=cv2.BORDER_REPLICATE))
-
-
-def _zoom(footage: Footage, factor: float, _random: np.random.Generator) -> Footage:
-    return _since_midway(footage, lambda image: _zoomed_in(image, factor))
 
 
 def _stabilised(footage: Footage, shift_px: float, random: np.random.Generator) -> Footage:
@@ -184,33 +156,42 @@ def _duplicate_ids(footage: Footage, share: float, random: np.random.Generator) 
     return _with_lines(footage, [[name, *line[1:]] for name, line in zip(names, lines, strict=True)])
 
 
-def _decimal_commas(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    return _rewritten(footage, share, random, lambda line: [line[0], *(text.replace(".", ",") for text in line[1:])])
-
-
-def _swapped_columns(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    return _rewritten(footage, share, random, lambda line: [line[0], line[2], line[1]])
-
-
-def _cut_lines(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    return _rewritten(footage, share, random, lambda line: line[:2])
-
-
 FAULTS = (
-    Fault("lost-images", "a share of {} of images lost, numbering goes on", (0.005, 0.02, 0.1), _lost_images),
+    Fault(
+        "lost-images", "a share of {} of images lost, numbering goes on", (0.005, 0.02, 0.1),
+        lambda f, x, random: _renumbered(f, ~some(len(f), x, random)),
+    ),
     Fault("lost-block", "{} images lost at once, numbering goes on", (3, 10, 40), _lost_block),
     Fault("stutter", "a share of {} of images repeated, exposures go on", (0.005, 0.02, 0.1), _stutter),
     Fault("repeated", "a share of {} of frames repeated with their exposures", (0.05, 0.2, 0.5), _repeated),
     Fault("frozen", "the picture frozen for a share of {}", (0.05, 0.15, 0.5), _frozen),
-    Fault("dropped", "a share of {} of frames dropped", (0.05, 0.2, 0.6), _dropped),
-    Fault("time-lapse", "every {}th frame only", (2, 4, 10), _time_lapse),
-    Fault("short", "a share of {} of the recording", (0.5, 0.2, 0.08), _short),
+    Fault(
+        "dropped", "a share of {} of frames dropped", (0.05, 0.2, 0.6),
+        lambda f, x, random: f.chosen(~some(len(f), x, random)),
+    ),
+    Fault(
+        "time-lapse", "every {}th frame only", (2, 4, 10),
+        lambda f, x, _: f.chosen(np.arange(len(f)) % int(x) == 0),
+    ),
+    Fault(
+        "short", "a share of {} of the recording", (0.5, 0.2, 0.08),
+        lambda f, x, _: f.chosen(np.arange(len(f)) < max(2, x * len(f))),
+    ),
     Fault("cuts", "pieces of {} frames in another order", (50, 10, 1), _cuts),
-    Fault("covered", "a share of {} of images black", (0.02, 0.1, 0.3), _covered),
+    Fault(
+        "covered", "a share of {} of images black", (0.02, 0.1, 0.3),
+        lambda f, x, random: _changed(f, x, random, np.zeros_like),
+    ),
     Fault("torn", "the lower half missing in a share of {} of images", (0.01, 0.05, 0.2), _torn),
     Fault("interlaced", "every other row from {} frames later", (1, 2, 4), _interlaced),
-    Fault("resized", "{} times the size from half-way on", (0.9, 0.75, 0.5), _resized),
-    Fault("zoom", "a digital zoom of {} from half-way on", (1.05, 1.2, 1.5), _zoom),
+    Fault(
+        "resized", "{} times the size from half-way on", (0.9, 0.75, 0.5),
+        lambda f, x, _: _since_midway(f, lambda image: np.asarray(cv2.resize(image, None, fx=x, fy=x))),
+    ),
+    Fault(
+        "zoom", "a digital zoom of {} from half-way on", (1.05, 1.2, 1.5),
+        lambda f, x, _: _since_midway(f, lambda image: _zoomed_in(image, x)),
+    ),
     Fault("stabilised", "digital stabilisation that moves images by {} pixels", (1, 3, 8), _stabilised),
     Fault("rolling-shutter", "images sheared by {} pixels", (2, 5, 12), _sheared),
     Fault("mirrored", "images mirrored in the first {}", (0.1, 0.3, 0.5), _mirrored),
@@ -218,9 +199,16 @@ FAULTS = (
     Fault("missing-lines", "a share of {} of lines missing in times.txt", (0.01, 0.1, 0.5), _missing_lines),
     Fault("missing-files", "a share of {} of image files missing", (0.01, 0.1, 0.5), _missing_files),
     Fault("duplicate-ids", "the id before in a share of {} of lines", (0.01, 0.1, 0.5), _duplicate_ids),
-    Fault("decimal-commas", "decimal commas in a share of {} of lines", (0.01, 0.3, 1), _decimal_commas),
     Fault(
-        "swapped-columns", "stamp and exposure swapped in a share of {} of lines", (0.01, 0.3, 1), _swapped_columns
+        "decimal-commas", "decimal commas in a share of {} of lines", (0.01, 0.3, 1),
+        lambda f, x, random: _rewritten(f, x, random, lambda line: [part.replace(".", ",") for part in line]),
     ),
-    Fault("cut-lines", "no exposure in a share of {} of lines", (0.01, 0.1, 0.5), _cut_lines),
-)
+    Fault(
+        "swapped-columns", "stamp and exposure swapped in a share of {} of lines", (0.01, 0.3, 1),
+        lambda f, x, random: _rewritten(f, x, random, lambda line: [line[0], line[2], line[1]]),
+    ),
+    Fault(
+        "cut-lines", "no exposure in a share of {} of lines", (0.01, 0.1, 0.5),
+        lambda f, x, random: _rewritten(f, x, random, lambda line: line[:2]),
+    ),
+)  # fmt: skip

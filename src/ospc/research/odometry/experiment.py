@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -14,7 +13,7 @@ from ospc.errors import FormatError, NotObservableError, OspcError, SettingError
 from ospc.evaluation.trajectory import AlignmentError, Trajectory, alignment_error, read_trajectory
 from ospc.recording import Recording
 from ospc.research.odometry.inputs import CAMERA, TRUTH, Calibrations, Condition, OdometryInput, images_of, needed
-from ospc.research.runner import OnProgress, OnShare, ResultStore, run
+from ospc.research.runner import Finished, OnProgress
 
 Ending = Literal["finished", "lost", "diverged", "failed", "timeout"]
 """``lost``: it gave up before the end. ``diverged``: its poses are not finite, or far outside of all others.
@@ -189,7 +188,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class RunTask:
-    """One run of odometry."""
+    """One run of odometry over a recording under a condition."""
 
     recording: str
     source: OdometryInput = field(repr=False)
@@ -198,8 +197,8 @@ class RunTask:
 
     @property
     def name(self) -> str:
-        """Recording and number; conditions with the same files share their runs."""
-        return f"{self.recording} (run {self.number})"
+        """Recording, condition and number."""
+        return f"{self.recording}, {self.source.condition.name} (run {self.number})"
 
     def describe(self) -> dict[str, Any]:
         """Return images, parameters, program and number."""
@@ -210,67 +209,40 @@ class RunTask:
         return self.odometry.track(self.source, self.number).as_dict()
 
 
-@dataclass
-class Outcome:
-    """All runs by recording, condition and number, and notes on why conditions could not be run."""
-
-    results: dict[tuple[str, str, int], RunResult] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-
-    def of(self, recording: str, condition: Condition) -> list[RunResult]:
-        """Return the runs of a recording under a condition, by number."""
-        return [r for key, r in sorted(self.results.items()) if key[:2] == (recording, condition.name)]
-
-    def add(self, result: RunResult) -> None:
-        """Add a run."""
-        self.results[result.recording, result.condition, result.run] = result
-
-
-def tasks_of(experiment: Experiment, odometry: Odometry, outcome: Outcome) -> list[RunTask]:
+def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[RunTask], list[RunResult]]:
     """Return all runs, the first of everything before the second, so that an interruption leaves a fair table.
 
-    A calibration that cannot be made is a result: its runs are recorded as failed.
+    A calibration that cannot be made is a result: its runs are returned as failed ones.
     """
     tasks: list[RunTask] = []
+    failed: list[RunResult] = []
     for name, recording in experiment.recordings.items():
         images = images_of(recording, experiment.folder / "images")
         for condition in experiment.conditions:
             try:
                 photometry = experiment.calibrations.of(recording, condition)
             except OspcError as error:
-                outcome.notes.append(f"{name}, {condition.title}: {error}")
-                for number in range(experiment.runs):
-                    outcome.add(RunResult(name, condition.name, number, Tracked(None), "failed", str(error)))
+                failed += [
+                    RunResult(name, condition.name, number, Tracked(None), "failed", str(error))
+                    for number in range(experiment.runs)
+                ]
                 continue
             source = OdometryInput.of(recording, images, condition, photometry)
             tasks += [RunTask(name, source, odometry, number) for number in range(experiment.runs)]
-    return sorted(tasks, key=lambda task: task.number)
+    return sorted(tasks, key=lambda task: task.number), failed
 
 
-def run_experiment(
-    experiment: Experiment,
-    odometry: Odometry,
-    outcome: Outcome,
-    jobs: int = 1,
-    on_share: OnShare = lambda _task, _share: None,
-) -> Iterator[bool]:
-    """Run what has not been run before, add to the outcome, and say of every run whether it was stored already.
-
-    ``jobs`` and ``on_share`` are those of :func:`ospc.research.runner.run`.
-    """
-    tasks = tasks_of(experiment, odometry, outcome)
-    for finished in run(tasks, ResultStore(experiment.folder / "runs"), jobs, on_share):
-        task = finished.task
-        result = judged(
-            Tracked.from_dict(finished.result),
-            experiment.truth_of(experiment.recordings[task.recording]),
-            task.source.stamps_s,
-            recording=task.recording,
-            condition=task.source.condition.name,
-            run=task.number,
-        )
-        outcome.add(result)
-        yield finished.stored
+def result_of(finished: Finished, experiment: Experiment) -> RunResult:
+    """Return a finished :class:`RunTask`, compared with the truth."""
+    task = finished.task
+    return judged(
+        Tracked.from_dict(finished.result),
+        experiment.truth_of(experiment.recordings[task.recording]),
+        task.source.stamps_s,
+        recording=task.recording,
+        condition=task.source.condition.name,
+        run=task.number,
+    )
 
 
 def end_segments(truth: Trajectory, share: float) -> Trajectory:

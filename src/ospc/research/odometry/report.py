@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from ospc.errors import FormatError, NotObservableError
 from ospc.evaluation.trajectory import Trajectory, align_similarity, associate
 from ospc.formats.files import csv_text
 from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable, rules, save
-from ospc.research.odometry.experiment import Experiment, Outcome, RunResult
+from ospc.research.odometry.experiment import Experiment, RunResult
 from ospc.research.odometry.inputs import Condition
 from ospc.research.pictures import figure_of_panels, look
 from ospc.research.tables import StudyReport, Table, as_json
@@ -24,16 +24,31 @@ _PANEL_IN = (4.4, 4.4)
 """Width and height of a trajectory in inches."""
 
 
-def median_table(experiment: Experiment, outcome: Outcome) -> Table:
+Columns = dict[str, list[tuple[Condition, list[RunResult]]]]
+"""The runs of every recording under each condition, by number."""
+
+
+def columns_of(experiment: Experiment, results: Iterable[RunResult]) -> Columns:
+    """Return the columns of the table for every recording."""
+    runs = sorted(results, key=lambda run: run.run)
+    return {
+        name: [
+            (condition, [run for run in runs if (run.recording, run.condition) == (name, condition.name)])
+            for condition in experiment.conditions
+        ]
+        for name in experiment.recordings
+    }
+
+
+def median_table(columns: Columns) -> Table:
     """Return one row a recording and one column a condition, the lowest median of each row marked."""
     lines, best = [], set()
-    for number, name in enumerate(experiment.recordings):
-        runs = [outcome.of(name, condition) for condition in experiment.conditions]
-        middles = [_median(some) for some in runs]
+    for number, (name, found) in enumerate(columns.items()):
+        middles = [_median(runs) for _, runs in found]
         if math.isfinite(min(middles)):
             best.add((number, 1 + middles.index(min(middles))))
-        lines.append((name, *(_text(middle, some) for middle, some in zip(middles, runs, strict=True))))
-    header = ("recording", *(condition.title for condition in experiment.conditions))
+        lines.append((name, *(_text(middle, runs) for middle, (_, runs) in zip(middles, found, strict=True))))
+    header = ("recording", *(condition.title for condition, _ in next(iter(columns.values()))))
     return Table("Median e_align, in units of the truth", header, tuple(lines), best=frozenset(best))
 
 
@@ -50,33 +65,23 @@ def _text(median: float, runs: Sequence[RunResult]) -> str:
     return f"{shown} ({failed}/{len(runs)} failed)" if failed else shown
 
 
-def medians_of(experiment: Experiment, outcome: Outcome) -> dict[str, dict[str, dict[str, Any]]]:
-    """Return the medians by recording and condition, as JSON-compatible values; None for an infinite one."""
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    for name in experiment.recordings:
-        for condition in experiment.conditions:
-            runs = outcome.of(name, condition)
-            median = _median(runs)
-            found.setdefault(name, {})[condition.name] = {
-                "median": median if math.isfinite(median) else None,
-                "finished": sum(math.isfinite(run.error) for run in runs),
-                "runs": len(runs),
-            }
-    return found
+def _summary(runs: Sequence[RunResult]) -> dict[str, Any]:
+    """Return the median, None for an infinite one, and how many runs finished."""
+    median = _median(runs)
+    finished = sum(math.isfinite(run.error) for run in runs)
+    return {"median": median if math.isfinite(median) else None, "finished": finished, "runs": len(runs)}
 
 
-def odometry_report(experiment: Experiment, outcome: Outcome) -> StudyReport:
+def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> StudyReport:
     """Return the report, with ``runs.csv``, ``results.json``, ``table.md`` and pictures; for JSON, the medians."""
-    columns = {
-        name: [(condition, outcome.of(name, condition)) for condition in experiment.conditions]
-        for name in experiment.recordings
-    }
+    columns = columns_of(experiment, results)
     runs = [(condition, run) for found in columns.values() for condition, some in found for run in some]
-    results, medians = [run.as_dict() for _, run in runs], medians_of(experiment, outcome)
-    table = median_table(experiment, outcome)
+    lines = [run.as_dict() for _, run in runs]
+    medians = {name: {condition.name: _summary(some) for condition, some in found} for name, found in columns.items()}
+    table = median_table(columns)
     texts = {
-        "runs.csv": csv_text([results[0] if results else [], *(result.values() for result in results)]),
-        "results.json": as_json({"runs": results, "medians": medians, "notes": outcome.notes}),
+        "runs.csv": csv_text([lines[0] if lines else [], *(line.values() for line in lines)]),
+        "results.json": as_json({"runs": lines, "medians": medians}),
         "table.md": table.as_markdown(),
     }
     pictures: dict[str, Callable[[Path], Path]] = {

@@ -21,8 +21,8 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.errors import NotObservableError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.research.method import Estimate, Outcome
-from ospc.research.rivals.log_response import LogModel
+from ospc.research.method import Estimate, Outcome, with_and_without
+from ospc.research.rivals.log_response import log_model
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
 
 KEY_FRAMES_APART = 15
@@ -48,7 +48,7 @@ def mixture_responses(
     tracks: TrackObservations, truth: Response | None = None, apart: int = KEY_FRAMES_APART
 ) -> tuple[FloatArray, dict[int, float]]:
     """Return c of every key frame, shape (keys, 5), and exposures by frame, up to a factor."""
-    model, greys = LogModel.learned(), np.arange(256)
+    model, greys = log_model(), np.arange(256)
     grey = 255 * tracks.grey
     first, second = _pairs(tracks)
     span = tracks.frames[-1] - tracks.frames[0]
@@ -118,11 +118,10 @@ class Grundmann:
 
     def found(self) -> dict[str, Outcome]:
         """Return the variants that are possible."""
-        tracks, model = self._tracker.observations(), LogModel.learned()
-        outcomes: dict[str, Outcome] = {}
-        for name, truth in (("with", self._truth), ("without", None)):
-            if name == "without" or truth is not None:
-                coefficients, exposures = mixture_responses(tracks, truth)
-                response = model.response(coefficients.mean(axis=0), "grundmann")
-                outcomes[f"grundmann-{name}"] = Estimate(response, exposures=exposures)
-        return outcomes
+        tracks = self._tracker.observations()
+
+        def estimate(known: Response | None) -> Estimate:
+            coefficients, exposures = mixture_responses(tracks, known)
+            return Estimate(log_model().response(coefficients.mean(axis=0), "grundmann"), exposures=exposures)
+
+        return with_and_without("grundmann", self._truth, estimate)

@@ -25,8 +25,8 @@ from ospc.arrays import Float32Array, FloatArray, Image
 from ospc.errors import NotObservableError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.research.method import Estimate, Outcome
-from ospc.research.rivals.log_response import LogModel
+from ospc.research.method import Estimate, Outcome, with_and_without
+from ospc.research.rivals.log_response import LogModel, log_model
 from ospc.unknown_exposures.tracking import sampled
 
 _SIDE, _PYRAMID, _STEPS = 9, 4, 6
@@ -209,7 +209,7 @@ class KimFrahmPollefeys:
     """The method, with one point of the true response, if that is known, and without."""
 
     def __init__(self, truth: Response | None) -> None:
-        self._truth, self._model = truth, LogModel.learned()
+        self._truth, self._model = truth, log_model()
         self._coefficients = np.zeros(len(self._model.components))
         self._previous: Image | None = None
         self._pairs: list[TrackedPair] = []
@@ -237,18 +237,15 @@ class KimFrahmPollefeys:
 
     def found(self) -> dict[str, Outcome]:
         """Return the variants that are possible."""
-        variants = {"without": None} if self._truth is None else {"with": self._truth, "without": None}
-        return {
-            f"kim-frahm-pollefeys-{name}": Estimate(self._model.response(self._solved(truth), "kim-frahm-pollefeys"))
-            for name, truth in variants.items()
-        }
+        name = "kim-frahm-pollefeys"
+        return with_and_without(
+            name, self._truth, lambda known: Estimate(self._model.response(self._solved(known), name))
+        )
 
     def _solved(self, truth: Response | None) -> FloatArray:
         """Return c from all pairs kept."""
         if not self._pairs:
-            raise NotObservableError(
-                "the exposure of successive frames hardly changes, or too few features could be tracked across it"
-            )
+            raise NotObservableError("exposures of successive frames hardly change, or too few features were tracked")
         coefficients = self._coefficients
         for _ in range(_TURNS):
             systems = [reduced_system(pair, self._model, coefficients) for pair in self._pairs]

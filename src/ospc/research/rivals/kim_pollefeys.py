@@ -12,11 +12,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.optimize import isotonic_regression
 
 from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.errors import NotObservableError
@@ -26,7 +24,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, failure
-from ospc.research.rivals.log_response import LogModel
+from ospc.research.rivals.log_response import log_model
 from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 
 _LEVELS = 256
@@ -58,28 +56,13 @@ _STEP_PX, _BACK_PX, _SMOOTHING_PX = 3, 1.0, 1.2
 _EXPONENTS = 2 * np.arange(1, 4)
 
 
-@dataclass(frozen=True)
-class DecoupledEstimate:
-    """The result of the method.
+def estimate_decoupled(
+    pairs: Sequence[Correspondences], known: tuple[int, float] | None = None
+) -> tuple[Estimate, FloatArray]:
+    """Return response and vignette from points that are visible in both images of each pair, and its K, shape (n,).
 
-    Attributes
-    ----------
-    response, vignette
-        Known up to the exponent that the assumed exposure fixes.
-    log_ratios
-        K of each pair of images, shape (n,).
-    """
-
-    response: Response
-    vignette: PolynomialVignette
-    log_ratios: FloatArray
-
-
-def estimate_decoupled(pairs: Sequence[Correspondences], known: tuple[int, float] | None = None) -> DecoupledEstimate:
-    """Return response, exposures and vignette from points that are visible in both images of each pair.
-
-    ``known`` is the number of a pair and ln of its exposure ratio e₀/e₁; where None, that of the pair whose
-    brightness changes most is assumed to be 1.5 or 1/1.5.
+    ``known`` is the number of a pair and ln of its exposure ratio e₀/e₁, which fixes the exponent; where None, that
+    of the pair whose brightness changes most is assumed to be 1.5 or 1/1.5.
 
     Raises
     ------
@@ -92,8 +75,7 @@ def estimate_decoupled(pairs: Sequence[Correspondences], known: tuple[int, float
         raise NotObservableError("no pair of images has enough points at equal radius to show how brightness changes")
     response, by_pair = _solve_response(transfers, known)
     ratios = np.array([by_pair.get(number, np.nan) for number in range(len(pairs))])
-    vignette = _solve_vignette(pairs, response, ratios)
-    return DecoupledEstimate(response, vignette, ratios)
+    return Estimate(response, _solve_vignette(pairs, response, ratios)), ratios
 
 
 def _transfer(pair: Correspondences) -> tuple[IntArray, IntArray, FloatArray] | None:
@@ -130,7 +112,7 @@ def _solve_response(
     transfers: Sequence[tuple[int, IntArray, IntArray, FloatArray]], known: tuple[int, float] | None
 ) -> tuple[Response, dict[int, float]]:
     """Solve Σ cₖ(hₖ(M₁) − hₖ(τ)) − K = −(g₀(M₁) − g₀(τ)), all in ln, with one K fixed."""
-    model = LogModel.learned()
+    model = log_model()
     mean, components = model.mean, model.components
     changes = [float(np.average(np.log(m1 / m2), weights=w)) for _, m1, m2, w in transfers]
     numbers = [number for number, *_ in transfers]
@@ -155,12 +137,8 @@ def _solve_response(
     # A weak pull towards the mean curve determines what no pair shows.
     pull = _PULL * np.eye(count, count + len(transfers) - 1)
     found = _robust(np.delete(matrix, count + fixed, axis=1), target, pull)
-    curve = np.exp(mean + found[:count] @ components)
     ratios = np.insert(found[count:], fixed, value)
-    increasing = np.asarray(isotonic_regression(curve).x) + 1e-9 * np.arange(_LEVELS)
-    increasing[0] = 0.0
-    response = Response.from_values(increasing, model={"name": "kim-pollefeys"})
-    return response, dict(zip(numbers, ratios.tolist(), strict=True))
+    return model.response(found[:count], "kim-pollefeys"), dict(zip(numbers, ratios.tolist(), strict=True))
 
 
 def _robust(matrix: FloatArray, target: FloatArray, pull: FloatArray) -> FloatArray:
@@ -232,8 +210,7 @@ class KimPollefeys:
         outcomes: dict[str, Outcome] = {}
         for name, known in (("kim-pollefeys-known", self._largest_change()), ("kim-pollefeys-assumed", None)):
             try:
-                found = estimate_decoupled(self._pairs, known)
-                outcomes[name] = Estimate(found.response, found.vignette)
+                outcomes[name], _ = estimate_decoupled(self._pairs, known)
             except NotObservableError as error:
                 outcomes[name] = failure(error)
         return outcomes

@@ -43,11 +43,6 @@ class LogModel:
     mean: FloatArray
     components: FloatArray
 
-    @classmethod
-    def learned(cls) -> LogModel:
-        """Return the model that is learned from analytic families of curves, with ln g(1) = 0."""
-        return _learned()
-
     def curve(self, coefficients: FloatArray) -> FloatArray:
         """Return ln g at 256 grey levels."""
         return np.asarray(self.mean + coefficients @ self.components)
@@ -83,7 +78,8 @@ class LogModel:
 
 
 @cache
-def _learned() -> LogModel:
+def log_model() -> LogModel:
+    """Return the model that is learned from analytic families of curves, with ln g(1) = 0."""
     curves = np.log(np.maximum(family_of_inverses(_LEVELS), _DARKEST))
     mean = curves.mean(axis=0)
     _, singular, directions = np.linalg.svd(curves - mean, full_matrices=False)

@@ -24,7 +24,7 @@ from ospc.errors import NotObservableError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, failure
-from ospc.research.rivals.log_response import ANCHOR, LogModel
+from ospc.research.rivals.log_response import ANCHOR, log_model
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_distance
 from ospc.unknown_exposures.tracking import GainRobustTracker
@@ -51,7 +51,7 @@ def rank_one_response(grey: FloatArray) -> Response:
 
     The exponent is that of the mean curve of the model.
     """
-    model, levels = LogModel.learned(), np.linspace(0, 1, 256)
+    model, levels = log_model(), np.linspace(0, 1, 256)
     count = len(model.components)
 
     def residuals(unknown: FloatArray) -> FloatArray:

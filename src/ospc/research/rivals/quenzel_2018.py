@@ -21,13 +21,13 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
+from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.errors import NotObservableError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording.frame import Frame, size_of
-from ospc.research.method import Estimate, Outcome
+from ospc.research.method import Estimate, Outcome, with_and_without
 from ospc.unknown_exposures.tracking import GainRobustTracker
 
 KEY_FRAMES_APART, MOST_KEY_FRAMES = 10, 24
@@ -64,7 +64,7 @@ class KeyFramePoints:
     size
         Width and height of the frames.
     point, frame
-        Numbers of scene point and key frame of each observation, shape (n,).
+        Number of the scene point and index of the key frame of each observation, shape (n,).
     grey
         In [0, 1], shape (n,).
     position
@@ -78,25 +78,14 @@ class KeyFramePoints:
     position: FloatArray
 
 
-@dataclass(frozen=True)
-class SplineEstimate:
-    """Response, vignette, and exposures of the key frames up to a factor."""
-
-    response: Response
-    vignette: RasterVignette
-    exposures: FloatArray
-
-
-def estimate_splines(
-    points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bending: float = _BENDING
-) -> SplineEstimate:
+def estimate_splines(points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bending: float = _BENDING) -> Estimate:
     """Return the estimate for a γ, which fixes the exponent, and a weight of bending."""
     used = (points.grey > _DARKEST) & (points.grey < _BRIGHTEST)
     used &= np.bincount(points.point[used], minlength=points.point.max(initial=0) + 1)[points.point] > 1
     if np.count_nonzero(used) < _FEWEST:
         raise NotObservableError("too few points are seen in several key frames")
     _, point = np.unique(points.point[used], return_inverse=True)
-    _, frame = np.unique(points.frame[used], return_inverse=True)
+    numbers, frame = np.unique(points.frame[used], return_inverse=True)
     grey_basis, grey = _grey_splines(points.grey[used]), points.grey[used] ** gamma
     plane_basis = _plane_splines(points.position[used])
     # The noise of ln g is largest where g is steep, M^γ at small M; unweighted, it flattens the curve.
@@ -111,23 +100,20 @@ def estimate_splines(
         # ln L is the mean over the observations of a point.
         return np.asarray(weight * (rest - (np.bincount(point, weights=weight**2 * rest) / totals)[point]))
 
-    bent = np.concatenate([_splines_of(knots, terms), np.zeros(frames - 1, dtype=bool)])
+    # Only the splines: neither the even polynomial, the first three terms, nor the exposures.
+    bent = np.r_[:knots, knots + 3 : knots + terms]
 
     def with_bending(unknown: FloatArray) -> FloatArray:
         return np.append(residuals(unknown), bending * unknown[bent])
 
     start = np.zeros(knots + terms + frames - 1)
     found = least_squares(with_bending, start, loss="soft_l1", f_scale=_ROBUST, method="trf", x_scale="jac").x
-    return SplineEstimate(
+    exposures = np.exp(np.append(0.0, found[knots + terms :]))
+    return Estimate(
         _response(gamma, found[:knots]),
         _vignette(points.size, found[knots : knots + terms]),
-        np.exp(np.append(0.0, found[knots + terms :])),
+        exposures=dict(zip(numbers.tolist(), exposures.tolist(), strict=True)),
     )
-
-
-def _splines_of(knots: int, terms: int) -> BoolArray:
-    """Return which unknowns are weights of splines; the others are the coefficients of the even polynomial."""
-    return np.concatenate([np.ones(knots, dtype=bool), np.arange(terms) >= 3])
 
 
 def _grey_splines(grey: FloatArray) -> FloatArray:
@@ -163,13 +149,17 @@ def _vignette(size: ImageSize, weights: FloatArray) -> RasterVignette:
     return RasterVignette(np.maximum(image, _LEAST).reshape(size[1], size[0]).astype(np.float32), {"name": "quenzel"})
 
 
-class KeyFrameTracker:
-    """Tracks features, and keeps their places and grey levels in key frames."""
+class Quenzel:
+    """The method, from the places and grey levels of tracked features in key frames.
 
-    def __init__(self) -> None:
+    There are two variants: with one point of the true response, which fixes γ, and without.
+    """
+
+    def __init__(self, truth: Response | None) -> None:
+        self._truth = truth
         self._tracker = GainRobustTracker()
         self._count = 0
-        self._size: ImageSize = (0, 0)
+        self._size: ImageSize = (2, 2)
         self._key_frames: deque[tuple[int, IntArray, FloatArray, FloatArray]] = deque(maxlen=MOST_KEY_FRAMES)
 
     def push(self, frame: Frame) -> None:
@@ -181,38 +171,21 @@ class KeyFrameTracker:
             self._key_frames.append((frame.index, tracks, self._tracker.grey_at_current(frame), places))
         self._count += 1
 
-    def key_frame_points(self) -> tuple[KeyFramePoints, list[int]]:
-        """Return what the latest key frames show, and the indices of these frames."""
-        indices = [index for index, *_ in self._key_frames]
-        frame = np.repeat(np.arange(len(indices)), [len(track) for _, track, *_ in self._key_frames])
-        tracks, greys, places = (
-            np.concatenate([key[part] for key in self._key_frames]) if indices else np.empty(0, int)
-            for part in (1, 2, 3)
-        )
-        position = normalised(places.reshape(-1, 2).astype(np.float64), self._size if indices else (2, 2))
-        return KeyFramePoints(self._size, tracks.astype(np.int64), frame, greys.astype(np.float64), position), indices
-
-
-class Quenzel:
-    """The method, with one point of the true response and without."""
-
-    def __init__(self, truth: Response | None) -> None:
-        self._truth = truth
-        self._tracker = KeyFrameTracker()
-
-    def push(self, frame: Frame) -> None:
-        """Take the next frame."""
-        self._tracker.push(frame)
-
     def found(self) -> dict[str, Outcome]:
         """Return the variants that are possible."""
-        points, indices = self._tracker.key_frame_points()
-        gammas = {"without": _USUAL_GAMMA}
-        if self._truth is not None:
-            gammas = {"with": float(np.log(self._truth.inverse(0.5)) / np.log(0.5))} | gammas
-        outcomes: dict[str, Outcome] = {}
-        for name, gamma in gammas.items():
-            found = estimate_splines(points, gamma)
-            exposures = dict(zip(indices, found.exposures.tolist(), strict=False))
-            outcomes[f"quenzel-{name}"] = Estimate(found.response, found.vignette, exposures=exposures)
-        return outcomes
+        points = self._points()
+
+        def estimate(known: Response | None) -> Estimate:
+            gamma = _USUAL_GAMMA if known is None else float(np.log(known.inverse(0.5)) / np.log(0.5))
+            return estimate_splines(points, gamma)
+
+        return with_and_without("quenzel", self._truth, estimate)
+
+    def _points(self) -> KeyFramePoints:
+        """Return what the latest key frames show."""
+        if not self._key_frames:
+            raise NotObservableError("too few points are seen in several key frames")
+        indices, tracks, greys, places = zip(*self._key_frames, strict=True)
+        frame = np.repeat(indices, [len(track) for track in tracks])
+        position = normalised(np.concatenate(places).reshape(-1, 2).astype(np.float64), self._size)
+        return KeyFramePoints(self._size, np.concatenate(tracks), frame, np.concatenate(greys), position)
