@@ -395,6 +395,7 @@ class Engine:
 
     def _judged(self, known: Calibration, found: ExposureFindings) -> Calibration:
         """Return a calibration with the verdicts that its exposures allow."""
+        found = found.doubted_by(known.effects)
         verdicts = {name: found.judged(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}

@@ -7,6 +7,7 @@ import pytest
 from filmed import Film, found, wandering
 
 from ospc.calibrator import OnlineCalibrator, calibrate
+from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
 from ospc.recording import Frame
 
 FRAMES = 56
@@ -34,6 +35,21 @@ def test_a_lag_that_is_not_to_be_corrected_is_a_warning() -> None:
     assert response.state == "not identifiable" or "2 frames late" in response.reason
     assert not calibration.converged
     assert "exposure_lag_corrected_frames" not in calibration.source
+
+
+@pytest.mark.parametrize(
+    ("effect", "state"),
+    [
+        (EffectEstimate(LATE_EXPOSURES, 0.6, 0.08), "marginal"),
+        (EffectEstimate(LATE_EXPOSURES, -0.6, 0.08), "marginal"),
+        (EffectEstimate(LATE_EXPOSURES, 0.6, 0.08, corrected=True), "identifiable"),
+        (EffectEstimate(LATE_EXPOSURES, 0.6, 0.2), "identifiable"),
+        (EffectEstimate(LATE_EXPOSURES, 0.05, 0.001), "identifiable"),
+        (EffectEstimate("exposure offset", 0.6, 0.08), "identifiable"),
+    ],
+)
+def test_a_fit_that_shows_exposures_of_other_frames_leaves_a_doubt(effect: EffectEstimate, state: str) -> None:
+    assert found(LATE).doubted_by([effect]).verdict.state == state
 
 
 def test_a_number_is_obeyed_and_checked() -> None:

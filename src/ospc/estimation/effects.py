@@ -17,6 +17,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import MOMENTS, ExposedObservations
+from ospc.photometry.effect_estimate import LATE_EXPOSURES
 from ospc.settings.estimation import (
     BLACK_DRIFT,
     CURVATURE,
@@ -122,7 +123,7 @@ EFFECTS = {
     "exposure offset": Effect(
         "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, -MOST_OFFSET, MOST_OFFSET
     ),
-    "late exposures": Effect(
+    LATE_EXPOSURES: Effect(
         "log", lambda seen: seen.log_exposure_rate, *LATENESS, -MOST_LATE_FRAMES, MOST_LATE_FRAMES
     ),
     "local tone mapping": Effect("log", lambda seen: seen.log_surround_gain, *LOCAL_TONE),
@@ -133,7 +134,7 @@ EFFECTS = {
 }
 """All effects by their names."""
 
-CORRECTED = ("veiling glare", "light scattered nearby", "dark current", "exposure offset", "late exposures")
+CORRECTED = ("veiling glare", "light scattered nearby", "dark current", "exposure offset", LATE_EXPOSURES)
 """Effects that real cameras have. Those that the observations show are taken out of the result."""
 
 CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)

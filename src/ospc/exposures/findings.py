@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -22,6 +22,7 @@ from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.lag import MAX_LAG, LagEstimate, estimate_lag
 from ospc.exposures.table import filled
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
+from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
 from ospc.photometry.verdict import Verdict
 
 LagChoice = int | Literal["auto", "never", "trusted"]
@@ -37,6 +38,10 @@ then half as large as the changes themselves."""
 
 _FEW_FRAMES = 40
 """Recordings with fewer frames, such as a series of photographs, are not doubted for being too short to check."""
+
+_LATE_FRAMES, _LATE_SIGMAS = 0.3, 5.0
+"""Part of a frame by which a fit shows exposures to be late or early, and standard deviations, from which on they may
+belong to other frames. With the right lag 200 clean recordings show a twentieth of a frame; with a wrong one 0.6."""
 
 CHANGE_IRREGULARLY = (
     "record a minute in which the exposure changes abruptly and irregularly: cover the lens for a moment, point at a "
@@ -93,6 +98,24 @@ class ExposureFindings:
         if not self.warnings or not verdict.known:
             return verdict
         return Verdict("marginal", f"{verdict.reason}, but {'; '.join(self.warnings)}", self.verdict.remedy)
+
+    def doubted_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
+        """Return them with a doubt where the fit to pairs of frames shows exposures to be late or early all the same.
+
+        Parameters
+        ----------
+        effects
+            What the fit, with the exposures as corrected, says about effects.
+        """
+        lateness = next((effect for effect in effects if effect.name == LATE_EXPOSURES), None)
+        if self.verdict.state != "identifiable" or lateness is None or lateness.corrected:
+            return self
+        frames = abs(lateness.value)
+        if frames < max(_LATE_FRAMES, _LATE_SIGMAS * lateness.sigma):
+            return self
+        when = "late" if lateness.value > 0 else "early"
+        reason = f"{self.verdict.reason}, but the fit shows them {frames:.1f} ± {lateness.sigma:.1g} frames {when}"
+        return replace(self, verdict=Verdict("marginal", reason, CHANGE_IRREGULARLY))
 
 
 def assess_exposures(

@@ -9,7 +9,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.unevenness import UNEVEN
 from ospc.estimation.unsteadiness import UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE
 from ospc.photometry.calibration import ExposureRatios
-from ospc.photometry.effect_estimate import EffectEstimate
+from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
 from ospc.photometry.verdict import Verdict
 from ospc.settings import DefaultSettings
 
@@ -232,7 +232,7 @@ def _corrected(found: EffectEstimate, typical_ms: float) -> str:
         return f"{share} of the light is scattered around its place; that is taken into account"
     if found.name == "dark current":
         return f"a dark signal of {share} of white at {typical_ms:.3g} ms was found and is taken into account"
-    if found.name == "late exposures":
+    if found.name == LATE_EXPOSURES:
         when, lag = ("late" if found.value > 0 else "early"), f"{abs(found.value):.2f} ± {found.sigma:.1g}"
         return f"exposures are {when} by {lag} of a frame; that is taken into account"
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"

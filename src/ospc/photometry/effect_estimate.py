@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+LATE_EXPOSURES = "late exposures"
+"""Name of the effect of exposures that are a part of a frame late."""
+
 
 @dataclass(frozen=True)
 class EffectEstimate:

@@ -291,7 +291,7 @@ SUSPECTED_SIGMAS = 1.5
 """Standard deviations from which on an effect is fitted with everything else. One step towards it tells little: the
 effect itself adds to the scatter by which it is judged."""
 
-MIN_GROUPS = 100
+MIN_GROUPS = 64
 """Fewest pairs of frames from which an effect counts: the scatter between fewer is itself uncertain. In halves of a
 real video of 60 frames effects of eight standard deviations came up that the whole does not have."""
 
