@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.flat_sampling import FlatSampler
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.registration import (
     DenseRegistration,
-    ExposureNormalizer,
     Registration,
     displacement_at,
     make_registrar,

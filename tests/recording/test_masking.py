@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from image_samples import encoded, grey
 
+from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.features import OrbExtractor, extract
 from ospc.correspondence.flat_sampling import FlatSampler
 from ospc.correspondence.preprocessing import Preprocessor
-from ospc.correspondence.registration import DenseRegistration, ExposureNormalizer
+from ospc.correspondence.registration import DenseRegistration
 from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import SettingError
 from ospc.recording import ArrayRecording, identity

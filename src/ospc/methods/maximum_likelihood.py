@@ -7,12 +7,13 @@ import sys
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
+from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler, Samples
 from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
-from ospc.correspondence.registration import ExposureNormalizer, make_registrar
+from ospc.correspondence.registration import make_registrar
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.second_thread import SecondThread
 from ospc.correspondence.static_series import StaticSeries

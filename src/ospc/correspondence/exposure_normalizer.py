@@ -1,0 +1,138 @@
+"""Brings two frames to equal brightness, by their exposures or by what they show."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import Float32Array, ImageSize
+from ospc.correspondence.preprocessing import ReducedFrame
+from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, values_at
+from ospc.photometry.geometry import pixel_grid
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import Vignette
+
+Image8: TypeAlias = npt.NDArray[np.uint8]
+"""Grey levels of 8 bit, shape (h, w)."""
+
+_DISPLAY_GAMMA = 2.2
+"""Exponent of the scale on which images are registered, that of displays: noise and contrast are similar in dark and
+bright parts."""
+
+_DARKEST, _BRIGHTEST = 8.0, 247.0
+"""Grey levels beyond which a quantile may be clipped, of 255."""
+
+_LARGEST_DISAGREEMENT = 0.4
+"""Largest difference, in ln, between the exposure ratio stated and that in the images at which the former is taken.
+With the response still unknown the images are wrong by as much; once it is known, by some hundredths."""
+
+_PLAIN_AGREEMENT = 0.2
+"""Largest difference, in ln, between the exposure ratio stated and that of the quantiles of grey at which the former
+is taken without a closer look. Quantiles are wrong by less where most of a view is shared."""
+
+_LEAST_SHARE = 0.15
+"""Share of the places of the thumbnails that two frames must have in common for their brightness to be compared place
+by place; where less is, the quantiles of their grey levels are compared."""
+
+_LARGEST_SPREAD = 0.15
+"""Standard deviation, in ln, of the ratios of single places up to which their median is relied on."""
+
+_DARKEST_IRRADIANCE = 1e-6
+"""Lowest irradiance whose logarithm is taken: below that of the first grey level of any camera."""
+
+
+class ExposureNormalizer:
+    """Brings two small images to equal brightness, without vignette, on a display's scale.
+
+    How much brighter one is, is measured in the images themselves. The ratio of the exposures stated is more exact,
+    and is taken where it agrees: exposures that are wrong, or written beside the wrong frame, do no harm.
+
+    Parameters
+    ----------
+    response
+        What is known of the response; the typical display gamma where nothing is.
+    vignette
+        What is known of the vignette; None for V ≡ 1.
+    trusts_stated
+        Whether the ratio of the exposures stated is taken without a look at the images.
+    """
+
+    def __init__(
+        self, response: Response | None = None, vignette: Vignette | None = None, *, trusts_stated: bool = False
+    ) -> None:
+        self._trusts_stated = trusts_stated
+        known = response if response is not None else Response.gamma(_DISPLAY_GAMMA)
+        irradiance = known.inverse(np.arange(256) / 255)
+        self._root = irradiance ** (1 / _DISPLAY_GAMMA)
+        self._log_irradiance = np.log(np.maximum(irradiance, _DARKEST_IRRADIANCE))
+        self._vignette = vignette
+        self._lift: dict[tuple[int, ...], Float32Array] = {}
+        self._register = ThumbnailRegistration()
+
+    def __call__(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> tuple[Image8, Image8]:
+        """Return the small images of both as they would be at the longer exposure, shapes (h, w).
+
+        Parameters
+        ----------
+        frame0, frame1
+            The frames.
+        stated_log_ratio
+            ln of the exposure of the second over that of the first, NaN where it is unknown.
+        """
+        log_ratio = stated_log_ratio
+        relied_on = self._trusts_stated or self._plainly_agrees(frame0, frame1, stated_log_ratio)
+        if np.isnan(stated_log_ratio) or not relied_on:
+            shown, sure = self.log_ratio(frame0, frame1)
+            contradicted = sure and abs(stated_log_ratio - shown) > _LARGEST_DISAGREEMENT
+            log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
+        # At the longer exposure both images clip at the same radiance, so that clipped areas have the same edges.
+        return self._brightened(frame0, max(0.0, log_ratio)), self._brightened(frame1, max(0.0, -log_ratio))
+
+    def log_ratio(self, frame0: ReducedFrame, frame1: ReducedFrame) -> tuple[float, bool]:
+        """Return ln of the irradiance of the same places, second frame over first, and whether it is certain."""
+        small0, small1 = frame0.thumbnail, frame1.thumbnail
+        there, found = self._register(small0, small1)
+        shared = exposed_in_both(small0, small1, there, found)
+        if np.count_nonzero(shared) < _LEAST_SHARE * shared.size:
+            return self._log_ratio_of_quantiles(frame0, frame1), False
+        log0 = self._log_radiance(small0.grey, frame0.size)
+        log1 = values_at(self._log_radiance(small1.grey, frame1.size), there)
+        difference = (log1 - log0)[shared]
+        middle = np.median(difference)
+        spread = 1.4826 * np.median(np.abs(difference - middle))  # the standard deviation of normal errors
+        return float(middle), bool(spread < _LARGEST_SPREAD)
+
+    def _plainly_agrees(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> bool:
+        return abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < _PLAIN_AGREEMENT
+
+    def _log_ratio_of_quantiles(self, frame0: ReducedFrame, frame1: ReducedFrame) -> float:
+        """Return the same for frames that hardly overlap: the median over quantiles of grey exposed in both."""
+        grey0, grey1 = frame0.grey_quantiles, frame1.grey_quantiles
+        exposed = (np.minimum(grey0, grey1) > _DARKEST) & (np.maximum(grey0, grey1) < _BRIGHTEST)
+        log0, log1 = (np.interp(grey, np.arange(256), self._log_irradiance) for grey in (grey0, grey1))
+        return float(np.median((log1 - log0)[exposed] if exposed.any() else log1 - log0))
+
+    def _log_radiance(self, grey: Float32Array, size: ImageSize) -> Float32Array:
+        log_irradiance = np.interp(grey * 255, np.arange(256), self._log_irradiance).astype(np.float32)
+        if self._vignette is None:
+            return log_irradiance
+        lift = np.log(self._lift_of(grey.shape, size))
+        return np.asarray(log_irradiance + _DISPLAY_GAMMA * lift, dtype=np.float32)
+
+    def _brightened(self, frame: ReducedFrame, log_gain: float) -> Image8:
+        table = (self._root * (np.exp(log_gain / _DISPLAY_GAMMA) * 255)).astype(np.float32)
+        if self._vignette is None:
+            # A table of bytes has to be clipped here; below, the conversion to bytes clips.
+            return np.asarray(cv2.LUT(frame.small, np.clip(table, 0, 255).astype(np.uint8)))
+        bright = cv2.LUT(frame.small, table) * self._lift_of(frame.small.shape, frame.size)
+        return np.asarray(cv2.convertScaleAbs(bright), dtype=np.uint8)
+
+    def _lift_of(self, shape: tuple[int, ...], size: ImageSize) -> Float32Array:
+        if shape not in self._lift and self._vignette is not None:
+            scale = np.array(size) / np.array(shape[::-1])
+            places = (pixel_grid((shape[1], shape[0])) + 0.5) * scale - 0.5
+            self._lift[shape] = (self._vignette.at(places) ** (-1 / _DISPLAY_GAMMA)).astype(np.float32)
+        return self._lift[shape]
