@@ -32,9 +32,8 @@ _FEWEST_CORNERS = 3
 _MARGIN_PX = 3
 """Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
 
-_USABLE_QUANTILE = 0.995
-"""Quantile of the usable places' radii that counts as reached: a few places in one corner do not determine a
-radius."""
+_CORNERS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)])
+"""Directions to the four corners."""
 
 _WHOLE = 0.97
 """An image of which something is usable so far out counts as usable up to its corners."""
@@ -104,8 +103,12 @@ class ImageCircle:
         if self.allowed is not None:
             usable &= self.allowed
         height, width = usable.shape
-        radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)[usable]
-        return float(np.quantile(radius, _USABLE_QUANTILE)) if radius.size and radius.max() < _WHOLE else 1.0
+        place = normalised(pixel_grid((width, height)), (width, height))
+        radius = np.where(usable, np.linalg.norm(place, axis=-1), 0.0)
+        # An image circle that is off centre may leave one corner: that alone does not determine a radius.
+        towards_corners = [radius[(place * corner >= 0).all(axis=-1)].max() for corner in _CORNERS]
+        reached = float(np.median(towards_corners))
+        return reached if 0 < reached < _WHOLE else 1.0
 
     def sees(self, position: FloatArray) -> BoolArray | None:
         """Return which positions, in half diagonals from the centre, shape (n, 2), are not in the surround.
