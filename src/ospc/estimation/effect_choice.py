@@ -23,6 +23,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
     CONTRADICTING_SIGMAS,
     MIN_GROUPS,
+    MIN_GROUPS_TO_CONTRADICT,
     PREFERRED_SHARE,
     SIGNIFICANT_SIGMAS,
     SIGNIFICANT_SIGMAS_IN_ALL,
@@ -51,7 +52,7 @@ def fit_with_chosen_effects(
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
-    fit, possible = plain, tuple(EFFECTS) if plain.groups >= MIN_GROUPS else ()
+    fit, possible = plain, _possible(plain.groups)
     refused: list[str] = []
     plain_trials = trials = tried(observations, fit, noise, tuple(EFFECTS))
     while name := _suspected(trials, possible):
@@ -125,6 +126,13 @@ def tried(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None,
         carried = -np.linalg.solve(whole[:p, :p], whole[:p, p])
         trials.append(Trial(name, float(found[p]), float(np.sqrt(inverse[p, p])), carried))
     return trials
+
+
+def _possible(groups: int) -> tuple[str, ...]:
+    """Return the effects that so many groups of observations can show."""
+    if groups >= MIN_GROUPS:
+        return tuple(EFFECTS)
+    return CONTRADICTIONS if groups >= MIN_GROUPS_TO_CONTRADICT else ()
 
 
 def _suspected(trials: Sequence[Trial], possible: Sequence[str]) -> str:
