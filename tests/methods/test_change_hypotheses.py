@@ -13,7 +13,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_hypotheses import explain
-from ospc.methods.prediction_errors import PairErrors
+from ospc.methods.prediction_errors import GREY_KNOTS, PARTS, ExplainedChange, PairErrors
 from ospc.observations import ExposedObservations
 from ospc.photometry.vignette import LogVignette
 from ospc.settings import DefaultSettings
@@ -127,3 +127,12 @@ def test_a_few_pairs_prove_nothing(fit):
     pairs, exposures = Film(DARKER_CORNERS).pairs(fit)
     assert explain(pairs[:20], fit, exposures, USUAL_ERROR, SPAN) is None
     assert explain(pairs, fit, exposures, USUAL_ERROR, FRAMES) is None
+
+
+def test_the_curve_of_a_response_is_finite_where_pairs_see_black():
+    """A line in ln g and a bend at the knots, both evaluated at a grey level of zero."""
+    change = np.zeros(len(GREY_KNOTS) + 3)
+    change[PARTS["response"]] = 0.1
+    seen = ExplainedChange("response", change, np.eye(len(GREY_KNOTS) + 1), 1.0, 1.0, np.array([0.0, 0.5]))
+    assert np.isfinite(seen.curve).all()
+    assert np.isfinite(seen.effect)

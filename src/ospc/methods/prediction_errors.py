@@ -9,6 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
+from ospc.settings.estimation import DARKEST_GREY
 
 OUTLIER_LOG = 0.3
 """Errors of prediction far beyond this, in ln, are moving objects or wrong registration."""
@@ -184,7 +185,7 @@ class ExplainedChange:
         if self.part == "vignette":
             squared = (self.reach * _STEPS) ** 2
             return np.asarray(found[0] * squared + found[1] * squared**2)
-        grey = np.interp(_STEPS, (0, 1), self.greys)
+        grey = np.maximum(np.interp(_STEPS, (0, 1), self.greys), DARKEST_GREY)
         values = found[0] * np.log(grey) + np.interp(grey, GREY_KNOTS, found[1:])
         return np.asarray(values - np.median(values))
 
