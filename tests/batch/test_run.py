@@ -195,11 +195,11 @@ def test_a_batch_whose_last_files_are_missing_goes_on(done, entries, tmp_path):
 def test_other_folders_and_batches_of_other_versions_are_refused(entries, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("all of it")
-    with pytest.raises(SettingError, match="something else than a batch"):
+    with pytest.raises(SettingError, match="something else than an earlier batch"):
         run_batch(entries[:1], tmp_path / "mine", ThisProcess())
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "batch.json").write_text('{"schema": "ospc-batch/0"}')
-    with pytest.raises(SettingError, match=r"a batch of schema .*ospc-batch/0"):
+    with pytest.raises(SettingError, match=r"a batch of another version .*ospc-batch/0"):
         run_batch(entries[:1], tmp_path / "old", ThisProcess(), force=True)
     with pytest.raises(SettingError, match="is a file"):
         run_batch(entries[:1], tmp_path / "old" / "batch.json", ThisProcess())

@@ -98,7 +98,7 @@ def test_large_messages_of_defined_types_are_refused() -> None:
 
 
 def test_a_type_that_nobody_defines_is_named() -> None:
-    with pytest.raises(DamagedMessageError, match="defines no 'a_msgs/msg/A'"):
+    with pytest.raises(DamagedMessageError, match="does not define the type 'a_msgs/msg/A'"):
         MessageType(NAME, "cdr")
 
 

@@ -204,9 +204,15 @@ def _check(place: Path, *, force: bool) -> None:
     if (place / _HEAD).exists():
         schema = json_object(place / _HEAD).get("schema")
         if schema != SCHEMA:
-            raise SettingError(f"{place}: holds a batch of schema {schema!r}, not {SCHEMA!r}; choose another folder")
+            raise SettingError(
+                f"{place}: holds a batch of another version (schema {schema!r}, expected {SCHEMA!r}); choose another "
+                "folder"
+            )
         return
     # A batch that was stopped before its end has results, and perhaps the first of the files that come last.
     found = {entry.name for entry in place.iterdir()}
     if not force and (_RECORDINGS not in found or found - _OWN_NAMES):
-        raise SettingError(f"{place}: holds something else than a batch; choose another folder, or add --force")
+        raise SettingError(
+            f"{place}: holds something else than an earlier batch; choose another folder, or add --force to write "
+            "into it"
+        )

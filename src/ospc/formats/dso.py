@@ -105,7 +105,9 @@ def read_vignette(path: str | Path) -> RasterVignette:
     """
     image = read_png(path)
     if image.ndim != 2:
-        raise FormatError(f"{path}: has {image.shape[2]} channels, not one; 'ospc validate --repair' makes it grey")
+        raise FormatError(
+            f"{path}: has {image.shape[2]} channels, a vignette has one; 'ospc validate --repair' writes a grey copy"
+        )
     if image.max() == 0:
         raise FormatError(f"{path}: is black all over, so it is no vignette; calibrate again")
     return RasterVignette(image.astype(np.float32), {"file": Path(path).name, "bits": image.dtype.itemsize * 8})

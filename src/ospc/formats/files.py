@@ -73,7 +73,9 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     try:
         return write_atomically(path, content)
     except OSError as error:
-        raise FormatError(f"{path}: cannot be written ({error.strerror}); check its folder and permissions") from None
+        raise FormatError(
+            f"{path}: cannot be written ({error.strerror}); check that the folder exists and is writable"
+        ) from None
 
 
 def write_text(path: str | Path, content: str) -> Path:

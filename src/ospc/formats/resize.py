@@ -44,7 +44,9 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     width, height = vignette.size
     _check_size(size)
     if not same_aspect(size, vignette.size):
-        raise SettingError(f"{width}x{height} cannot become {size[0]}x{size[1]}: another aspect ratio; crop first")
+        raise SettingError(
+            f"{width}x{height} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop first"
+        )
     if isinstance(vignette, RasterVignette):
         smaller = size[0] < width
         values = cv2.resize(vignette.values, size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)

@@ -241,7 +241,9 @@ def _make_increasing(table: PcalibText, _context: Context) -> tuple[PcalibText, 
 
     values = table.scanned[0]
     if values[-1] <= values[0]:
-        raise FormatError(f"falls from {values[0]:g} to {values[-1]:g}, so it is no response; calibrate again")
+        raise FormatError(
+            f"falls from {values[0]:g} to {values[-1]:g}, so it is no inverse response; calibrate again"
+        )
     monotone = np.asarray(isotonic_regression(values).x)
     span = float(monotone[-1] - monotone[0])
     moved = np.abs(monotone - values)

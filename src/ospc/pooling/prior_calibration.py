@@ -198,7 +198,9 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
         found = _summary_of(calibration, name)
         found.check()
     except (LookupError, TypeError, ValueError, ArithmeticError, FormatError, np.linalg.LinAlgError):
-        raise FormatError(f"{name}: has no covariance of the default method; start from a state.ospc") from None
+        raise FormatError(
+            f"{name}: is no calibration of the default method with its covariance; start from a state.ospc instead"
+        ) from None
     return found
 
 

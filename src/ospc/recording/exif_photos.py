@@ -78,7 +78,10 @@ def _photo(path: Path) -> _Photo:
         raise ExposureError(f"{path}: its EXIF holds no exposure time; remove the photograph, or {_LIST_INSTEAD}")
     exposure_ms = 1000 * shot.time_s * (shot.iso or 100) / 100 / (shot.f_number or 1) ** 2
     if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
-        raise ExposureError(f"{path}: its EXIF gives an impossible {exposure_ms:g} ms; remove it, or {_LIST_INSTEAD}")
+        raise ExposureError(
+            f"{path}: its EXIF gives an impossible exposure of {exposure_ms:g} ms; remove the photograph, or "
+            f"{_LIST_INSTEAD}"
+        )
     return _Photo(path.name, exposure_ms, shot)
 
 

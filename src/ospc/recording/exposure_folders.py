@@ -38,7 +38,9 @@ class ExposureFolders:
         """Open all folders as one recording, in the order of the time stamps."""
         folders = _folders(path)
         if not folders:
-            raise RecordingError(f"{path}: an {self.name} recording has folders named by exposure in ms, such as 2.0")
+            raise RecordingError(
+                f"{path}: an {self.name} recording has folders of images named by their exposure in ms, such as 2.0"
+            )
         exposures_ms = {f"{inner.place.name}/{name}": ms for inner, ms in folders for name in inner.names}
         notes = []
         if any(inner.place.name[-1] != "s" for inner, _ in folders):
@@ -70,7 +72,9 @@ def _table(path: Path, exposures_ms: dict[str, float]) -> FrameTable:
         stamps[name] = float(stem)
         other = named.setdefault(stamps[name], name)
         if other != name:
-            raise RecordingError(f"{path / name}: has the time stamp of {other}; name images by their own time stamp")
+            raise RecordingError(
+                f"{path / name}: has the time stamp of {other}; images must be named by their own time stamp"
+            )
     order = sorted(stamps, key=stamps.__getitem__)
     return make_table(str(path), order, [stamps[name] for name in order], [exposures_ms[name] for name in order])
 

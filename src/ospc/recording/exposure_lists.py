@@ -234,8 +234,10 @@ def _table(layout: _Layout, source: str, options: ReadingOptions) -> FrameTable:
         )
     for line, fields in layout.rows:
         if len(fields) != columns.count:
-            counts = f"{counted(len(fields), 'column')}, not {columns.count}"
-            raise RecordingError(f"{source}, line {line}: has {counts}; correct it")
+            raise RecordingError(
+                f"{source}, line {line}: has {counted(len(fields), 'column')} where the others have "
+                f"{columns.count}; correct it"
+            )
 
     def numbers(column: int, what: str) -> FloatArray:
         found = [parse_number(fields[column], what, f"{source}, line {line}") for line, fields in layout.rows]

@@ -105,7 +105,9 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
     if np.any(finite < 0):
         if np.all((finite >= _SHORTEST_LOG2_S) & (finite <= _LONGEST_LOG2_S)):
             return ExposureUnit.LOG2_S
-        raise ExposureError(f"{source}: an exposure of {finite.min():g} fits no unit; state it or correct the value")
+        raise ExposureError(
+            f"{source}: an exposure of {finite.min():g} is possible in no unit; state the unit or correct the value"
+        )
     positive = finite[finite > 0]
     if not positive.size:
         raise ExposureError(f"{source}: holds no positive exposure; check whether it is the right field")
@@ -229,7 +231,9 @@ def _only(
     if len(found) > 1:
         names = listed([quoted(header[i]) for i in found])
         good = "exposure_ms" if groups is _EXPOSURE_WORDS else groups[0][0]
-        raise ExposureError(f"{place}: the columns {names} have the same meaning; keep one and name it '{good}'")
+        raise ExposureError(
+            f"{place}: the columns {names} have the same meaning; keep one of them and name it '{good}'"
+        )
     return found[0] if found else None
 
 

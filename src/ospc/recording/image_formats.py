@@ -272,7 +272,9 @@ def _mosaic(photo: Any, pattern: str, name: str) -> Mosaic:
     try:
         return Mosaic(pattern if np.shape(photo.raw_pattern) == (2, 2) else "")
     except SettingError:
-        raise FrameError(f"{name}: its colours are no Bayer mosaic; convert it to a linear 16-bit TIFF") from None
+        raise FrameError(
+            f"{name}: its colours are not arranged as in a Bayer mosaic; convert it to 16-bit TIFF without a curve"
+        ) from None
 
 
 def _scaled(pixels: Image, black: Float32Array, white: float) -> Image:

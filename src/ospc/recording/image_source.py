@@ -142,7 +142,9 @@ class ZipImages(ImageSource):
             with self._lock, self._archive.open(name) as member:
                 data = member.read(size + 1)
         except Exception:
-            raise FrameError(f"{self.label(name)}: cannot be read; the archive is damaged, or was closed") from None
+            raise FrameError(
+                f"{self.label(name)}: cannot be read from the archive; it is damaged, or the recording was closed"
+            ) from None
         if len(data) != size:
             raise FrameError(f"{self.label(name)}: ends early; copy or download the archive again")
         return data

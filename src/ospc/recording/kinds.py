@@ -157,7 +157,9 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
         raise RecordingError(f"{place}: there is no such file or folder; check the path")
     found = _cameras(place, kind, options)
     if len(found) > _MAX_CAMERAS:
-        raise RecordingError(f"{place}: holds {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one")
+        raise RecordingError(
+            f"{place}: holds {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one of them"
+        )
     openers: dict[str, Opener] = {}
     taken: set[str] = set()
     for name, (camera, of_camera) in found.items():

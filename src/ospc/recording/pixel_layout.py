@@ -137,12 +137,17 @@ class PixelLayout:
 def _aligned(image: Image, depth: BitDepth, label: str) -> Image:
     """Shift out the empty low bits; refuse values that use other bits."""
     if image.dtype != (np.uint8 if depth.stored_bits == 8 else np.uint16):
-        raise FrameError(f"{label}: does not have {depth.stored_bits} bits like the others; bring all to one type")
+        raise FrameError(
+            f"{label}: does not have {depth.stored_bits} bits like the others; bring all images to one type"
+        )
     if depth.bits == depth.stored_bits:
         return image
     shifted: Image = image >> depth.shift
     if int(shifted.max()) > depth.max_grey or (depth.shift and np.any(image & (2**depth.shift - 1))):
-        raise FrameError(f"{label}: has grey values beyond the {depth.bits} bits of the others; convert all alike")
+        raise FrameError(
+            f"{label}: has grey values beyond the {depth.bits} bits that the others use; convert all images to "
+            f"the same bits"
+        )
     return shifted
 
 

@@ -55,5 +55,7 @@ def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
     if not 0 < exposure_ms < np.inf:
         raise ExposureError(f"item {index}: exposure {exposure_ms} ms is not a positive number")
     if image.dtype != np.uint8 and max_grey is None:
-        raise FrameError(f"item {index}: has {image.dtype} values; state max_grey, the largest value of the sensor")
+        raise FrameError(
+            f"item {index}: has grey values of type {image.dtype}; state max_grey, the largest value of the sensor"
+        )
     return Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)

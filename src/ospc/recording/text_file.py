@@ -41,7 +41,9 @@ def lines_of(text: str, source: str) -> list[tuple[int, str]]:
     lines = [(number, line.strip()) for number, line in enumerate(_LINE_END.split(text), start=1) if line.strip()]
     for number, line in lines:
         if len(line) > MAX_LINE_CHARACTERS:
-            raise RecordingError(f"{source}, line {number}: longer than {MAX_LINE_CHARACTERS} characters; check it")
+            raise RecordingError(
+                f"{source}, line {number}: longer than {MAX_LINE_CHARACTERS} characters; check the file"
+            )
     return lines
 
 

@@ -74,7 +74,9 @@ def recover_exposures(
     try:
         found = estimate_jointly(tracker.observations())
     except NotObservableError as error:
-        raise NotObservableError(f"{recording.path}: its images do not show the exposures: {error}") from None
+        raise NotObservableError(
+            f"{recording.path}: exposures cannot be estimated from its images: {error}"
+        ) from None
     log_e = typical_exponent(found) * found.log_exposures
     exposures = np.exp(log_e - np.median(log_e))
     exposures.setflags(write=False)

@@ -215,7 +215,9 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
     if options.exposure_field is not None:
         for field in filter(None, (options.exposure_field, options.gain_field)):
             if not is_field(field):
-                raise ExposureError(f"{quoted(field)} is not a field, such as exposure_time or info.shutter[0]")
+                raise ExposureError(
+                    f"{quoted(field)} is not the name of a field, such as exposure_time or info.shutter[0]"
+                )
         extract = _fields(options.exposure_field, options.gain_field)
         carrier = Carrier(extract, None, GainUnit.LINEAR, f"the field {options.exposure_field}")
     if carrier is None:

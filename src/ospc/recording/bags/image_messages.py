@@ -93,7 +93,9 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
     height, width, step, encoding = message.height, message.width, message.step, message.encoding
     layout = _ENCODINGS.get(encoding)
     if layout is None:
-        raise FrameError(f"{name}: images encoded as {quoted(encoding)} cannot be read; record mono, Bayer or RGB")
+        raise FrameError(
+            f"{name}: images with the encoding {quoted(encoding)} cannot be read; record mono, Bayer or RGB"
+        )
     row_bytes = width * layout.channels * layout.bits // 8
     if not width or not height or step < row_bytes or len(message.data) < step * (height - 1) + row_bytes:
         raise FrameError(

@@ -86,7 +86,9 @@ class MessageType:
         self._trusted = not definition
         self._store = _standard_types(ros1=self._ros1) if self._trusted else _defined_types(name, definition, idl=idl)
         if name not in self._store.fielddefs:
-            raise DamagedMessageError(f"the bag defines no {quoted(name)}; record .mcap or use 'ros2 bag convert'")
+            raise DamagedMessageError(
+                f"the bag does not define the type {quoted(name)}; record it as .mcap or use 'ros2 bag convert'"
+            )
 
     def numbers(self) -> list[str]:
         """Return the fields that hold a number, those of inner messages with a dot, such as ``info.shutter``."""

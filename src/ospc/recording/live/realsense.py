@@ -130,5 +130,7 @@ def _module() -> Any:
     except ModuleNotFoundError:
         raise MissingExtraError("reading from RealSense cameras", "realsense") from None
     except ImportError as error:
-        raise RecordingError(f"pyrealsense2 cannot be loaded ({quoted_driver(error)}); add what it misses") from None
+        raise RecordingError(
+            f"pyrealsense2 is installed but cannot be loaded ({quoted_driver(error)}); install what it misses"
+        ) from None
     return pyrealsense2

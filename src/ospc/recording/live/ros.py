@@ -84,7 +84,9 @@ class RosFrames:
         exposure, gain = self._extract(message) or (0.0, 1.0)
         exposure_ms = float(self._unit.to_ms(exposure) * self._gain_unit.linear(gain))
         if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
-            raise ExposureError(f"a message gives an exposure of {exposure_ms:g} ms; switch on the driver's metadata")
+            raise ExposureError(
+                f"a message states an exposure of {exposure_ms:g} ms; switch on the driver's metadata of each frame"
+            )
         return exposure_ms
 
     def _paired(self, stamp_ns: int) -> Frame | None:

@@ -74,7 +74,9 @@ def _of_sensor(text: str, source: Path, size: ImageSize) -> str:
         raise FormatError(f"{source}: it does not hold four intrinsics and four distortion coefficients")
     _check_size(tuple(resolution), source, size)
     if any(distortion) and model is None:
-        raise FormatError(f"{source}: DSO does not know its distortion model {named[1] if named else '(unnamed)'}")
+        raise FormatError(
+            f"{source}: DSO does not know its distortion model {named[1] if named else 'without a name'}"
+        )
     values = [*focal_and_centre, *(distortion if any(distortion) else [0.0])]
     first = f"{model if any(distortion) else 'Pinhole'} {' '.join(f'{value:.12g}' for value in values)}"
     width, height = (side - side % _MULTIPLE if side >= _MULTIPLE else side for side in size)

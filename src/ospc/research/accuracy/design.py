@@ -236,7 +236,9 @@ def _arrays(place: Path) -> tuple[FloatArray, FloatArray]:
             raise FormatError(f"{place}: too large for a database of responses; give a .mat file with I and B")
         sizes = {name: math.prod(shape) for name, shape, _ in whosmat(place)}
         if max(sizes["I"], sizes["B"]) > _MAX_VALUES:
-            raise FormatError(f"{place}: I and B hold over {_MAX_VALUES} values; that is no database of responses")
+            raise FormatError(
+                f"{place}: I and B hold more than {_MAX_VALUES} values; that is no database of responses"
+            )
         content = loadmat(place, variable_names=["I", "B"])
         irradiance, brightness = (np.asarray(content[name], dtype=np.float64) for name in ("I", "B"))
     except FormatError:

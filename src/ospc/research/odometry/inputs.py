@@ -78,7 +78,9 @@ _KNOWN = {condition.name: condition for condition in (*STANDARD, AFFINE)}
 def external(name: str) -> Condition:
     """Return a condition for calibration files of another program, under a name that is not taken."""
     if not _NAME.fullmatch(name) or name in _KNOWN:
-        raise SettingError(f"'{name}' cannot name a calibration; choose another word of letters, digits and _ . + -")
+        raise SettingError(
+            f"'{name}' cannot name a further calibration; choose another word of letters, digits and _ . + -"
+        )
     return Condition(name, name)
 
 

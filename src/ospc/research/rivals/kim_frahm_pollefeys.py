@@ -245,7 +245,9 @@ class KimFrahmPollefeys:
     def _solved(self, truth: Response | None) -> FloatArray:
         """Return c from all pairs kept."""
         if not self._pairs:
-            raise NotObservableError("exposures of successive frames hardly change, or too few features were tracked")
+            raise NotObservableError(
+                "the exposure of successive frames hardly changes, or too few features could be tracked across it"
+            )
         coefficients = self._coefficients
         for _ in range(_TURNS):
             systems = [reduced_system(pair, self._model, coefficients) for pair in self._pairs]
