@@ -16,11 +16,7 @@ from ospc.arrays import Float32Array, FloatArray
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.second_thread import SecondThread
-from ospc.correspondence.thumbnail_registration import (
-    optical_flow,
-    pixel_places,
-    values_at,
-)
+from ospc.correspondence.thumbnail_registration import MIN_OVERLAP, optical_flow, pixel_places, values_at
 from ospc.errors import SettingError
 
 _GRADIENT_STEPS, _PATCH_STRIDE_PX = 8, 5
@@ -35,9 +31,8 @@ _HOMOGRAPHY_ERROR_PX = 2.0
 """Largest error of a coarse displacement that supports the homography, in pixels: as far as the search after it
 easily reaches."""
 
-_LEAST_SUPPORT, _FEWEST_SUPPORTS = 0.25, 16
-"""Share of the places that must support a homography, as of the places that two views must have in common, and their
-number: four determine it, by their errors too."""
+_FEWEST_SUPPORTS = 16
+"""Fewest places that must support a homography: one through four places fits them whatever their errors."""
 
 _OUTSIDE_PX = 1e4
 """Displacement on the way back from outside the image: so far that no place comes back from there."""
@@ -172,7 +167,7 @@ def _homography(displacement: Float32Array) -> FloatArray:
     places = pixel_places((width, height))[lattice].reshape(-1, 2)
     there = places + displacement[lattice].reshape(-1, 2)
     inside = np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
-    fewest = max(_LEAST_SUPPORT * len(places), _FEWEST_SUPPORTS)
+    fewest = max(MIN_OVERLAP * len(places), _FEWEST_SUPPORTS)
     if np.count_nonzero(inside) < fewest:
         return np.eye(3)
     found, supports = cv2.findHomography(places[inside], there[inside], cv2.USAC_FAST, _HOMOGRAPHY_ERROR_PX)

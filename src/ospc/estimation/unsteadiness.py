@@ -51,9 +51,7 @@ def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tup
 
 def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) -> float:
     """Return the standard deviation of the slope between pairs; 0 if chance explains it."""
-    # Late in a long run most pairs have a point or two left, which are not worth the time.
-    enough = (pair for pair in pairs if len(pair) >= UNSTEADY_FEWEST_POINTS)
-    slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in enough) if one is not None]
+    slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
     if len(slopes) < UNSTEADY_FEWEST_PAIRS:
         return 0.0
     slope, sigma = np.array(slopes).T
@@ -64,6 +62,9 @@ def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) ->
 
 def _slope(x: FloatArray, change: FloatArray) -> tuple[float, float] | None:
     """Return the slope of the changes of one pair and its standard deviation; None if it has too few points."""
+    # Late in a long run most pairs have a point or two left: medians of all these take long.
+    if len(x) < UNSTEADY_FEWEST_POINTS:
+        return None
     deviation = change - np.median(change)
     usual = np.abs(deviation) <= WEIGHT_CUT_SIGMAS * robust_scale(deviation)
     x, y = x[usual] - x[usual].mean(), change[usual] - change[usual].mean()

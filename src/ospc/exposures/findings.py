@@ -41,7 +41,8 @@ _FEW_FRAMES = 40
 
 _LATE_FRAMES, _LATE_SIGMAS = 0.3, 5.0
 """Part of a frame by which a fit shows exposures to be late or early, and standard deviations, from which on they may
-belong to other frames. With the right lag 200 clean recordings show a twentieth of a frame; with a wrong one 0.6."""
+belong to other frames. With the right lag 125 clean recordings showed 0.09 of a frame and 2.3 standard deviations at
+most; the one with a wrong lag showed 0.6 and 7.8."""
 
 CHANGE_IRREGULARLY = (
     "record a minute in which the exposure changes abruptly and irregularly: cover the lens for a moment, point at a "
@@ -100,7 +101,7 @@ class ExposureFindings:
         return Verdict("marginal", f"{verdict.reason}, but {'; '.join(self.warnings)}", self.verdict.remedy)
 
     def doubted_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
-        """Return them with a doubt where the fit to pairs of frames shows exposures to be late or early all the same.
+        """Return the findings, marginal if the fit shows that exposures are late or early nevertheless.
 
         Parameters
         ----------

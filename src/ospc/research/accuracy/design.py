@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -64,8 +64,17 @@ _NOISE_SWAPPED, _SCENES_SWAPPED = (0, 1, 0, 1, 0, 1, 1), (0, 0, 1, 1, 0, 1, 0)
 _Named: TypeAlias = tuple[str, str, str | Response]
 """The name of a response, its level of the factor "response", and the response."""
 
-_Item = TypeVar("_Item", bound=Any)
-"""Something with a name."""
+
+class HasName(Protocol):
+    """Something that is chosen by its name."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+
+_Item = TypeVar("_Item", bound=HasName)
 
 
 @dataclass(frozen=True)
