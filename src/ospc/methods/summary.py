@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray, members_of
+from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit, measured_greys
-from ospc.estimation.robust import robust_scale
+from ospc.estimation.robust import SIGMA_OF_MEDIAN
 from ospc.methods.coverage import coverage_of
 from ospc.methods.identifiability import (
     contradictions_of,
@@ -83,35 +83,39 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     observed = log_irradiance[later - 1] - log_irradiance[later]
     metadata = observations.log_exposure[later - 1] - observations.log_exposure[later]
     frames = np.stack([observations.frame[later - 1], observations.frame[later]], axis=1)
-    pairs, member = np.unique(frames, axis=0, return_inverse=True)
-    groups = members_of(member.reshape(-1))
-    estimated = np.array([np.median(observed[g]) for g in groups])
-    spread = np.array([robust_scale(observed[g] - middle) for g, middle in zip(groups, estimated, strict=True)])
+    pairs, first, pair, count = np.unique(frames, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    pair = pair.reshape(-1)  # NumPy 2.0 gives it another dimension
+    estimated = _medians(observed, pair)
+    spread = SIGMA_OF_MEDIAN * _medians(np.abs(observed - estimated[pair]), pair)
+    by_scatter = _sigma_of_medians(spread, count)
+    by_curves = _sigma_by_curves(fit, observations, later[np.argsort(pair, kind="stable")], count)
     return ExposureRatios(
-        pairs,
-        np.exp([metadata[g[0]] for g in groups]),
-        np.exp(estimated),
-        np.array([len(g) for g in groups], dtype=np.int64),
-        np.hypot(_sigma_of_medians(spread, groups), [_sigma_by_curves(fit, observations, later[g]) for g in groups]),
+        pairs, np.exp(metadata[first]), np.exp(estimated), count.astype(np.int64), np.hypot(by_scatter, by_curves)
     )
 
 
-def _sigma_of_medians(spread: FloatArray, groups: list[IntArray]) -> FloatArray:
+def _medians(values: FloatArray, group: IntArray) -> FloatArray:
+    """Return the median of each group of values, in the order of its number."""
+    from scipy.ndimage import median  # slow to import
+
+    return np.asarray(median(values, group, np.arange(group.max() + 1)))
+
+
+def _sigma_of_medians(spread: FloatArray, count: IntArray) -> FloatArray:
     """Return the standard deviation of the median of each group of points by their scatter, shape (groups,)."""
-    count = np.array([len(g) for g in groups])
     typical = float(np.median(np.repeat(spread, count)))
     wrong = spread > MISREGISTERED_SPREAD * typical
     return np.where(wrong, MISREGISTERED_SIGMAS * spread, np.sqrt(np.pi / 2 / count) * spread)
 
 
-def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray) -> float:
-    """Return what the uncertainty of the curves makes of ln k of one pair of frames."""
+def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray, count: IntArray) -> FloatArray:
+    """Return what the uncertainty of the curves makes of ln k of each pair of frames, its observations in turn."""
     earlier_rows, later_rows = (
         fit.log_irradiance_rows(observations.grey[one], observations.position[one]) for one in (later - 1, later)
     )
-    mean = (earlier_rows - later_rows).mean(axis=0)
-    n = len(mean)
-    return float(np.sqrt(mean @ fit.covariance[:n, :n] @ mean))
+    mean = np.add.reduceat(earlier_rows - later_rows, np.cumsum(count) - count) / count[:, None]
+    n = mean.shape[1]
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", mean, fit.covariance[:n, :n], mean)))
 
 
 def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[str, object]]:
