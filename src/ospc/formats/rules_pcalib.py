@@ -22,6 +22,9 @@ FEWEST_VALUES = 256
 MOST_VALUES = 65536
 """DSO has memory for this many values."""
 
+_NUMBER = re.compile(r"[+-]?(?:nan|inf(?:inity)?|(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)", re.ASCII | re.IGNORECASE)
+"""A word that is a number, NaN and infinity included."""
+
 _SMALLEST_POSITIVE = np.float32(1e-30)
 """Positive values stay above this; some parsers refuse subnormal numbers, which begin at 1.2e-38."""
 
@@ -289,11 +292,8 @@ def _words(line: str) -> list[str]:
 
 
 def _number(word: str) -> float | None:
-    """Return the value of a number, NaN and infinity included; None for any other word."""
-    if re.fullmatch(r"[+-]?(nan|inf(inity)?)", word, re.IGNORECASE):
-        return float(word)
-    numbers, rest = leading_numbers(word)
-    return float(numbers[0]) if numbers.size == 1 and not rest else None
+    """Return the value of a number, None for any other word."""
+    return float(word) if _NUMBER.fullmatch(word) else None
 
 
 PCALIB: Format[PcalibText] = Format(

@@ -10,7 +10,8 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError
 
-_STREAM_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)", re.ASCII)
+_STREAM_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_STREAM_NUMBERS = re.compile(rf"(?:\s*{_STREAM_NUMBER.pattern})*+", re.ASCII)
 _SCANF_ITEM = {
     "d": re.compile(r"\s*([+-]?\d+)", re.ASCII),
     "f": re.compile(r"\s*([+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?|nan))", re.ASCII | re.IGNORECASE),
@@ -22,12 +23,9 @@ def leading_numbers(line: str) -> tuple[FloatArray, str]:
 
     ``nan``, ``inf`` and anything else that is not a decimal number end the numbers; so does a comma.
     """
-    numbers: list[float] = []
-    position = 0
-    while match := _STREAM_NUMBER.match(line, position):
-        numbers.append(float(match.group(1)))
-        position = match.end()
-    return np.array(numbers, dtype=np.float64), line[position:].strip()
+    found = _STREAM_NUMBERS.match(line)
+    numbers = found.group() if found else ""
+    return np.array([float(number) for number in _STREAM_NUMBER.findall(numbers)]), line[len(numbers) :].strip()
 
 
 def scanned(line: str, conversions: str) -> list[float]:

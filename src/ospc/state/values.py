@@ -61,7 +61,7 @@ def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T
     return found
 
 
-def layout(kind: type[Any]) -> str:
+def layout(kind: type) -> str:
     """Return a hash of the names and types of all fields of a dataclass and of the dataclasses in it."""
     return sha256(_described(kind).encode()).hexdigest()[:16]
 
@@ -72,18 +72,21 @@ def _hints(kind: type) -> dict[str, Any]:
     return {entry.name: hints[entry.name] for entry in fields(kind)}
 
 
+@cache
 def _is_array(hint: Any) -> bool:
     """Tell whether a type is that of arrays, by itself or, from NumPy 2.5 on, by the name ``NDArray`` of it."""
     origin = get_origin(hint)
     return (get_origin(getattr(origin, "__value__", None)) or origin) is np.ndarray
 
 
+@cache
 def _dtype(hint: Any) -> np.dtype[Any] | None:
     """Return the declared type of an array's values, None where any will do."""
     declared = get_args(get_args(hint)[-1]) or get_args(hint)[-1:]
     return None if isinstance(declared[0], typing.TypeVar) or declared[0] is Any else np.dtype(declared[0])
 
 
+@cache
 def _described(hint: Any) -> str:
     if _is_array(hint):
         return f"array of {_dtype(hint) or 'numbers'}"
@@ -95,11 +98,13 @@ def _described(hint: Any) -> str:
     return str(hint)
 
 
+@cache
 def _is_column_wise(kind: Any) -> bool:
     """Tell whether a list of these is packed as one array per field; thousands of small arrays would be slow."""
     return is_dataclass(kind) and all(map(_is_array, _hints(typing.cast(type, kind)).values()))
 
 
+@cache
 def _without_none(hint: Any) -> Any:
     if get_origin(hint) in (UnionType, typing.Union):
         kinds = [part for part in get_args(hint) if part is not NoneType]
