@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, FormatError, OspcError, SettingError
+from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line
 from ospc.folders import check_usable
 from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_times, write_vignette
 from ospc.formats.files import json_object
@@ -239,7 +239,7 @@ def _collected(parts: Iterator[Written], failure: str) -> Written:
     except OspcError as error:
         written += Written(problems=(str(error),))
     except Exception as error:
-        written += Written(problems=(f"{failure} ({error})",))
+        written += Written(problems=(f"{failure}: {one_line(error)}",))
     return written
 
 

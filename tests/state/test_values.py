@@ -40,6 +40,7 @@ class Whole:
     count: int
     span: tuple[float, float]
     many: tuple[float, ...]
+    more: tuple[float, ...]
     nested: list[list[float]]
     part: Part | None
     columns: list[Columns]
@@ -59,6 +60,7 @@ WHOLES = st.builds(
     st.booleans(),
     st.integers(-(2**53), 2**53),
     st.tuples(NUMBERS, NUMBERS),
+    st.lists(NUMBERS, max_size=3).map(tuple),
     st.lists(NUMBERS, max_size=3).map(tuple),
     st.lists(st.lists(NUMBERS, max_size=2), max_size=3),
     st.none() | PARTS,
@@ -107,6 +109,13 @@ def test_what_does_not_fit_is_refused(change):
     content, arrays = pack(Part(1.0, np.arange(3), [np.zeros(4, np.uint8)]))
     with pytest.raises(FormatError, match="does not fit"):
         unpack(Part, content | change, arrays)
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in fields(Whole) if entry.name != "part"])
+def test_null_is_refused_where_a_value_is_needed(name):
+    content, arrays = pack(Whole("a", True, 1, (0.0, 1.0), (), (), [], None, []))
+    with pytest.raises(FormatError, match="does not fit"):
+        unpack(Whole, content | {name: None}, arrays)
 
 
 def test_an_array_of_another_type_is_refused():

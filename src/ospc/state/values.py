@@ -160,7 +160,7 @@ def _packed_arrays(values: list[Array], place: str, arrays: dict[str, Array]) ->
 
 def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> Any:
     optional = _without_none(hint)
-    if content is None and optional is not hint:
+    if content is None and optional != hint:
         return None
     hint = optional
     if is_dataclass(hint):
