@@ -49,6 +49,13 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
     assert lag_change(changes(film), stated(film.log_exposure, lag, lag), lag) is None
 
 
+@pytest.mark.parametrize("seed", [5, 6])
+def test_earlier_exposures_need_stronger_evidence_because_light_that_is_followed_looks_like_them(seed: int) -> None:
+    film = Film(wandering(FRAMES, seed) * 0.02, noise=2.0)
+    assert lag_change(changes(film), stated(film.log_exposure, 0, 2), 0) is not None
+    assert lag_change(changes(film), stated(film.log_exposure, 0, -2), 0) is None
+
+
 def test_a_few_frames_prove_nothing() -> None:
     few = [change for change in changes(WANDERING) if change.frame0 >= FRAMES - 20]
     assert lag_change(few, stated(WANDERING.log_exposure, 0, 2), 0) is None

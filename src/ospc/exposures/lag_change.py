@@ -27,6 +27,11 @@ MOST_CANDIDATES = 3
 """Most lags that may be left open. Where more fit, something else changes the brightness: a passing cloud left five
 and more in simulated film."""
 
+_EARLY_LEAD = 60.0
+"""Log likelihood by which exposures that come earlier than before must lead. Light that changes while a smooth
+exposure control follows it looks like that, by up to 30 in simulated film, but never like exposures that come later.
+"""
+
 _EARLIER_LEAD = 1.0
 """Log likelihood that may be given away for a later beginning: pairs that tell nothing do not count as changed."""
 
@@ -73,27 +78,33 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     since = _suspicion(latest, exposures, known)
     if since is None or sum(change.frame0 < first + since for change in changes) < FEWEST_BEFORE:
         return None
-    found = estimate_lag(latest.where(latest.frame >= since), exposures, reach)
+    changed = latest.where(latest.frame >= since)
+    found = estimate_lag(changed, exposures, reach)
     later = [lag - known for lag in found.candidates]
     usual = [lag for lag in later if abs(lag) <= USUAL_LAG]
     if found.state not in ("determined", "ambiguous") or not usual or len(later) > MOST_CANDIDATES:
         return None
-    same_side = all(lag > 0 for lag in usual) or all(lag < 0 for lag in usual)
-    return LagChange(first + since, usual[0]) if same_side else None
+    late, early = (all(lag * sign > 0 for lag in usual) for sign in (1, -1))
+    lead = _leads(changed, exposures, known, np.array([known + usual[0]])).sum()
+    return LagChange(first + since, usual[0]) if late or (early and lead > _EARLY_LEAD) else None
 
 
 def _suspicion(latest: BrightnessChanges, log_exposure: FloatArray, known: int) -> int | None:
     """Return the frame since which another lag fits much better than the known one; None without such a lag."""
-    held = fit_exposures(latest, latest.log_change(log_exposure, known)).log_likelihood
-    leads = []
-    for lag in _neighbours(known):
-        fitted = fit_exposures(latest, latest.log_change(log_exposure, lag)).log_likelihood
-        leads.append(np.cumsum((fitted - held)[::-1])[::-1])
+    leads = [np.cumsum(lead[::-1])[::-1] for lead in _leads(latest, log_exposure, known, _neighbours(known))]
     lead = max(leads, key=np.max)
     if lead.max() < MIN_LEAD:
         return None
     begins = int(np.flatnonzero(lead > lead.max() - _EARLIER_LEAD)[-1])
     return int(latest.frame[latest.driven[begins]])
+
+
+def _leads(seen: BrightnessChanges, log_exposure: FloatArray, known: int, lags: IntArray) -> FloatArray:
+    """Return by how much more likely the changes are with each lag than with the known one, shape (lags, m)."""
+    held, *fitted = (
+        fit_exposures(seen, seen.log_change(log_exposure, int(lag))).log_likelihood for lag in (known, *lags)
+    )
+    return np.array(fitted) - held
 
 
 def _neighbours(known: int) -> IntArray:
