@@ -28,9 +28,9 @@ _TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", 
 _MOST_BYTES = 8 * 2**20
 """Read of the EXIF of one photograph, some bytes again and again: far more than cameras write."""
 
-_READ_COST_BYTES, _MISSED_COST_BYTES = 512, 4096
+_READ_COST_BYTES, _MISSED_COST_BYTES = 512, 65536
 """Bytes that a read counts at least, so that the number of reads is limited too, and a read beyond the end: damaged
-directories claim thousands of entries there."""
+directories claim thousands of entries there, files that are cut off a few."""
 
 
 @dataclass(frozen=True)
