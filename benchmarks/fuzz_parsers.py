@@ -61,7 +61,7 @@ LOADING_S = 60
 SLOWEST = 30
 """Wall-clock time that may pass in a second of processor time, on a machine that does other things first."""
 
-FITTED_TO = 10
+FITTED_TO = 100
 """One in so many accepted states is fitted to: several times as many can be tried then."""
 
 MOST_FOUND = 1000
