@@ -178,8 +178,9 @@ def _archive(data: bytes, words: list[bytes], random: Random) -> bytes:
     else:
         del entries[index]
     packed = io.BytesIO()
-    method = zipfile.ZIP_DEFLATED if random.random() < 0.1 else zipfile.ZIP_STORED  # packing takes most of the time
-    with zipfile.ZipFile(packed, "w", method, compresslevel=1) as archive:
+    method = zipfile.ZIP_DEFLATED if random.random() < 0.9 else zipfile.ZIP_STORED
+    level = random.choice([0, 0, 0, 1])  # to compress takes most of the time
+    with zipfile.ZipFile(packed, "w", method, compresslevel=level) as archive:
         for entry_name, entry_content in entries:
             entry = zipfile.ZipInfo(entry_name.encode("utf-8", "replace").decode())
             entry.compress_type = method

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
+from zipfile import ZIP_DEFLATED, ZipFile
 from zlib import crc32
 
 import numpy as np
@@ -44,6 +47,8 @@ from ospc.state.container import Container
 from ospc.state.run import KIND, VERSION
 
 SIZE = (96, 72)
+RESULT_KEY = "ab12"
+
 QUICK = replace(DefaultSettings(), points_per_pair=40, max_points=400, rounds=2, keyframes=3)
 WORDS = [
     b"nan",
@@ -170,13 +175,14 @@ def _camera(place: Path) -> None:
 
 def _batch_result(data: bytes, folder: Path) -> None:
     """The JSON part of a result of a batch, sealed with a valid checksum."""
-    content = _stored(data)
-    key = content.get("key")
-    if isinstance(key, str) and key.isalnum() and key.isascii() and len(key) < 100:
-        store = Store(folder / "store")
-        kind, version = "batch-result", 3
-        store.put(key, container.to_bytes(Container(kind, version, content)))
-        store.get(key)
+    packed = io.BytesIO()
+    with ZipFile(packed, "w", ZIP_DEFLATED, compresslevel=0) as archive:
+        archive.writestr("batch-result.json", b'{"version": 3, "content": %b}' % data)
+        archive.comment = bytes(64)
+    checked = packed.getvalue()[:-64]
+    store = Store(folder / "store")
+    store.put(RESULT_KEY, checked + sha256(checked).hexdigest().encode())
+    store.get(RESULT_KEY)
 
 
 def _thinned(calibrator: OnlineCalibrator) -> OnlineCalibrator:
@@ -211,7 +217,7 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
     (folder / "state.ospc").write_bytes((folder / "a.ospc").read_bytes())
     line = " ".join(f"{value:.4f}" for value in np.linspace(0, 1, EMOR_SAMPLES) ** 0.5)
     emor = "".join(f"{name} =\n{line}\n" for name in ("E", "f0", *(f"h({n})" for n in range(1, 6))))
-    result = {"key": "ab12", "calibration": calibration.as_dict(), "summary": None, "notes": []}
+    result = {"key": RESULT_KEY, "calibration": calibration.as_dict(), "summary": None, "notes": []}
     assert Result.__dataclass_fields__.keys() == result.keys()
 
     def saved(*names: str) -> list[bytes]:
