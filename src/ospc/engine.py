@@ -391,7 +391,7 @@ class Engine:
         self._reasons = [*self._reasons, reason][-REMEMBERED_REASONS:]
         self._first_reasons = [*self._first_reasons, reason][:FIRST_REASONS]
 
-    # What the frames so far amount to.
+    # The result of the frames so far.
 
     def _judged(self, known: Calibration, found: ExposureFindings) -> Calibration:
         """Return a calibration with the verdicts that its exposures allow."""

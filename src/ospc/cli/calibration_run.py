@@ -72,7 +72,7 @@ class CalibrationRun:
         return Written((self.checkpoints.place,) if self.checkpoints.saved else ()), self.checkpoints.notes
 
     def _estimated(self) -> tuple[OnlineCalibrator, Outcome]:
-        """Calibrate; what was seen before an interruption or a failure is not lost."""
+        """Calibrate; nothing observed before an interruption or a failure is lost."""
         from ospc.calibrator import OnlineCalibrator
         from ospc.unknown_exposures import labelled
 

@@ -76,7 +76,7 @@ class MaximumLikelihoodEstimator:
         Parameters
         ----------
         observations
-            What was seen.
+            The observations.
         start
             An earlier fit with the same response basis to start from.
         """
@@ -138,7 +138,7 @@ class MaximumLikelihoodEstimator:
         Parameters
         ----------
         observations
-            What was seen.
+            The observations.
         fit
             Fit to them, possibly in other models: its response and its errors are relied on.
         about

@@ -26,7 +26,7 @@ def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageS
     Parameters
     ----------
     observations
-        What was seen.
+        The observations.
     fit
         Fit to the observations; None where they do not allow one.
     size

@@ -224,7 +224,7 @@ class MaximumLikelihoodMethod:
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
-        """Return the calibration that everything observed amounts to."""
+        """Return the calibration from everything observed so far."""
         return summarise(self.inputs(exposures, grey_range), self._settings)
 
     def state(self) -> MaximumLikelihoodState:
@@ -314,7 +314,7 @@ class MaximumLikelihoodMethod:
         if plainly or (len(self._motions) >= _UNDECIDED_PAIRS and not self._standing_still):
             self._series = None
 
-    # What the frames so far amount to.
+    # The result of the frames so far.
 
     @property
     def _standing_still(self) -> bool:

@@ -25,7 +25,7 @@ from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 
 
 def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
-    """Return the calibration that the inputs amount to; parts that it does not determine are None."""
+    """Return the calibration that follows from the inputs; parts that they do not determine are None."""
     fit, observations = inputs.fit, inputs.observations
     ratios = ExposureRatios.none() if fit is None or observations is None else exposure_ratios(fit, observations)
     reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
