@@ -153,7 +153,7 @@ def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
     except SettingError as error:
         raise FormatError(f"{name}: was made by another version of this program ({error})") from None
     if not isinstance(settings, DefaultSettings):
-        raise FormatError(f"{name}: is of preset {settings.name}, which has no state")
+        raise FormatError(f"{name}: was made with preset {settings.name}, which saves no state")
     return settings
 
 

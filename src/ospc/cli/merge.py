@@ -102,7 +102,7 @@ def _summaries(place: Path) -> Sequence[Summary]:
         return Pool.load(file).summaries
     summary = load_summary(file, Summary) or OnlineCalibrator.load_state(file).summary()
     if summary is None:
-        raise FormatError(f"{file}: nothing could be learned of this recording; leave it out")
+        raise FormatError(f"{file}: nothing could be learned from this recording; leave it out")
     return [summary]
 
 

@@ -162,8 +162,8 @@ def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> It
         times = "once" if count == 1 else f"{count} times"
         yield (
             f"brightness jumps {times} while the exposure does not, the most at frame {largest.frame}, by "
-            f"{np.expm1(largest.log_change):+.0%}: a gain or an aperture changed that the metadata do not hold; fix "
-            f"the gain, or record it"
+            f"{np.expm1(largest.log_change):+.0%}: a gain or an aperture changed that the metadata do not record; "
+            "fix the gain, or record it"
         )
     for flicker in brightness.flicker:
         often = f"every {1 / flicker.cycles_per_frame:.2g} frames"

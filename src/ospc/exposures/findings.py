@@ -301,7 +301,7 @@ def _verdicts(
     if lag.state == "constant exposure":
         yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
     if lag.state == "no response to exposure":
-        silent = f"exposures range over {course.in_words()}, but the brightness of things does not follow them"
+        silent = f"exposures range over {course.in_words()}, but the brightness of the scene does not follow them"
         yield Verdict("not identifiable", silent, FIX_METADATA)
     figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
     if unlike and not lag.frames:
@@ -327,12 +327,12 @@ def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
     reasons = {
         "changes too small": "the exposures change too little, where they could be compared, to check them",
         "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",
-        "follows flicker": "the exposures follow a flickering light, which hides by how many frames they are late",
+        "follows flicker": "the exposures follow a flickering light, which hides their lag",
         "between frames": f"the exposures fit best between two frames ({lag.fraction_frames:+.1f})",
         "out of range": f"the exposures fit best with a lag of {either} frames, the largest tried, which is unlikely",
-        "changing": "the exposures belong to other frames in one half of the recording than in the other",
+        "changing": "the lag of the exposures differs between the two halves of the recording",
     }
-    reason = reasons.get(lag.state, f"the exposures fit with a lag of {either} frames alike")
+    reason = reasons.get(lag.state, f"lags of {either} frames fit the images equally well")
     if lag.state == "ambiguous" and course.cycle_frames is not None:
         reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {either} look the same"
     return Verdict("marginal", reason, CHANGE_IRREGULARLY)

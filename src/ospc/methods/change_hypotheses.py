@@ -137,7 +137,7 @@ def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, usual_e
     if not _explained(halves, expected, usual_error):
         return None
     steeper = f"brightness follows the exposure by {np.mean(slopes):+.0%}"
-    return "response", f"the response changed, or a gain that the exposures do not hold: {steeper}"
+    return "response", f"the response changed, or a gain that is missing in the exposures: {steeper}"
 
 
 def _explained(halves: Halves, expected: list[FloatArray], usual_error: float) -> bool:

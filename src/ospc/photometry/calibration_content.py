@@ -276,5 +276,5 @@ def _sentences(values: Any, name: str) -> tuple[str, ...]:
 
 def _text(value: Any) -> str:
     if not isinstance(value, str):
-        raise FormatError(f"{str(value)[:30]!r} stands where a text is expected")
+        raise FormatError(f"{str(value)[:30]!r} found where a text is expected")
     return value

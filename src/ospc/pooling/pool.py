@@ -94,8 +94,8 @@ class Pool:
             summary = load_summary(place, Summary)
             if summary is None:
                 raise FormatError(
-                    f"{place}: nothing could be learned of this recording, or its run did not come to an end: finish "
-                    "it with ospc calibrate --resume"
+                    f"{place}: nothing could be learned from this recording, or its run did not end: finish it "
+                    "with ospc calibrate --resume"
                 )
             return cls((summary,))
         found = container.load(place, KIND, VERSION)
