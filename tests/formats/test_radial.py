@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -109,3 +111,14 @@ def test_focal_length_in_either_unit():
         Optics(focal_px=700.0).focal_in_mm(size)
     with pytest.raises(SettingError, match="aperture must be positive"):
         Optics(aperture=-1.0)
+
+
+@pytest.mark.parametrize("size", [(2000, 2000), (600_000, 7), (7, 600_000)])
+def test_a_map_needs_little_more_memory_than_its_pixels(size):
+    tracemalloc.start()
+    try:
+        RadialFit(size, (-0.1, 0.0, 0.0), centre=(0.01, 0.0)).vignette()
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 24 * size[0] * size[1]

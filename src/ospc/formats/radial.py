@@ -79,13 +79,18 @@ class RadialFit:
         """Return the vignette: a map of pixels if its centre is not that of the image."""
         if self.centre == (0.0, 0.0):
             return PolynomialVignette(self.size, self.coefficients)
-        x, y = np.meshgrid(np.arange(self.size[0]), np.arange(self.size[1]))
-        offsets = normalised(np.stack([x, y], axis=-1), self.size) - np.array(self.centre)
-        values = self._at(np.sum(offsets**2, axis=-1)).astype(np.float32)
+        half = half_diagonal(self.size)
+        x, y = ((np.arange(n) - (n - 1) / 2) / half - c for n, c in zip(self.size, self.centre, strict=True))
+        parts = np.array_split(y, max(1, len(x) * len(y) // _PIXELS_AT_ONCE))
+        values = np.concatenate([self._at(np.add.outer(part**2, x**2)).astype(np.float32) for part in parts])
         return RasterVignette(values, {"coefficients": list(self.coefficients), "centre": list(self.centre)})
 
     def _at(self, squared_radius: FloatArray) -> FloatArray:
         return np.asarray(np.polynomial.polynomial.polyval(squared_radius, [1.0, *self.coefficients]))
+
+
+_PIXELS_AT_ONCE = 2**20
+"""Pixels of a map that are computed at once: files may state images of a hundred megapixels."""
 
 
 @dataclass(frozen=True)
