@@ -29,7 +29,7 @@ and more in simulated film."""
 
 _EARLY_LEAD = 60.0
 """Log likelihood by which exposures that come earlier than before must lead. Light that changes while a smooth
-exposure control follows it looks like that, by up to 30 in simulated film, but never like exposures that come later.
+exposure control follows it looks like that, by up to 30 in simulated film, but hardly like exposures that come later.
 """
 
 _EARLIER_LEAD = 1.0
