@@ -311,7 +311,11 @@ def main() -> None:
         for guided in () if arguments.table else (True, False):
             phase = get_context("fork").Process(target=campaign.run, args=(arguments.only, guided))
             phase.start()
-            phase.join()
+            try:
+                phase.join()
+            finally:  # also after an interruption
+                phase.terminate()
+                phase.join()
     print(campaign.table())
 
 

@@ -78,33 +78,28 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     since = _suspicion(latest, exposures, known)
     if since is None or sum(change.frame0 < first + since for change in changes) < FEWEST_BEFORE:
         return None
-    changed = latest.where(latest.frame >= since)
-    found = estimate_lag(changed, exposures, reach)
+    found = estimate_lag(latest.where(latest.frame >= since), exposures, reach)
     later = [lag - known for lag in found.candidates]
     usual = [lag for lag in later if abs(lag) <= USUAL_LAG]
     if found.state not in ("determined", "ambiguous") or not usual or len(later) > MOST_CANDIDATES:
         return None
     late, early = (all(lag * sign > 0 for lag in usual) for sign in (1, -1))
-    lead = _leads(changed, exposures, known, np.array([known + usual[0]])).sum()
-    return LagChange(first + since, usual[0]) if late or (early and lead > _EARLY_LEAD) else None
+    lead = found.score[found.lags == known + usual[0]] - found.score[found.lags == known]
+    return LagChange(first + since, usual[0]) if late or (early and lead.item() > _EARLY_LEAD) else None
 
 
 def _suspicion(latest: BrightnessChanges, log_exposure: FloatArray, known: int) -> int | None:
     """Return the frame since which another lag fits much better than the known one; None without such a lag."""
-    leads = [np.cumsum(lead[::-1])[::-1] for lead in _leads(latest, log_exposure, known, _neighbours(known))]
+    held = fit_exposures(latest, latest.log_change(log_exposure, known)).log_likelihood
+    leads = []
+    for lag in _neighbours(known):
+        fitted = fit_exposures(latest, latest.log_change(log_exposure, lag)).log_likelihood
+        leads.append(np.cumsum((fitted - held)[::-1])[::-1])
     lead = max(leads, key=np.max)
     if lead.max() < MIN_LEAD:
         return None
     begins = int(np.flatnonzero(lead > lead.max() - _EARLIER_LEAD)[-1])
     return int(latest.frame[latest.driven[begins]])
-
-
-def _leads(seen: BrightnessChanges, log_exposure: FloatArray, known: int, lags: IntArray) -> FloatArray:
-    """Return by how much more likely the changes are with each lag than with the known one, shape (lags, m)."""
-    held, *fitted = (
-        fit_exposures(seen, seen.log_change(log_exposure, int(lag))).log_likelihood for lag in (known, *lags)
-    )
-    return np.array(fitted) - held
 
 
 def _neighbours(known: int) -> IntArray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError, escaped
-from ospc.photometry.geometry import half_diagonal, image_size, normalised
+from ospc.photometry.geometry import half_diagonal, image_of, image_size, normalised
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
     LogVignette,
@@ -79,18 +79,12 @@ class RadialFit:
         """Return the vignette: a map of pixels if its centre is not that of the image."""
         if self.centre == (0.0, 0.0):
             return PolynomialVignette(self.size, self.coefficients)
-        half = half_diagonal(self.size)
-        x, y = ((np.arange(n) - (n - 1) / 2) / half - c for n, c in zip(self.size, self.centre, strict=True))
-        parts = np.array_split(y, max(1, len(x) * len(y) // _PIXELS_AT_ONCE))
-        values = np.concatenate([self._at(np.add.outer(part**2, x**2)).astype(np.float32) for part in parts])
+        centre_x, centre_y = self.centre
+        values = image_of(lambda x, y: self._at((x - centre_x) ** 2 + (y - centre_y) ** 2), self.size)
         return RasterVignette(values, {"coefficients": list(self.coefficients), "centre": list(self.centre)})
 
     def _at(self, squared_radius: FloatArray) -> FloatArray:
         return np.asarray(np.polynomial.polynomial.polyval(squared_radius, [1.0, *self.coefficients]))
-
-
-_PIXELS_AT_ONCE = 2**20
-"""Pixels of a map that are computed at once: files may state images of a hundred megapixels."""
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,13 @@ from ospc.arrays import Float32Array, FloatArray
 from ospc.errors import FormatError, counted
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
-from ospc.formats.scanning import leading_numbers
+from ospc.formats.scanning import NUMBER, leading_numbers
 
 FEWEST_VALUES = 256
 """DSO needs at least this many values, the monocular data set's tools exactly this many."""
 
 MOST_VALUES = 65536
 """DSO has memory for this many values."""
-
-_NUMBER = re.compile(r"[+-]?(?:nan|inf(?:inity)?|(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)", re.ASCII | re.IGNORECASE)
-"""A word that is a number, NaN and infinity included."""
 
 _SMALLEST_POSITIVE = np.float32(1e-30)
 """Positive values stay above this; some parsers refuse subnormal numbers, which begin at 1.2e-38."""
@@ -293,7 +290,7 @@ def _words(line: str) -> list[str]:
 
 def _number(word: str) -> float | None:
     """Return the value of a number, None for any other word."""
-    return float(word) if _NUMBER.fullmatch(word) else None
+    return float(word) if NUMBER.fullmatch(word) else None
 
 
 PCALIB: Format[PcalibText] = Format(

@@ -10,11 +10,16 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError
 
-_STREAM_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_STREAM_NUMBER = re.compile(rf"[+-]?{_DECIMAL}", re.ASCII)
 _STREAM_NUMBERS = re.compile(rf"(?:\s*{_STREAM_NUMBER.pattern})*+", re.ASCII)
+
+NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|inf(?:inity)?|nan)", re.ASCII | re.IGNORECASE)
+"""A number as C's functions read it, NaN and infinity included."""
+
 _SCANF_ITEM = {
     "d": re.compile(r"\s*([+-]?\d+)", re.ASCII),
-    "f": re.compile(r"\s*([+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?|nan))", re.ASCII | re.IGNORECASE),
+    "f": re.compile(rf"\s*({NUMBER.pattern})", NUMBER.flags),
 }
 
 

@@ -89,9 +89,7 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     spread = SIGMA_OF_MEDIAN * _medians(np.abs(observed - estimated[pair]), pair)
     by_scatter = _sigma_of_medians(spread, count)
     by_curves = _sigma_by_curves(fit, observations, later[np.argsort(pair, kind="stable")], count)
-    return ExposureRatios(
-        pairs, np.exp(metadata[first]), np.exp(estimated), count.astype(np.int64), np.hypot(by_scatter, by_curves)
-    )
+    return ExposureRatios(pairs, np.exp(metadata[first]), np.exp(estimated), count, np.hypot(by_scatter, by_curves))
 
 
 def _medians(values: FloatArray, group: IntArray) -> FloatArray:

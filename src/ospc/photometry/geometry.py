@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.errors import FormatError
+
+_BAND_PIXELS = 2**15
+"""Pixels that are evaluated at once: few enough to stay in the cache, and to need little memory."""
 
 MOST_PIXELS = 2**27
 """Images with more pixels are refused: twice the largest sensor in ordinary use."""
@@ -46,6 +51,28 @@ def normalised(points: FloatArray, size: ImageSize) -> FloatArray:
     """
     centre = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
     return np.asarray((np.asarray(points, dtype=np.float64) - centre) / half_diagonal(size), dtype=np.float64)
+
+
+def image_of(function: Callable[[FloatArray, FloatArray], FloatArray], size: ImageSize) -> Float32Array:
+    """Return the value of a function at every pixel, shape (height, width).
+
+    Parameters
+    ----------
+    function
+        Takes places relative to the image centre, in half diagonals: x of shape (width,) and y of shape (rows, 1) for
+        some rows at a time; its values have shape (rows, width).
+    size
+        Width and height in pixels.
+    """
+    width, height = size
+    # x is the same in every column and y in every row: a row and a column broadcast to all pixels.
+    diagonal = normalised(np.stack([np.arange(max(size))] * 2, axis=1).astype(np.float64), size)
+    x, y = diagonal[:width, 0], diagonal[:height, 1, None]
+    image = np.empty((height, width), np.float32)
+    rows = max(1, _BAND_PIXELS // width)
+    for top in range(0, height, rows):
+        image[top : top + rows] = function(x, y[top : top + rows])
+    return image
 
 
 def pixel_grid(size: ImageSize) -> FloatArray:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import UNREADABLE, FormatError
-from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.photometry.geometry import image_of, normalised, pixel_grid
 
 LARGEST_ATTENUATION = 1e3
 """Models that exceed this anywhere in the image are refused: at the centre, or at most, V is 1."""
@@ -76,7 +76,7 @@ class PolynomialVignette:
 
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""
-        return self.at(pixel_grid(self.size)).astype(np.float32)
+        return image_of(lambda x, y: self.profile(np.sqrt(x**2 + y**2)), self.size)
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
@@ -86,9 +86,6 @@ class PolynomialVignette:
 LARGEST_LOG = 50.0
 """Largest |ln V| that is evaluated, so that the exponential stays finite: a fit to wrong exposures may reach any
 value."""
-
-_BAND_ROWS = 32
-"""Rows of an image that are evaluated at once: few enough to stay in the cache, and to need little memory."""
 
 
 def _exp(log_v: FloatArray) -> FloatArray:
@@ -160,15 +157,8 @@ class LogVignette:
 
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""
-        width, height = self.size
-        # x is the same in every column and y in every row: a row and a column broadcast to all pixels.
-        diagonal = normalised(np.stack([np.arange(max(self.size))] * 2, axis=1).astype(np.float64), self.size)
-        x, y = diagonal[:width, 0] - self.centre[0], diagonal[:height, 1, None] - self.centre[1]
-        image = np.empty((height, width), np.float32)
-        for top in range(0, height, _BAND_ROWS):
-            rows = slice(top, top + _BAND_ROWS)
-            image[rows] = _exp(self._log_at_offsets(x, y[rows]))
-        return image
+        centre_x, centre_y = self.centre
+        return image_of(lambda x, y: _exp(self._log_at_offsets(x - centre_x, y - centre_y)), self.size)
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
