@@ -65,7 +65,8 @@ class Calibration:
     max_grey
         Largest grey value of the images: 255 for 8 bit.
     converged
-        Whether more frames of the same kind would hardly change the result.
+        Whether response and vignette are identifiable and nothing warns about the exposures; with preset "paper",
+        whether two estimates of each were accepted.
     partial
         Whether the run was interrupted before the end of the recording.
     counts
