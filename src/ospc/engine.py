@@ -326,7 +326,7 @@ class Engine:
         """
         if self._method is not None and self._exposures.evidence is not None:
             shown = replace(frame, load=partial(_of_size, frame, self._size))
-            prepared = self._preprocess(shown, self._pixels.grey_range)
+            prepared = self._preprocess(shown, self._pixels.range_before(frame.index))
             self._method.recall(prepared)
             self._exposures.evidence.recall(prepared.thumbnail)
 
@@ -343,10 +343,13 @@ class Engine:
 
     def _begin_epoch(self, method: Method, change: Change) -> Method:
         """End the epoch with the calibration before a change of the camera, and go on with what came after it."""
-        later = method.split(change.frame)
+        first, later = self._first_of_epoch, method.split(change.frame)
         found, exposures = self._exposures.split(change.frame)
-        known = method.calibration(exposures, self._pixels.grey_range)
-        self._epochs.append(Epoch(self._first_of_epoch, change.frame - 1, self._judged(known, found), change))
+        known = method.calibration(exposures, self._pixels.range_before(change.frame))
+        ended = self._judged(known, found)
+        ended = replace(ended, counts=ended.counts | {"frames": change.frame - first})
+        self._epochs.append(Epoch(first, change.frame - 1, ended, change))
+        self._pixels = self._pixels.of_next_epoch()
         self._method = later
         self._sampler.restart()
         return later

@@ -233,12 +233,17 @@ class Observations:
         mask[chosen] = True
         return self.where(np.repeat(mask, self.counts))
 
+    def seen_twice(self: AnyObservations, mask: Any) -> AnyObservations:
+        """Return the observations where a mask, shape (n,), is true, of the points that have two or more of them."""
+        kept = self.where(mask)
+        return kept.of_points(kept.counts >= 2)
+
     def where(self: AnyObservations, mask: Any) -> AnyObservations:
         """Return the observations where a mask, shape (n,), is true."""
         return type(self)(**{f.name: getattr(self, f.name)[mask] for f in fields(self)})
 
     def with_exposures(self, exposures: ExposureLookup) -> ExposedObservations:
-        """Return the observations with the exposure of their frames; points with an unknown exposure are left out."""
+        """Return the observations with the exposure of their frames; those of which it is unknown are left out."""
         log_exposure = exposures.log_exposure_of(self.frame)
         before, after = (exposures.log_exposure_of(self.frame + step) for step in (-1, 1))
         own = {f.name: getattr(self, f.name) for f in fields(Observations)}
@@ -248,7 +253,7 @@ class Observations:
         known = np.isfinite(log_exposure)
         if known.all():
             return found
-        return found.of_points(np.logical_and.reduceat(known, self.starts)) if len(self) else found
+        return found.seen_twice(known)
 
 
 @dataclass(frozen=True)
@@ -267,14 +272,28 @@ class ExposedObservations(Observations):
     log_exposure: FloatArray
     log_exposure_rate: FloatArray
 
+    @property
+    def exposure_range_ms(self) -> tuple[float, float]:
+        """Shortest and longest exposure; (inf, 0) where nothing was observed."""
+        low, high = self.log_exposure.min(initial=np.inf), self.log_exposure.max(initial=-np.inf)
+        return float(np.exp(low)), float(np.exp(high))
+
+    @property
+    def log_exposure_change(self) -> float:
+        """Largest change of ln exposure between the observations of one scene point."""
+        if not len(self):
+            return 0.0
+        highest, lowest = (end.reduceat(self.log_exposure, self.starts) for end in (np.maximum, np.minimum))
+        return float(np.max(highest - lowest))
+
     def stretched(self, grey_range: GreyRange) -> ExposedObservations:
-        """Return the points between black and white, with black at grey level 0 and white at 1."""
+        """Return what lies between black and white, with black at grey level 0 and white at 1."""
         if grey_range.is_full:
             return self
         low = grey_range.black + _CLEAR_OF_ENDS * (grey_range.black > 0)
         high = grey_range.white - _CLEAR_OF_ENDS * (grey_range.white < 1)
         inside = (self.grey >= low) & (self.grey <= high)
-        kept = self.of_points(np.logical_and.reduceat(inside, self.starts))
+        kept = self.seen_twice(inside)
         powers = _powers_of_stretched(grey_range)
         known = kept.frame_moments.any(axis=1, keepdims=True).astype(np.float64)
         return replace(

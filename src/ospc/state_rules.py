@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,14 @@ from ospc.correspondence.keyframe_selection import AGES, MOST_TRIALS, KeyframeSe
 from ospc.correspondence.noise_estimation import BINS as NOISE_BINS
 from ospc.correspondence.noise_estimation import REMEMBERED as REMEMBERED_NOISE
 from ospc.correspondence.noise_estimation import NoiseEstimator
-from ospc.correspondence.pixel_statistics import GREY_CELLS, MOST_FRAMES, RADIUS_CELLS, PixelStatistics, level_count
+from ospc.correspondence.pixel_statistics import (
+    GREY_CELLS,
+    MOST_FRAMES,
+    MOST_RANGES,
+    RADIUS_CELLS,
+    PixelStatistics,
+    level_count,
+)
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.thumbnail import thumbnail_size
@@ -167,6 +175,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "_brightest": ELSEWHERE,
         "_bits": Numbers(0, _LARGEST_GREY),
         "_max_grey": ELSEWHERE,
+        "_ranges": ELSEWHERE,
+        "_inherited": ELSEWHERE,
     },
     EvidenceState: {
         "frame0": _count("changes", most=CAPACITY),
@@ -179,6 +189,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "previous": Numbers(-1, _MOST),
         "compared": COUNT,
         "repeated": _count("repeated", most=MOST_REPEATED),
+        "observed": COUNT,
         "samples": _count("changes"),
         "place_log_ratio": Numbers(-_LOG, _LOG, ("places",)),
         "place_log_grey": Numbers(-_LOG, _LOG, ("places",)),
@@ -354,6 +365,11 @@ def _check_pixels(run: EngineState) -> None:
     _require(
         (found._histogram is None) == (found._brightest is None) == (not found._grey_share), "pixels are missing"
     )
+    _require(len(found._ranges) <= MOST_RANGES, "black and white changed too often")
+    numbers = [-1, *(number for number, _, _ in found._ranges), len(run.exposures.log_exposure)]
+    _require(all(a < b for a, b in pairwise(numbers)), "changes of black and white are out of order")
+    ends = [(found._inherited.black, found._inherited.white), *((low, high) for _, low, high in found._ranges)]
+    _require(all(0 <= black < white <= 1 for black, white in ends), "black is not below white")
     _require(found._max_grey in (run.max_grey, PixelStatistics()._max_grey), "pixels have another white")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import fields, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.observations import Observations, concatenate
 from ospc.photometry.geometry import normalised
+from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
 
 counts = st.lists(st.integers(1, 4), min_size=1, max_size=12)
@@ -52,13 +54,31 @@ class Stated:
         return np.where(np.isin(frames, self.unknown), np.nan, frames.astype(float))
 
 
-@given(counts, st.sets(st.integers(0, 40)))
-def test_exposures_are_looked_up_and_points_without_one_left_out(counts, unknown):
+@given(st.lists(st.integers(2, 6), max_size=8), st.sets(st.integers(0, 40)))
+def test_exposures_are_looked_up_and_what_has_none_is_left_out(counts, unknown):
     made = observations(counts)
     exposed = made.with_exposures(Stated(sorted(unknown)))
     np.testing.assert_array_equal(exposed.log_exposure, exposed.frame)
-    left_out = {int(p) for p, f in zip(made.point, made.frame, strict=True) if int(f) in unknown}
-    assert set(exposed.point.tolist()) == set(made.point.tolist()) - left_out
+    known = [(p, f) for p, f in zip(made.point.tolist(), made.frame.tolist(), strict=True) if f not in unknown]
+    seen = Counter(p for p, _ in known)
+    assert exposed.frame.tolist() == [f for p, f in known if seen[p] >= 2]
+
+
+@given(st.integers(0, 5))
+def test_a_point_seen_by_many_frames_outlives_those_that_are_clipped(clipped):
+    made = replace(observations([6]), grey=np.where(np.arange(6) < clipped, 1.0, np.linspace(0.3, 0.6, 6)))
+    kept = made.with_exposures(Stated([])).stretched(GreyRange(16 / 255, 235 / 255))
+    assert len(kept) == (6 - clipped if clipped < 5 else 0)
+
+
+def test_a_reservoir_split_off_keeps_all_that_is_added():
+    reservoir = Reservoir(capacity=64)
+    for group in range(40):
+        reservoir.add(observations([2] * 16, group))
+    later, _ = reservoir.split(0)
+    before = later.points
+    later.add(observations([2] * 16, reservoir.latest_group + 1))
+    assert later.points == before + 16
 
 
 def test_a_reservoir_is_split_at_a_frame_and_drops_what_crosses_it():

@@ -21,14 +21,6 @@ def table(exposures_ms: np.ndarray, lag: int = 0) -> ExposureTable:
     return made
 
 
-@pytest.mark.parametrize("lag", [-7, -2, 0, 3, 9])
-def test_the_range_is_that_of_the_frames_own_exposures(lag: int) -> None:
-    made = table(np.array([4.0, 9.0, np.nan, 1.0, 2.0, 3.0]), lag)
-    own = made.log_exposure_of(np.arange(6))
-    own = own[np.isfinite(own)]
-    assert made.range_ms() == ((np.exp(own.min()), np.exp(own.max())) if own.size else (np.inf, 0.0))
-
-
 def test_missing_exposures_lie_between_their_neighbours() -> None:
     rng = np.random.default_rng(0)
     for _ in range(50):
@@ -54,7 +46,6 @@ def test_a_long_course_is_summed_up_like_a_short_one(wrong_share: float) -> None
 def test_frames_without_end_take_eight_bytes_each() -> None:
     made = table(np.array([1.0, 2.0, 5.0])[np.arange(MANY) % 3])
     tracemalloc.start()
-    made.range_ms()
     ExposureReport.of(filled(made.written))
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

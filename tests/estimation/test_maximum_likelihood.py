@@ -198,6 +198,19 @@ def test_what_halves_of_the_observations_disagree_on_is_uncertain():
     assert second.log_response_step_sigma(0.25, 0.75) > 1.5 * first.log_response_step_sigma(0.25, 0.75)
 
 
+def test_a_single_pair_of_frames_gives_no_certainty_without_limit():
+    observations = Camera(GAMMA).pairs(0, groups=1, points=2000)
+    late = replace(observations, log_exposure=observations.log_exposure + 0.02 * (observations.frame % 2))
+    sigma = [
+        MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), rounds=rounds)
+        .fit(late)
+        .log_response_step_sigma(0.25, 0.75)
+        for rounds in (4, 12)
+    ]
+    assert sigma[1] == pytest.approx(sigma[0], rel=0.5)
+    assert sigma[1] > 0.001
+
+
 def test_more_points_make_smaller_deviations():
     few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), 3, 16) for g in (15, 120))
     ratio = chance_step_sigma(few, 0.25, 0.75) / chance_step_sigma(many, 0.25, 0.75)

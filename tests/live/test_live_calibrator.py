@@ -131,6 +131,8 @@ def test_another_lens_is_noticed_named_and_calibrated_anew(changed, cameras):
     assert first.change.part == "vignette"
     assert abs(second.first_frame - 220) <= 30
     assert first.change.found - 220 <= 200  # ten seconds at 20 frames/s
+    assert first.calibration.counts["frames"] == second.first_frame
+    assert first.calibration.counts["pairs"] < second.first_frame
     corner = np.array([[239.0, 179.0]])
     assert first.calibration.vignette.at(corner)[0] == pytest.approx(0.85, abs=0.03)
     found = changed.calibration()

@@ -99,15 +99,15 @@ class ImageCircle:
         surround = self.surround()
         if self.brightest is None or (surround is None and self.allowed is None):
             return 1.0
-        usable = np.ones(self.brightest.shape, dtype=bool) if surround is None else ~surround
-        if self.allowed is not None:
-            usable &= self.allowed
-        height, width = usable.shape
+        height, width = self.brightest.shape
         place = normalised(pixel_grid((width, height)), (width, height))
-        radius = np.where(usable, np.linalg.norm(place, axis=-1), 0.0)
+        lit = np.ones((height, width), dtype=bool) if surround is None else ~surround
+        radius = np.where(lit, np.linalg.norm(place, axis=-1), 0.0)
         # An image circle that is off centre may leave one corner: that alone does not determine a radius.
-        towards_corners = [radius[(place * corner >= 0).all(axis=-1)].max() for corner in _CORNERS]
-        reached = float(np.median(towards_corners))
+        reached = float(np.median([radius[(place * corner >= 0).all(axis=-1)].max() for corner in _CORNERS]))
+        if self.allowed is not None:
+            # A mask may hide any side: the vignette is asked for as far out as there are pixels in use.
+            reached = min(reached, float(radius[self.allowed].max(initial=0.0)))
         return reached if 0 < reached < _WHOLE else 1.0
 
     def sees(self, position: FloatArray) -> BoolArray | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -17,6 +18,9 @@ from ospc.recording.frame import Frame
 
 MOST_FRAMES = 1024
 """Frames whose own shares are kept; beyond, every second is dropped, which bounds the memory of endless runs."""
+
+MOST_RANGES = 100
+"""Latest changes of black and white that are remembered: usually there is one, in the first frames."""
 
 GREY_CELLS = 32
 """Equal ranges of grey level whose coverage is reported: as many as the response has intervals between knots."""
@@ -133,7 +137,7 @@ class PixelReport:
 
 @dataclass
 class PixelStatistics:
-    """Gathers the grey values of frames one by one."""
+    """Gathers the grey values of the frames of an epoch one by one, and where black and white were at each frame."""
 
     _histogram: IntArray | None = None
     _grey_share: list[FloatArray] = field(default_factory=list)
@@ -142,6 +146,8 @@ class PixelStatistics:
     _brightest: Float32Array | None = None
     _bits: int = 0
     _max_grey: int = 255
+    _ranges: list[tuple[int, float, float]] = field(default_factory=list)
+    _inherited: GreyRange = FULL_RANGE
 
     def observe(self, frame: Frame, small: Thumbnail) -> None:
         """Take a frame, its image decoded already, with its thumbnail."""
@@ -164,25 +170,43 @@ class PixelStatistics:
         if len(self._grey_share) > MOST_FRAMES:
             self._grey_share, self._radius_share = self._grey_share[::2], self._radius_share[::2]
             self._log_exposure = self._log_exposure[::2]
+        found = self._found_range()
+        if found != self.grey_range:
+            self._ranges = [*self._ranges, (frame.index, found.black, found.white)][-MOST_RANGES:]
 
     @property
     def grey_range(self) -> GreyRange:
-        """Where black and white are: at the extreme grey values, if many pixels share them, or else at the ends.
+        """Where black and white are as far as is known."""
+        return self.range_before(sys.maxsize)
 
-        Where values pile up at one end of the limited range of video and stay within it, both ends are taken.
+    def range_before(self, number: int) -> GreyRange:
+        """Return where black and white were as far as was known from the frames before one."""
+        known = [(black, white) for frame, black, white in self._ranges if frame < number]
+        return GreyRange(*known[-1]) if known else FULL_RANGE
+
+    def of_next_epoch(self) -> PixelStatistics:
+        """Return the statistics to go on with after a change of the camera: black and white are looked for anew."""
+        return PixelStatistics(_max_grey=self._max_grey, _ranges=self._ranges, _inherited=self.grey_range)
+
+    def _found_range(self) -> GreyRange:
+        """Return black and white: the extreme grey values, if many pixels share them, or else the ends of the scale.
+
+        Where values pile up at one end of the limited range of video and stay within it, both ends are taken. Where
+        none does, the range of the epoch before stays as long as all values are within it.
         """
-        if self._histogram is None:
-            return FULL_RANGE
+        assert self._histogram is not None
         last = len(self._histogram) - 1
         black, white = (end / last for end in np.flatnonzero(self._histogram)[[0, -1]].tolist())
         black_piles, white_piles = self._piles
         inside = black >= VIDEO_RANGE.black and white <= VIDEO_RANGE.white
         if inside and ((black_piles and black == VIDEO_RANGE.black) or (white_piles and white == VIDEO_RANGE.white)):
             return VIDEO_RANGE
-        return GreyRange(
+        found = GreyRange(
             black if black_piles and black < _HIGHEST_BLACK else 0.0,
             white if white_piles and white > _LOWEST_WHITE else 1.0,
         )
+        usual = self._inherited
+        return usual if found.is_full and usual.black <= black and white <= usual.white else found
 
     @property
     def _piles(self) -> tuple[bool, bool]:

@@ -43,6 +43,11 @@ class Reservoir:
         """Drop the observations of groups with lower numbers."""
         self._keep([part.where(part.group >= group) for part in self._parts])
 
+    @property
+    def latest_group(self) -> int:
+        """Number of the latest group of which something is kept, -1 where nothing is."""
+        return max((int(part.group.max()) for part in self._parts), default=-1)
+
     def split(self, frame: int) -> tuple[Reservoir, int]:
         """Move the groups whose frames all have this number or a higher one to a new reservoir.
 
@@ -53,7 +58,7 @@ class Reservoir:
         tuple of Reservoir and int
             The new reservoir, and the number of its groups.
         """
-        moved = Reservoir(self.capacity, _halvings=self._halvings)
+        moved = Reservoir(self.capacity)
         if not self._parts:
             return moved, 0
         everything = self.all()

@@ -243,17 +243,22 @@ class Fit:
         It is the root mean square over the directions to the four corners, which differ if the centre is not that of
         the image.
         """
-        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.covariance)))
+        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.covariance).mean(axis=0)))
+
+    def worst_log_vignette_sigma(self, radius: float) -> float:
+        """Return the largest standard deviation of ln V at a radius in half diagonals, towards any of the corners."""
+        return float(np.sqrt(self._log_vignette_variance(np.array([radius]), self.covariance).max()))
 
     def chance_log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the random part of :meth:`log_vignette_sigma`, which more samples reduce, shape (n,) -> (n,)."""
-        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.chance)))
+        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.chance).mean(axis=0)))
 
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return the variance of ln V at radii, shape (n,), along the half diagonals, shape (4, n)."""
         part = self.vignette_part
         rows = self.vignette_basis.jacobian(self.vignette_parameters, _along_diagonals(radius))
         variance = np.einsum("ij,jk,ik->i", rows, covariance[part, part], rows)
-        return np.asarray(variance.reshape(len(_DIAGONALS), -1).mean(axis=0))
+        return np.asarray(variance.reshape(len(_DIAGONALS), -1))
 
     @property
     def vignette_sigma_at_corner(self) -> float:

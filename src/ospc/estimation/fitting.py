@@ -102,9 +102,7 @@ def _check_observable(observations: ExposedObservations, settings: DefaultSettin
         raise NotObservableError(
             f"only {counted(points, 'scene point')} with known exposures; at least {settings.min_points} are needed"
         )
-    log_exposure, starts = observations.log_exposure, observations.starts
-    change = np.maximum.reduceat(log_exposure, starts) - np.minimum.reduceat(log_exposure, starts)
-    if float(change.max()) < settings.min_log_exposure_change:
+    if observations.log_exposure_change < settings.min_log_exposure_change:
         raise NotObservableError(
             "every scene point has nearly the same exposure in all its frames, so the response leaves no trace; "
             "add pairs of frames whose exposures differ"

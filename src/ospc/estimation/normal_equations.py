@@ -97,10 +97,16 @@ class NormalEquations:
         sandwich_factor
             As in the attributes.
         """
+        # At the solution the scores add up to zero: of a single block nothing is left to tell its scatter.
+        scatter = self.matrix if self.blocks == 1 else self.scatter * self.blocks / (self.blocks - 1)
         factor = cho_factor(self.matrix + prior_precision)
-        spread = np.trace(cho_solve(factor, self.scatter)) / max(np.trace(cho_solve(factor, self.matrix)), 1e-300)
-        information_scale = float(sandwich_factor**2 / max(spread, 1e-6))
-        return replace(self, information_scale=information_scale, sandwich_factor=sandwich_factor)
+        spread = np.trace(cho_solve(factor, scatter)) / max(np.trace(cho_solve(factor, self.matrix)), 1e-300)
+        return replace(
+            self,
+            scatter=scatter,
+            information_scale=float(sandwich_factor**2 / max(spread, 1e-6)),
+            sandwich_factor=sandwich_factor,
+        )
 
     def posterior_precision(self, prior: Prior, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision of the parameters given data and prior, shape (p, p)."""

@@ -43,21 +43,21 @@ def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tup
         (UNSTEADY_RESPONSE, [(log_grey[first] + log_grey[last]) / 2]),
         (UNSTEADY_VIGNETTE, [x, y]),
     ):
-        excess = max(_excess(covariate, change, pairs) for covariate in covariates)
+        excess, slopes = max(_excess(covariate, change, pairs) for covariate in covariates)
         if excess > UNSTEADY_SLOPE:
-            found.append(EffectEstimate(name, excess, excess / np.sqrt(2 * len(pairs)), contradicts=True))
+            found.append(EffectEstimate(name, excess, excess / np.sqrt(2 * slopes), contradicts=True))
     return tuple(found)
 
 
-def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) -> float:
-    """Return the standard deviation of the slope between pairs; 0 if chance explains it."""
+def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) -> tuple[float, int]:
+    """Return the standard deviation of the slope between pairs, 0 if chance explains it, and the number of slopes."""
     slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
     if len(slopes) < UNSTEADY_FEWEST_PAIRS:
-        return 0.0
+        return 0.0, len(slopes)
     slope, sigma = np.array(slopes).T
     if robust_scale(slope / sigma) < UNSTEADY_SIGMAS:
-        return 0.0
-    return float(np.sqrt(max(robust_scale(slope) ** 2 - float(np.median(sigma)) ** 2, 0.0)))
+        return 0.0, len(slopes)
+    return float(np.sqrt(max(robust_scale(slope) ** 2 - float(np.median(sigma)) ** 2, 0.0))), len(slopes)
 
 
 def _slope(x: FloatArray, change: FloatArray) -> tuple[float, float] | None:

@@ -12,7 +12,7 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.errors import OspcError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.evidence import ComparedAhead, EvidenceState, ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures
+from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, leaves_frames
 from ospc.exposures.lag_change import LagChange, lag_change
 from ospc.exposures.table import ExposureTable
 
@@ -108,9 +108,11 @@ class ExposureAssessment:
 
     def reassess(self) -> None:
         """Judge the exposures again if there is much more evidence than the last time."""
-        if self.evidence is None or len(self.evidence) < self._next_assessment:
+        if self.evidence is None or self.evidence.observed < self._next_assessment:
             return
-        self._next_assessment = int(ASSESSMENT_GROWTH * len(self.evidence))
+        if not leaves_frames(self.choice, len(self.table) - self._since):
+            return
+        self._next_assessment = int(ASSESSMENT_GROWTH * self.evidence.observed)
         found = self.findings()
         self.table.lag_frames = found.corrected_frames
         self._known_lag = found.lag.correction(found.course.cycle_frames)
@@ -148,9 +150,11 @@ class ExposureAssessment:
         with threadpool_limits(1, user_api="blas"):
             found = lag_change(self.evidence.changes, self.table.written, self._known_lag)
         suspected, self._suspected_lag = self._suspected_lag, 0 if found is None else found.later_frames
-        if found is None or explains or suspected * found.later_frames > 0:
-            return found
-        return None
+        if found is None or not (explains or suspected * found.later_frames > 0):
+            return None
+        if self.choice == "auto":
+            self.table.lag_frames = self._known_lag + found.later_frames
+        return found
 
     @property
     def lag_is_open(self) -> bool:
@@ -173,6 +177,7 @@ class ExposureAssessment:
         before = self.table.until(frame).with_lag(found.corrected_frames)
         self.evidence, self._since, self._findings = later, frame, None
         self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT, None, 0
+        self.table.trusted = False
         return found, before
 
     def _assessed(self, evidence: ExposureEvidence, log_exposure: FloatArray) -> ExposureFindings:

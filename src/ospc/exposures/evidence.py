@@ -35,6 +35,8 @@ class EvidenceState:
         Number of the last frame processed, -1 before the first.
     compared, repeated
         Frames compared, and the numbers of those that repeat the one before.
+    observed
+        Changes of brightness of this epoch, kept or not.
     samples
         Number of place samples of each change, shape (n,).
     place_log_ratio, place_log_grey, position0, position1
@@ -51,6 +53,7 @@ class EvidenceState:
     previous: int
     compared: int
     repeated: list[int]
+    observed: int
     samples: IntArray
     place_log_ratio: FloatArray
     place_log_grey: FloatArray
@@ -79,6 +82,8 @@ class ExposureEvidence:
         Number of frames compared with the one before.
     repeated
         Numbers of the first frames whose image is that of the frame before.
+    observed
+        Number of changes of brightness in this epoch, kept or not.
     """
 
     size: ImageSize
@@ -87,6 +92,7 @@ class ExposureEvidence:
     _last: int = -1
     compared: int = 0
     repeated: list[int] = field(default_factory=list)
+    observed: int = 0
 
     def __post_init__(self) -> None:
         """Prepare the comparison of frames of this size."""
@@ -111,6 +117,7 @@ class ExposureEvidence:
             change = self._compare(previous, frame)
         kept = change if len(self._changes) < MOST_SAMPLED else replace(change, samples=PixelSamples.none())
         self._changes.append(kept)
+        self.observed += 1
         if len(self._changes) > CAPACITY:
             self._thin_out()
         return change
@@ -157,6 +164,7 @@ class ExposureEvidence:
             self._last if self._previous is None else self._previous.frame,
             self.compared,
             self.repeated,
+            self.observed,
             np.array([len(p.log_ratio) for p in places], dtype=np.int64),
             joined("log_ratio"),
             joined("log_grey"),
@@ -185,11 +193,12 @@ class ExposureEvidence:
             )
             for i, frame0 in enumerate(state.frame0)
         ]
-        return cls(size, changes, None, state.previous, state.compared, state.repeated)
+        return cls(size, changes, None, state.previous, state.compared, state.repeated, state.observed)
 
     def split(self, number: int) -> ExposureEvidence:
         """Return the evidence that goes on from a frame; this one keeps the changes before it."""
-        later = replace(self, _changes=[change for change in self._changes if change.frame0 >= number])
+        changes = [change for change in self._changes if change.frame0 >= number]
+        later = replace(self, _changes=changes, observed=len(changes))
         self._changes = [change for change in self._changes if change.frame1 < number]
         return later
 

@@ -232,10 +232,15 @@ def check_lag(choice: LagChoice, frames: int) -> None:
     SettingError
         If fewer than two frames have an exposure of their own.
     """
-    if isinstance(choice, int) and frames - abs(choice) < 2:
+    if isinstance(choice, int) and not leaves_frames(choice, frames):
         raise SettingError(
             f"a lag of {counted(choice, 'frame')} leaves nothing of {counted(frames, 'frame')}; give a smaller one"
         )
+
+
+def leaves_frames(choice: LagChoice, frames: int) -> bool:
+    """Whether a lag leaves at least two of the frames with an exposure of their own."""
+    return not isinstance(choice, int) or frames - abs(choice) >= 2
 
 
 def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int, max_lag: int) -> ExposureFindings:

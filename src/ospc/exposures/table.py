@@ -78,14 +78,6 @@ class ExposureTable:
         """Return the table of the frames before one."""
         return replace(self, _count=min(frame, self._count))
 
-    def range_ms(self) -> tuple[float, float]:
-        """Return the shortest and the longest exposure in milliseconds; (inf, 0) where none is known."""
-        lag = self.lag_frames
-        own = self.written[max(lag, 0) : max(self._count + min(lag, 0), 0)]
-        # The initial values are what is left where all exposures, NaN, are passed over.
-        low, high = np.fmin.reduce(own, initial=np.inf), np.fmax.reduce(own, initial=-np.inf)
-        return float(np.exp(low)), float(np.exp(high))
-
 
 def filled(log_exposure: FloatArray) -> FloatArray:
     """Return the exposures with missing ones interpolated, so that their neighbours can still be compared.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from ospc.arrays import ImageSize
@@ -26,8 +27,6 @@ class FitInputs:
         the scale; None if there are none.
     fit
         Fit to the observations; None where they do not allow one.
-    exposure_range_ms
-        Shortest and longest exposure.
     standing_still
         Whether the camera did not move.
     pairs
@@ -43,8 +42,12 @@ class FitInputs:
     noise: NoiseModel
     observations: ExposedObservations | None
     fit: Fit | None
-    exposure_range_ms: tuple[float, float]
     standing_still: bool
     pairs: int
     usable_radius: float = 1.0
     grey_range: GreyRange = FULL_RANGE
+
+    @property
+    def exposure_range_ms(self) -> tuple[float, float]:
+        """Shortest and longest exposure of the observations; (inf, 0) where there are none."""
+        return (math.inf, 0.0) if self.observations is None else self.observations.exposure_range_ms

@@ -150,9 +150,10 @@ class MaximumLikelihoodMethod:
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
         later._noise, later._circle = self._noise, self._circle
         later._reservoir, later._pairs = self._reservoir.split(number)
+        self._pairs = self._reservoir.latest_group + 1
         later._select_keyframe = self._select_keyframe
         later._select_keyframe.forget_before(number)
-        later._motions, later._series = self._motions[-later._pairs :], None
+        later._series = None
         self._series = None if not self._series_stands_in else self._series
         self._inputs = None
         return later
@@ -215,8 +216,7 @@ class MaximumLikelihoodMethod:
             max_grey=self._max_grey,
             noise=self._noise.model(),
             observations=exposed,
-            fit=None if exposed is None else self._fitted(exposed, exposures, grey_range),
-            exposure_range_ms=exposures.range_ms(),
+            fit=None if exposed is None else self._fitted(exposed, grey_range),
             standing_still=self._standing_still,
             pairs=self._pairs,
             usable_radius=self._circle.usable_radius(),
@@ -281,7 +281,7 @@ class MaximumLikelihoodMethod:
         """Improve what registration relies on, by a quick fit to some of the observations."""
         if self._reservoir.points >= self._settings.min_points:
             some = self._reservoir.some(_REFINEMENT_POINTS).with_exposures(exposures)
-            if len(some) and float(np.ptp(some.log_exposure)) >= self._settings.min_log_exposure_change:
+            if some.log_exposure_change >= self._settings.min_log_exposure_change:
                 rounds = self._settings.rounds if self._fit is None else _REFINEMENT_ROUNDS
                 vignette = VignetteBasis(self._settings.radial_terms)
                 estimator = MaximumLikelihoodEstimator(self._basis, vignette, self._noise.model(), rounds)
@@ -336,12 +336,11 @@ class MaximumLikelihoodMethod:
             return observations
         return observations.of_points(np.logical_and.reduceat(seen, observations.starts))
 
-    def _fitted(
-        self, observations: ExposedObservations, exposures: ExposureTable, grey_range: GreyRange
-    ) -> Fit | None:
+    def _fitted(self, observations: ExposedObservations, grey_range: GreyRange) -> Fit | None:
         settings = self._settings
-        low, high = exposures.range_ms()
-        if len(observations.starts) < settings.min_points or np.log(high / low) < settings.min_log_exposure_change:
+        if len(observations.starts) < settings.min_points:
+            return None
+        if observations.log_exposure_change < settings.min_log_exposure_change:
             return None
         basis = self._series_basis if self._series_stands_in else self._basis
         noise = None if self._series_stands_in else grey_range.stretched_noise(self._noise.model())

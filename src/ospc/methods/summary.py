@@ -33,7 +33,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     low, high = inputs.grey_range.grey((0.0, 1.0) if observations is None else measured_greys(observations)).tolist()
     unexplained = unexplained_share(ratios)
     verdicts = {
-        "response": response_verdict(settings, fit, inputs.exposure_range_ms, points, unexplained),
+        "response": response_verdict(settings, fit, observations, unexplained),
         "vignette": vignette_verdict(
             settings, fit, reach, inputs.standing_still, unexplained, usable_radius=inputs.usable_radius
         ),

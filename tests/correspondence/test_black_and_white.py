@@ -1,0 +1,54 @@
+"""Black and white of a recording, as they are found from frame to frame and from epoch to epoch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ospc import Frame
+from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.correspondence.preprocessing import Preprocessor
+from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
+
+LIMITED, FULL = (16, 235), (0, 255)
+PREPROCESS = Preprocessor()
+
+
+def observed(statistics: PixelStatistics, number: int, low: int, high: int, *, piled: bool = True) -> None:
+    """Show an image whose grey values range from low to high, with many pixels at both ends."""
+    image = np.random.default_rng(number).integers(low, high, (48, 64), endpoint=True).astype(np.uint8)
+    if piled:
+        image[:8], image[-8:] = low, high
+    frame = Frame.of_array(image, 1.0, index=number)
+    statistics.observe(frame, PREPROCESS.thumbnail(frame))
+
+
+def test_what_was_known_at_each_frame_is_remembered() -> None:
+    statistics = PixelStatistics()
+    for number, ends in enumerate([LIMITED, LIMITED, FULL, FULL]):
+        observed(statistics, number, *ends)
+    assert [statistics.range_before(n) for n in range(5)] == [FULL_RANGE, *[VIDEO_RANGE] * 2, *[FULL_RANGE] * 2]
+    assert statistics.grey_range == FULL_RANGE
+
+
+@pytest.mark.parametrize(("before", "after"), [(LIMITED, FULL), (FULL, LIMITED)])
+def test_a_new_epoch_finds_its_own(before: tuple[int, int], after: tuple[int, int]) -> None:
+    statistics = PixelStatistics()
+    observed(statistics, 0, *before)
+    known = statistics.grey_range
+    later = statistics.of_next_epoch()
+    observed(later, 1, *after)
+    assert {known, later.grey_range} == {VIDEO_RANGE, FULL_RANGE}
+    assert later.range_before(1) == known
+
+
+@pytest.mark.parametrize(("low", "high", "expected"), [(20, 230, VIDEO_RANGE), (5, 230, FULL_RANGE)])
+def test_a_new_epoch_keeps_them_until_something_is_darker_or_brighter(
+    low: int, high: int, expected: GreyRange
+) -> None:
+    statistics = PixelStatistics()
+    observed(statistics, 0, *LIMITED)
+    later = statistics.of_next_epoch()
+    assert later.grey_range == VIDEO_RANGE
+    observed(later, 1, low, high, piled=False)
+    assert later.grey_range == expected

@@ -1,0 +1,56 @@
+"""When the exposures of a run are judged, and what is relied on until then."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ospc import Frame, OnlineCalibrator
+from ospc.correspondence.preprocessing import Preprocessor
+from ospc.correspondence.thumbnail import Thumbnail
+from ospc.exposures import assessment, evidence
+from ospc.exposures.assessment import FIRST_ASSESSMENT, ExposureAssessment
+from ospc.exposures.findings import LagChoice
+
+SIZE = (64, 48)
+
+
+def image(number: int) -> np.ndarray:
+    """Return a view of one large picture that wanders."""
+    picture = np.random.default_rng(0).integers(40, 160, (12, 16)).repeat(16, 0).repeat(16, 1).astype(np.uint8)
+    return picture[number % 90 : number % 90 + SIZE[1], number % 80 : number % 80 + SIZE[0]]
+
+
+def thumbnail(number: int) -> Thumbnail:
+    return Preprocessor().thumbnail(Frame.of_array(image(number), 1.0, index=number))
+
+
+def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evidence, "CAPACITY", 50)
+    judged = []
+    monkeypatch.setattr(ExposureAssessment, "_assessed", lambda self, *_: judged.append(len(self.table)) or found)
+    found = assessment.assess_exposures(evidence.ExposureEvidence(SIZE), np.zeros(3))
+    exposures = ExposureAssessment("auto")
+    exposures.begin(SIZE)
+    for number in range(140):
+        exposures.table.append(1.0)
+        exposures.observe(thumbnail(number))
+        exposures.reassess()
+    assert judged == [40, 59, 88, 131]
+
+
+@pytest.mark.parametrize(("choice", "lag"), [("auto", 2), (2, 2)])
+def test_a_new_epoch_keeps_the_lag_and_trusts_nothing_yet(choice: LagChoice, lag: int) -> None:
+    exposures = ExposureAssessment(choice)
+    exposures.begin(SIZE)
+    for number in range(20):
+        exposures.table.append(1.0)
+        exposures.observe(thumbnail(number))
+    exposures.table.lag_frames, exposures.table.trusted = lag, True
+    exposures.split(10)
+    assert (exposures.table.lag_frames, exposures.table.trusted) == (lag, False)
+
+
+def test_a_stated_lag_that_leaves_nothing_yet_does_not_end_the_run() -> None:
+    calibrator = OnlineCalibrator(correct_lag=FIRST_ASSESSMENT + 6)
+    assert all(calibrator.push(Frame.of_array(image(n), 1.0 + n % 3)) for n in range(FIRST_ASSESSMENT + 20))
