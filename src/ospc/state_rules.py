@@ -239,7 +239,6 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "chance": ELSEWHERE,
         "errors": ELSEWHERE,
         "hyperparameters": ELSEWHERE,
-        "misfit": Numbers(),
         "points": COUNT,
         "groups": COUNT,
         "pixel_noise": ELSEWHERE,

@@ -144,7 +144,7 @@ def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, i
     floor = np.full(10, -np.inf)
     if bounded:
         floor[:7] = 0.3
-    equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(10), information_scale)
+    equations = NormalEquations(rows.T @ rows, rows.T @ target, np.eye(10), information_scale)
     found = equations.solve(prior, ANY, floor)
     assert np.all(found >= floor)
     # The prior as rows of its own: precision = RᵀR, and R·mean on the right.
@@ -166,7 +166,7 @@ def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable(
         truth = np.append(2 + bend * np.sin(9 * basis.knots), -0.3)
         rows = random.normal(0, 1, (40, 10))
         target = rows @ truth + random.normal(0, 1, 40)
-        equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(10))
+        equations = NormalEquations(rows.T @ rows, rows.T @ target, np.eye(10))
 
         def log_probability(hyperparameters, prior=prior, rows=rows, target=target):
             spread = np.eye(40) + rows @ np.linalg.inv(prior.precision(hyperparameters)) @ rows.T
@@ -175,14 +175,6 @@ def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable(
 
         best = max(map(log_probability, CANDIDATES))
         assert log_probability(equations.maximize_evidence(prior)) == pytest.approx(best, abs=1e-6)
-
-
-@given(seeds)
-def test_the_misfit_is_the_tempered_sum_of_squares(seed):
-    random = np.random.default_rng(seed)
-    rows, target, x = random.normal(0, 1, (30, 5)), random.normal(0, 2, 30), random.normal(0, 1, 5)
-    equations = NormalEquations(rows.T @ rows, rows.T @ target, float(target @ target), np.eye(5), 0.7)
-    assert equations.misfit(x) == pytest.approx(0.7 * np.sum((rows @ x - target) ** 2), rel=1e-9)
 
 
 def test_errors_common_to_a_group_leave_as_little_information_as_there_are_groups():
@@ -194,6 +186,6 @@ def test_errors_common_to_a_group_leave_as_little_information_as_there_are_group
         own = random.normal(0, 1, groups * members)
         residual = np.sqrt(common) * np.repeat(random.normal(0, 1, groups), members) + np.sqrt(1 - common) * own
         scores = (rows * residual[:, None]).reshape(groups, members, -1).sum(axis=1)
-        equations = NormalEquations(rows.T @ rows, rows.T @ residual, 1.0, scores.T @ scores)
+        equations = NormalEquations(rows.T @ rows, rows.T @ residual, scores.T @ scores)
         scaled = equations.scaled(weak, 1.0)
         assert scaled.information_scale == pytest.approx(expected, rel=0.15)

@@ -59,9 +59,6 @@ class Fit:
         Error model of the observations.
     hyperparameters
         Hyperparameters of the prior, as chosen by the data.
-    misfit
-        Weighted sum of squared residuals times the information scale; comparable between vignette models of the same
-        observations.
     points
         Number of scene points in which some observation has weight.
     groups
@@ -82,7 +79,6 @@ class Fit:
     chance: FloatArray
     errors: ErrorModel
     hyperparameters: PriorHyperparameters
-    misfit: float
     points: int
     groups: int
     pixel_noise: NoiseModel | None = None

@@ -125,7 +125,6 @@ class MaximumLikelihoodEstimator:
             cho_solve(cho_factor(precision), np.eye(len(parameters))),
             errors,
             hyperparameters,
-            equations.misfit(parameters),
             int(np.count_nonzero(np.add.reduceat(weight, observations.starts))),
             len(np.unique(observations.group)),
             model.pixel_noise,
@@ -240,17 +239,16 @@ class MaximumLikelihoodEstimator:
         p = len(parameters)
         block = _blocks_of(observations.group)
         matrix, scores = np.zeros((p, p)), np.zeros((int(block.max()) + 1, p))
-        vector, square = np.zeros(p), 0.0
+        vector = np.zeros(p)
         for part in _chunks(observations):
             rows, target, factor, member = self._free_of_radiance(observations, latent, weight, part, parameters)
             weighted = rows * factor[:, None]
             matrix += rows.T @ weighted
             vector += weighted.T @ target
-            square += float(target @ (factor * target))
             misfit = target - rows @ parameters
             shape = (len(scores), len(rows))
             scores += csr_matrix((misfit, (block[part][member], np.arange(len(rows)))), shape=shape) @ weighted
-        return NormalEquations(matrix, vector, square, scores.T @ scores, blocks=len(scores))
+        return NormalEquations(matrix, vector, scores.T @ scores, blocks=len(scores))
 
     def _disagreement(
         self,

@@ -14,7 +14,7 @@ from ospc.estimation.prior import CANDIDATES, Prior, PriorHyperparameters
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """AᵀWA, AᵀWb and bᵀWb of a weighted linear system, and the scatter of its groups' scores.
+    """AᵀWA and AᵀWb of a weighted linear system, and the scatter of its groups' scores.
 
     Attributes
     ----------
@@ -22,8 +22,6 @@ class NormalEquations:
         AᵀWA, shape (p, p).
     vector
         AᵀWb, shape (p,).
-    square
-        bᵀWb.
     scatter
         Sum over the blocks of groups of the outer product of their scores, shape (p, p).
     information_scale
@@ -37,7 +35,6 @@ class NormalEquations:
 
     matrix: FloatArray
     vector: FloatArray
-    square: float
     scatter: FloatArray
     information_scale: float = 1.0
     sandwich_factor: float = 1.0
@@ -174,11 +171,6 @@ class NormalEquations:
         found[bound] = low + nnls(upper, rest)[0]
         found[~bound] = cho_solve(factor, target[~bound] - cross @ found[bound])
         return found
-
-    def misfit(self, parameters: FloatArray) -> float:
-        """Return the weighted sum of squared residuals at parameters, shape (p,), times the information scale."""
-        square = self.square - 2 * self.vector @ parameters + parameters @ self.matrix @ parameters
-        return float(self.information_scale * square)
 
     def _target(self, prior: Prior, hyperparameters: PriorHyperparameters) -> FloatArray:
         return np.asarray(self.information_scale * self.vector + prior.precision(hyperparameters) @ prior.mean)

@@ -96,7 +96,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
     """
     with threadpool_limits(1, user_api="blas"):
         p = len(RESPONSE) + len(vignette)
-        equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], 0.0, np.zeros((p, p)))
+        equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], np.zeros((p, p)))
         floor = np.full(p, -np.inf)
         floor[RESPONSE_PART] = MIN_GAMMA
         parameters = np.concatenate([typical_gamma(RESPONSE.knots), np.zeros(len(vignette))])
@@ -124,7 +124,6 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
             chance,
             ErrorModel(),
             hyperparameters,
-            0.0,
             information.points,
             information.groups,
         )
