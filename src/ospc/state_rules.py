@@ -184,7 +184,6 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "weight": Numbers(0, _LARGEST, ("changes", "bins")),
         "moved": Numbers(-3, 3, ("changes", "bins", 4)),
         "found": _share("changes"),
-        "radial_motion": Numbers(0, 2, ("changes",), unknown=True),
         "motion_px": Numbers(0, MOST_PIXELS, ("changes",), unknown=True),
         "previous": Numbers(-1, _MOST),
         "compared": COUNT,

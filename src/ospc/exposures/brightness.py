@@ -57,10 +57,6 @@ _MIN_STRUCTURE = 0.01
 """Least gradient, in full scale per thumbnail pixel, of a place whose displacement is measured: registration fills in
 flatter ones from their surroundings."""
 
-_RADIAL_QUANTILE = 0.9
-"""Quantile of the radial motion that is reported: one in ten places moves at least so far, which no few errors
-reach."""
-
 _DARKEST = 1e-3
 """Lowest grey level whose logarithm is taken, a quarter of an 8-bit level; darker ones are taken for this."""
 
@@ -125,8 +121,6 @@ class BrightnessChange:
         decentred, shape (bins, 4).
     found
         Share of the first frame that is well exposed and was found again in the second.
-    radial_motion
-        Change of R that a tenth of these places exceed, in half diagonals.
     motion_px
         Median displacement of the structured places in pixels of the frame; NaN where there are none.
     samples
@@ -139,7 +133,6 @@ class BrightnessChange:
     weight: FloatArray
     moved: FloatArray
     found: float
-    radial_motion: float
     motion_px: float
     samples: PixelSamples
 
@@ -175,14 +168,12 @@ class BrightnessComparer:
         )
         height, width = first.grey.shape
         places = pixel_places((width, height))
-        radius0 = _squared_radius((width, height))
-        radius1 = values_at(radius0, there)
-        squared0, squared1 = radius0[flat], radius1[flat]
+        squared = _squared_radius((width, height))
+        squared0, squared1 = squared[flat], values_at(squared, there)[flat]
         half_diagonal = np.float32(np.hypot(width, height) / 2)
         shift = (there - places)[flat] / half_diagonal
         moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
         log_ratio, weight, mean_moved = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], moved)
-        radial_motion = np.abs(np.sqrt(radius1[visible][::_SPARSE]) - np.sqrt(radius0[visible][::_SPARSE]))
         structured = visible & (first.gradient > _MIN_STRUCTURE)
         distance = _length((there - places)[structured][::_SPARSE])
         return BrightnessChange(
@@ -192,7 +183,6 @@ class BrightnessComparer:
             weight,
             mean_moved,
             float(visible.mean()),
-            float(np.quantile(radial_motion, _RADIAL_QUANTILE)) if radial_motion.size else 0.0,
             float(np.median(distance)) * self._size[0] / width if distance.size >= _MIN_PIXELS else float("nan"),
             _samples(first, second, places[flat], there[flat], (width, height)),
         )

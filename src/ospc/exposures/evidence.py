@@ -28,9 +28,9 @@ class EvidenceState:
 
     Attributes
     ----------
-    frame0, log_ratio, weight, moved, found, radial_motion, motion_px
-        As in :class:`~ospc.exposures.brightness.BrightnessChange`; shapes (n,), (n, b), (n, b), (n, b, 4), (n,), (n,)
-        and (n,).
+    frame0, log_ratio, weight, moved, found, motion_px
+        As in :class:`~ospc.exposures.brightness.BrightnessChange`; shapes (n,), (n, b), (n, b), (n, b, 4), (n,) and
+        (n,).
     previous
         Number of the last frame processed, -1 before the first.
     compared, repeated
@@ -48,7 +48,6 @@ class EvidenceState:
     weight: FloatArray
     moved: FloatArray
     found: FloatArray
-    radial_motion: FloatArray
     motion_px: FloatArray
     previous: int
     compared: int
@@ -159,7 +158,6 @@ class ExposureEvidence:
             stacked("weight", bins),
             stacked("moved", bins, 4),
             stacked("found"),
-            stacked("radial_motion"),
             stacked("motion_px"),
             self._last if self._previous is None else self._previous.frame,
             self.compared,
@@ -187,7 +185,6 @@ class ExposureEvidence:
                 state.weight[i],
                 state.moved[i],
                 float(state.found[i]),
-                float(state.radial_motion[i]),
                 float(state.motion_px[i]),
                 places[i],
             )
