@@ -19,7 +19,7 @@ from ospc.exposures.course import (
     brightness_report,
 )
 from ospc.exposures.evidence import ExposureEvidence
-from ospc.exposures.lag import MAX_LAG, LagEstimate, estimate_lag
+from ospc.exposures.lag import LagEstimate, estimate_lag
 from ospc.exposures.table import filled
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
@@ -120,12 +120,7 @@ class ExposureFindings:
 
 
 def assess_exposures(
-    evidence: ExposureEvidence,
-    log_exposure: FloatArray,
-    choice: LagChoice = "auto",
-    *,
-    since: int = 0,
-    max_lag: int = MAX_LAG,
+    evidence: ExposureEvidence, log_exposure: FloatArray, choice: LagChoice = "auto", *, since: int = 0
 ) -> ExposureFindings:
     """Compare the changes of brightness with the exposures written.
 
@@ -139,12 +134,10 @@ def assess_exposures(
         What to do about a lag.
     since
         Number of the first frame that counts.
-    max_lag
-        Largest lag tried, either way, in frames.
     """
     written = filled(log_exposure[since:])
     changes = BrightnessChanges.of(evidence.changes)
-    found = _assess_choice(replace(changes, frame=changes.frame - since), written, choice, max_lag)
+    found = _assess_choice(replace(changes, frame=changes.frame - since), written, choice)
     brightness = found.brightness
     if brightness is not None:
         jumps = tuple(replace(jump, frame=jump.frame + since) for jump in brightness.jumps)
@@ -153,20 +146,18 @@ def assess_exposures(
     return found if choice == "trusted" else _with_local_tone(found, evidence, filled(log_exposure))
 
 
-def _assess_choice(
-    changes: BrightnessChanges, written: FloatArray, choice: LagChoice, max_lag: int
-) -> ExposureFindings:
+def _assess_choice(changes: BrightnessChanges, written: FloatArray, choice: LagChoice) -> ExposureFindings:
     if isinstance(choice, int):
-        found = _assess_shifted(changes, written, choice, max_lag)
+        found = _assess_shifted(changes, written, choice)
         return replace(_as_stated(found, choice), corrected_frames=choice)
-    found = _assess(changes, written, max_lag)
+    found = _assess(changes, written)
     if choice == "trusted":
         reason = "the exposures were estimated from the images"
         return replace(found, verdict=Verdict("marginal", reason), notes=(), warnings=())
     certain = found.lag.correction(found.course.cycle_frames)
     if not certain or choice == "never":
         return found
-    corrected = _assess_shifted(changes, written, certain, max_lag)
+    corrected = _assess_shifted(changes, written, certain)
     note = (
         f"exposures are written {lag_in_words(certain)}, as {counted(found.lag.pairs, 'pair')} of frames show, and "
         "were moved to the frames they belong to; --correct-lag never leaves them"
@@ -243,13 +234,13 @@ def leaves_frames(choice: LagChoice, frames: int) -> bool:
     return not isinstance(choice, int) or frames - abs(choice) >= 2
 
 
-def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int, max_lag: int) -> ExposureFindings:
+def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int) -> ExposureFindings:
     """Assess the exposures as if they were written beside frames earlier by a lag; the lag found is the whole one."""
     check_lag(lag, len(written))
     first, last = max(0, -lag), len(written) - max(0, lag)
     inside = changes.where((changes.frame >= first) & (changes.frame + 1 < last))
     inside = replace(inside, frame=inside.frame - first)
-    found = _assess(inside, written[first + lag : last + lag], max_lag)
+    found = _assess(inside, written[first + lag : last + lag])
     left = found.lag.frames
     estimate = replace(
         found.lag,
@@ -260,9 +251,9 @@ def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int, m
     return replace(found, lag=estimate)
 
 
-def _assess(changes: BrightnessChanges, written: FloatArray, max_lag: int) -> ExposureFindings:
+def _assess(changes: BrightnessChanges, written: FloatArray) -> ExposureFindings:
     course = ExposureReport.of(written)
-    lag = estimate_lag(changes, written, max_lag)
+    lag = estimate_lag(changes, written)
     brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < _FEW_FRAMES
     unlike = _unlike(brightness, lag)
