@@ -46,8 +46,6 @@ class Latent:
         h at the measured grey level, linearised at the predicted one, shape (n,).
     precision
         One over the variance of h, shape (n,).
-    weight
-        Robust weight of each observation, shape (n,).
     residual
         linear_log − ln e − ln V − u, shape (n,).
     studentised
@@ -63,7 +61,6 @@ class Latent:
     log_response_slope: FloatArray
     linear_log: FloatArray
     precision: FloatArray
-    weight: FloatArray
     residual: FloatArray
     studentised: FloatArray
     one_minus_leverage: FloatArray
@@ -129,7 +126,6 @@ class LatentModel:
             log_response_slope=state.log_response_slope,
             linear_log=state.linear_log,
             precision=state.precision,
-            weight=weight,
             residual=residual,
             studentised=residual * np.sqrt(state.precision / one_minus_leverage),
             one_minus_leverage=one_minus_leverage,
