@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import SettingError
+from ospc.estimation.robust import weighted_median
 from ospc.photometry.grey_range import GreyRange
 
 MOMENTS = 3
@@ -213,9 +214,8 @@ class Observations:
         They tell it with the square of their displacement: half of what is told comes from points that move farther.
         """
         radius = np.linalg.norm(self.position, axis=1)
-        reach = np.sort(np.maximum.reduceat(radius, self.starts) - np.minimum.reduceat(radius, self.starts))
-        told = np.cumsum(reach**2)
-        return float(reach[np.searchsorted(told, told[-1] / 2)])
+        reach = np.maximum.reduceat(radius, self.starts) - np.minimum.reduceat(radius, self.starts)
+        return weighted_median(reach, reach**2)
 
     @cached_property
     def starts(self) -> IntArray:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from ospc.arrays import Float32Array, ImageSize
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, values_at
+from ospc.estimation.robust import robust_scale
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
@@ -102,8 +103,7 @@ class ExposureNormalizer:
         log1 = values_at(self._log_radiance(small1.grey, frame1.size), there)
         difference = (log1 - log0)[shared]
         middle = np.median(difference)
-        spread = 1.4826 * np.median(np.abs(difference - middle))  # the standard deviation of normal errors
-        return float(middle), bool(spread < _LARGEST_SPREAD)
+        return float(middle), robust_scale(difference - middle) < _LARGEST_SPREAD
 
     def _plainly_agrees(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> bool:
         return abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < _PLAIN_AGREEMENT

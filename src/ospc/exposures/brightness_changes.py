@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.estimation.robust import weighted_median
 from ospc.exposures.brightness import BrightnessChange
 
 ORDER = 2
@@ -135,8 +136,6 @@ def _coherent(change: BrightnessChange) -> FloatArray:
     No response makes one grey level change by a tenth while the others stay. Shaded walls without texture, whose
     motion registration cannot see, and moving objects do.
     """
-    order = np.argsort(change.log_ratio)
-    total = np.cumsum(change.weight[order])
-    middle = float(change.log_ratio[order[np.searchsorted(total, total[-1] / 2)]]) if total[-1] > 0 else 0.0
+    middle = weighted_median(change.log_ratio, change.weight) if change.weight.any() else 0.0
     apart = np.abs(change.log_ratio - middle)
     return np.where(apart <= _UNLIKE + _UNLIKE_SHARE * abs(middle), change.weight, 0.0)

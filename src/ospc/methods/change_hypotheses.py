@@ -6,6 +6,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit
+from ospc.estimation.robust import weighted_median
 from ospc.exposures.table import ExposureTable
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 
@@ -173,7 +174,4 @@ def _median_slope(pairs: list[PairErrors], step: FloatArray) -> float:
     moving = weight > 0
     if not moving.any():
         return 0.0
-    slope = np.array([pair.error for pair in pairs])[moving] / step[moving]
-    order = np.argsort(slope)
-    total = np.cumsum(weight[moving][order])
-    return float(slope[order[np.searchsorted(total, total[-1] / 2)]])
+    return weighted_median(np.array([pair.error for pair in pairs])[moving] / step[moving], weight[moving])

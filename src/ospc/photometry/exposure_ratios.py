@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
+from ospc.estimation.robust import weighted_median
 
 
 @dataclass(frozen=True)
@@ -57,20 +58,3 @@ class ExposureRatios:
         Positive where changes of exposure look larger than the metadata say.
         """
         return weighted_median(self.log_residual * np.sign(np.log(self.metadata)), self.samples)
-
-
-def weighted_median(values: FloatArray, weights: npt.ArrayLike) -> float:
-    """Return the smallest value that, with all values below it, has half of the weight; NaN without values.
-
-    Parameters
-    ----------
-    values
-        Shape (n,).
-    weights
-        Not negative, shape (n,).
-    """
-    if not values.size:
-        return float("nan")
-    order = np.argsort(values, kind="stable")
-    cumulative = np.cumsum(np.asarray(weights, dtype=np.float64)[order])
-    return float(values[order][np.searchsorted(cumulative, cumulative[-1] / 2)])

@@ -11,9 +11,9 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
+from ospc.estimation.robust import weighted_median
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.coverage import Coverage
-from ospc.photometry.exposure_ratios import weighted_median
 from ospc.report.curves import axes_in, logarithmic, map_axes_in
 from ospc.report.style import BLACK, GREEN, GREY
 
