@@ -181,7 +181,7 @@ def test_deviations_stated_are_those_that_happen(camera):
         error = [log_step(fit, *s) - log_step(camera.response, *s) for s in steps]
         error += [log_fall(fit, r) - truly_fallen(camera.vignette, r) for r in radii]
         sigma = [chance_step_sigma(fit, *s) for s in steps]
-        z.append(np.array(error) / [*sigma, *fit.chance_log_vignette_sigma(radii)])
+        z.append(np.array(error) / [*sigma, *replace(fit, covariance=fit.chance).log_vignette_sigma(radii)])
     spread, mean = np.std(z, axis=0), np.mean(z, axis=0)
     assert np.all((spread > 0.5) & (spread < 2))
     assert np.all(np.abs(mean) < 1)

@@ -245,10 +245,6 @@ class Fit:
         """Return the largest standard deviation of ln V at a radius in half diagonals, towards any of the corners."""
         return float(np.sqrt(self._log_vignette_variance(np.array([radius]), self.covariance).max()))
 
-    def chance_log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
-        """Return the random part of :meth:`log_vignette_sigma`, which more samples reduce, shape (n,) -> (n,)."""
-        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.chance).mean(axis=0)))
-
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the variance of ln V at radii, shape (n,), along the half diagonals, shape (4, n)."""
         part = self.vignette_part
@@ -263,8 +259,9 @@ class Fit:
 
     @property
     def chance_vignette_sigma_at_corner(self) -> float:
-        """The random part of :attr:`vignette_sigma_at_corner`."""
-        return self._vignette_at_corner * float(self.chance_log_vignette_sigma(np.array([1.0]))[0])
+        """The random part of :attr:`vignette_sigma_at_corner`, which more samples reduce."""
+        variance = self._log_vignette_variance(np.array([1.0]), self.chance).mean()
+        return self._vignette_at_corner * float(np.sqrt(variance))
 
     @property
     def _vignette_at_corner(self) -> float:

@@ -175,7 +175,7 @@ class BrightnessComparer:
         moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
         log_ratio, weight, mean_moved = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], moved)
         structured = visible & (first.gradient > _MIN_STRUCTURE)
-        distance = _length((there - places)[structured][::_SPARSE])
+        distance = np.hypot(*(there - places)[structured][::_SPARSE].T)
         return BrightnessChange(
             first.frame,
             second.frame,
@@ -195,10 +195,6 @@ def _squared_radius(size: ImageSize) -> Float32Array:
     squared = np.sum(offset**2, axis=-1).astype(np.float32)
     squared.setflags(write=False)
     return np.asarray(squared)
-
-
-def _length(vectors: Float32Array) -> Float32Array:
-    return np.asarray(np.hypot(vectors[..., 0], vectors[..., 1]))
 
 
 def _binned(

@@ -98,6 +98,8 @@ class Trial:
         The fit of each lag.
     flickers
         Periodic changes that were fitted too.
+    nuisance
+        The columns that stand for them, shape (n, columns); None without.
     """
 
     seen: BrightnessChanges
@@ -106,6 +108,7 @@ class Trial:
     changes: FloatArray
     fits: tuple[LagFit, ...]
     flickers: tuple[Flicker, ...]
+    nuisance: FloatArray | None
 
     @property
     def best(self) -> int:
@@ -122,24 +125,14 @@ class Trial:
     ) -> Trial:
         """Fit lags to changes of brightness, together with flicker if there is any."""
         changes = np.stack([seen.log_change(log_exposure, lag) for lag in lags.tolist()])
-        nuisance = flicker_columns(seen, flickers)
+        nuisance = waves(seen.frame, [f.cycles_per_frame for f in flickers]) if flickers else None
         fits = tuple(fit_exposures(seen, change, nuisance) for change in changes)
-        return cls(seen, log_exposure, lags, changes, fits, flickers)
-
-    @property
-    def nuisance(self) -> FloatArray | None:
-        """Return the columns that stand for flicker, shape (n, columns); None without."""
-        return flicker_columns(self.seen, self.flickers)
+        return cls(seen, log_exposure, lags, changes, fits, flickers, nuisance)
 
     @property
     def likelihood(self) -> float:
         """Log likelihood of the most likely lag."""
         return self.fits[self.best].total
-
-
-def flicker_columns(seen: BrightnessChanges, flickers: tuple[Flicker, ...]) -> FloatArray | None:
-    """Return the columns that stand for flicker, shape (n, columns); None without."""
-    return waves(seen.frame, [f.cycles_per_frame for f in flickers]) if flickers else None
 
 
 def decide(trial: Trial) -> LagEstimate:
