@@ -123,7 +123,8 @@ def vignette_verdict(
     fit
         The fit, None where there is none.
     reach
-        Radial displacement that a tenth of the scene points exceed.
+        Radial displacement of the scene points that tell the vignette, in half diagonals: half of what is told comes
+        from points that move farther.
     standing_still
         Whether the camera did not move.
     unexplained
