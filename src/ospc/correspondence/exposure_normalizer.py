@@ -48,8 +48,8 @@ _DARKEST_IRRADIANCE = 1e-6
 class ExposureNormalizer:
     """Brings two small images to equal brightness, without vignette, on a display's scale.
 
-    How much brighter one is, is measured in the images themselves. The ratio of the exposures stated is more exact,
-    and is taken where it agrees: exposures that are wrong, or written beside the wrong frame, do no harm.
+    How much brighter one is, is what the exposures stated say, unless the images clearly contradict them. The images
+    are not asked where the exposures stated are trusted. Without exposures, what the images say is taken.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class ExposureNormalizer:
     vignette
         What is known of the vignette; None for V ≡ 1.
     trusts_stated
-        Whether the ratio of the exposures stated is taken without a look at the images.
+        Whether the ratio of the exposures stated, where it is known, is taken without a look at the images.
     """
 
     def __init__(
