@@ -75,7 +75,6 @@ class Camera:
             position=place[exposed].reshape(-1, 2),
             gradient=gradient[exposed].ravel(),
             grey_variance=np.zeros(2 * exposed.sum()),
-            pixels_averaged=np.full(2 * exposed.sum(), 28.0),
             frame_moments=np.zeros((2 * exposed.sum(), 3)),
             surround_moments=np.zeros((2 * exposed.sum(), 4)),
             frame=np.stack([2 * group, 2 * group + 1], axis=1)[exposed].ravel(),

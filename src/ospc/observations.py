@@ -57,8 +57,6 @@ class Observations:
         Place relative to the image centre in half diagonals, shape (n, 2).
     gradient
         Magnitude of the grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
-    pixels_averaged
-        Number of pixels averaged in the grey level, shape (n,).
     frame_moments
         Means of M, M² and M³ over the frame, from which its mean irradiance follows, shape (n, 3). Zeros where they
         are unknown: veiling glare is not noticed then.
@@ -79,7 +77,6 @@ class Observations:
     grey_variance: FloatArray
     position: FloatArray
     gradient: FloatArray
-    pixels_averaged: FloatArray
     frame_moments: FloatArray
     surround_moments: FloatArray
     frame: IntArray
@@ -100,7 +97,6 @@ class Observations:
         grey_variance1: npt.ArrayLike = 0.0,
         gradient0: npt.ArrayLike = 0.0,
         gradient1: npt.ArrayLike = 0.0,
-        pixels_averaged: npt.ArrayLike = 1.0,
         frame_moments0: npt.ArrayLike = 0.0,
         frame_moments1: npt.ArrayLike = 0.0,
         surround_moments0: npt.ArrayLike = 0.0,
@@ -123,8 +119,6 @@ class Observations:
         gradient0, gradient1
             Magnitude of the grey gradient around the places, in full scale per pixel, shape (points,) or one number.
             It tells how much an error of the registration changes the grey level.
-        pixels_averaged
-            Number of pixels that each grey level is the mean of, shape (points,) or one number.
         frame_moments0, frame_moments1
             Means of M, M² and M³ over all pixels of these frames, shape (points, 3) or (3,). Veiling glare is noticed
             by them.
@@ -161,7 +155,6 @@ class Observations:
             position=alternate("position", position0, position1, (n, 2)),
             grey_variance=alternate("grey_variance", grey_variance0, grey_variance1, (n,)),
             gradient=alternate("gradient", gradient0, gradient1, (n,)),
-            pixels_averaged=alternate("pixels_averaged", pixels_averaged, pixels_averaged, (n,)),
             frame_moments=alternate("frame_moments", frame_moments0, frame_moments1, (n, MOMENTS)),
             surround_moments=alternate("surround_moments", surround_moments0, surround_moments1, (n, 1 + MOMENTS)),
             frame=frame,
@@ -198,8 +191,6 @@ class Observations:
             )
         if np.any(self.gradient < 0) or np.any(self.grey_variance < 0) or np.any(self.frame < 0):
             raise SettingError("gradients, variances and frame numbers must not be negative")
-        if np.any(self.pixels_averaged <= 0):
-            raise SettingError("at least a part of a pixel must be averaged")
         if np.any(np.diff(self.point) < 0) or np.any(self.counts < 2):
             raise SettingError("each scene point needs two or more observations, one after the other")
 

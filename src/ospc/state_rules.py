@@ -421,7 +421,6 @@ def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -
         _require(part.frame.max() < frames, "observations are of frames that were not there")
         Numbers(0, 1, ("n",)).check("reservoir.grey_variance", part.grey_variance, {})
         Numbers(0, 10, ("n",)).check("reservoir.gradient", part.gradient, {})
-        Numbers(0, MOST_PIXELS, ("n",)).check("reservoir.pixels_averaged", part.pixels_averaged, {})
         Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", part.frame_moments, {})
         Numbers(0, 1, ("n", 1 + MOMENTS)).check("reservoir.surround_moments", part.surround_moments, {})
     _require(found.points == sum(len(part.starts) for part in found._parts), "observations are missing")

@@ -30,7 +30,6 @@ def observations(counts, group=0, start=0):
         position=np.stack([tag, -tag], axis=1),
         gradient=tag + 2,
         grey_variance=np.zeros(n),
-        pixels_averaged=np.ones(n),
         frame_moments=np.zeros((n, 3)),
         surround_moments=np.zeros((n, 4)),
         frame=np.arange(n),

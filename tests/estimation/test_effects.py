@@ -80,7 +80,6 @@ class Disturbed:
             position=both(place),
             gradient=both(np.zeros((n, 2))),
             grey_variance=both(np.zeros((n, 2))),
-            pixels_averaged=both(np.full((n, 2), 28.0)),
             frame_moments=both(GAMMA(frame_light)[..., None] ** powers[1:]),
             surround_moments=both(around[..., None] ** powers),
             frame=both(2 * group[:, None] + [0, 1]),

@@ -36,7 +36,7 @@ def columns(exposed):
 
 def as_pairs(exposed, **changes):
     gradients = {"gradient0": exposed.gradient[0::2], "gradient1": exposed.gradient[1::2]}
-    return ospc.Observations.of_pairs(*columns(exposed), **gradients, pixels_averaged=28.0, **changes)
+    return ospc.Observations.of_pairs(*columns(exposed), **gradients, **changes)
 
 
 def test_response_and_vignette_are_found():
@@ -50,7 +50,7 @@ def test_response_and_vignette_are_found():
 def test_pairs_keep_every_value():
     exposed, _ = made(Camera(GAMMA), groups=5, points=20)
     pairs = as_pairs(exposed)
-    for name in ("grey", "position", "gradient", "pixels_averaged", "frame", "point", "group"):
+    for name in ("grey", "position", "gradient", "frame", "point", "group"):
         np.testing.assert_array_equal(getattr(pairs, name), getattr(exposed, name))
 
 

@@ -44,7 +44,6 @@ def textured(contrast, response):
         *frame[exposed].T,
         grey_variance0=variance[exposed, 0],
         grey_variance1=variance[exposed, 1],
-        pixels_averaged=PIXELS,
     ).with_exposures(Exposures())
 
 

@@ -85,7 +85,6 @@ class Film:
                 position=places[seen].reshape(-1, 2),
                 gradient=np.zeros(2 * count),
                 grey_variance=np.zeros(2 * count),
-                pixels_averaged=np.full(2 * count, 28.0),
                 frame_moments=np.zeros((2 * count, 3)),
                 surround_moments=np.zeros((2 * count, 4)),
                 frame=np.tile([frame, later], count),

@@ -26,7 +26,6 @@ def observations(points: int = 4000, seed: int = 0) -> ExposedObservations:
         position=random.uniform(-0.55, 0.55, (n, 2)),
         gradient=np.zeros(n),
         grey_variance=np.zeros(n),
-        pixels_averaged=np.ones(n),
         frame_moments=np.zeros((n, 3)),
         surround_moments=np.zeros((n, 4)),
         frame=np.tile([0, 1], points),

@@ -150,7 +150,6 @@ def seen_twice(random, points, pair):
         position=random.random((n, 2)),
         gradient=random.random(n).astype(np.float32).astype(np.float64),
         grey_variance=np.zeros(n),
-        pixels_averaged=np.full(n, 28.0),
         frame_moments=np.zeros((n, 3)),
         surround_moments=np.zeros((n, 4)),
         frame=np.tile([pair, pair + 7], points),

@@ -46,8 +46,6 @@ class ReducedFrame:
         Grey levels at the size at which frames are registered, 8 bit, shape (h', w').
     thumbnail
         A still smaller image, for the comparison of brightness with the neighbouring frames.
-    pixels_averaged
-        Number of pixels of the frame over which the noise of a grey level is averaged.
     """
 
     number: int
@@ -55,7 +53,6 @@ class ReducedFrame:
     reduction: int
     small: npt.NDArray[np.uint8]
     thumbnail: Thumbnail
-    pixels_averaged: float
 
     @property
     def reduced_size(self) -> ImageSize:
@@ -101,7 +98,7 @@ class PreprocessedFrame(ReducedFrame):
     Attributes
     ----------
     grey
-        Grey levels in [0, 1], smoothed, shape (h, w): each is a weighted mean over ``pixels_averaged`` pixels.
+        Grey levels in [0, 1], smoothed, shape (h, w).
     variance
         Variance of the pixels that each of these is a mean over, noise included, shape (h, w).
     gradient
@@ -177,7 +174,6 @@ class Preprocessor:
             reduction,
             self._small(reduced, white),
             thumbnail_of(frame.index, reduced, white, frame.mask, (width, height)),
-            4 * np.pi * self.smoothing_px**2 * reduction**2,
             np.asarray(grey, dtype=np.float32),
             np.asarray(variance, dtype=np.float32),
             np.asarray(gradient, dtype=np.float32),

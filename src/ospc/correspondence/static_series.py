@@ -90,7 +90,6 @@ class StaticSeries:
             position=np.repeat(normalised(places, (width, height)), frames, axis=0),
             gradient=np.zeros(grey.size),
             grey_variance=np.zeros(grey.size),
-            pixels_averaged=np.ones(grey.size),
             frame_moments=np.zeros((grey.size, MOMENTS)),  # glare of a still scene is part of its radiance
             surround_moments=np.zeros((grey.size, 1 + MOMENTS)),
             frame=np.tile(np.array(self._index, dtype=np.int64), points),

@@ -95,7 +95,6 @@ class PixelSamples:
             position=np.stack([self.position0, self.position1], axis=1).reshape(2 * n, 2),
             gradient=np.zeros(2 * n),
             grey_variance=np.zeros(2 * n),
-            pixels_averaged=np.ones(2 * n),
             frame_moments=np.zeros((2 * n, MOMENTS)),
             surround_moments=np.zeros((2 * n, 1 + MOMENTS)),
             frame=np.tile(np.array([frame0, frame1], dtype=np.int64), n),

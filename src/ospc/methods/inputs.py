@@ -35,6 +35,8 @@ class FitInputs:
         Radius in half diagonals that the usable part of the image reaches: less than 1 in a fisheye's image.
     grey_range
         Where black and white are.
+    single_pixels
+        Whether each observation is a single pixel instead of a mean of several.
     """
 
     size: ImageSize
@@ -46,6 +48,7 @@ class FitInputs:
     pairs: int
     usable_radius: float = 1.0
     grey_range: GreyRange = FULL_RANGE
+    single_pixels: bool = False
 
     @property
     def exposure_range_ms(self) -> tuple[float, float]:

@@ -221,6 +221,7 @@ class MaximumLikelihoodMethod:
             pairs=self._pairs,
             usable_radius=self._circle.usable_radius(),
             grey_range=grey_range,
+            single_pixels=self._series_stands_in,
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:

@@ -239,7 +239,7 @@ def _information(
     inputs: FitInputs, fit: Fit, observations: ExposedObservations
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, b, A S A and the estimate in the common parameters."""
-    noise = None if observations.pixels_averaged.max() <= 1 else inputs.grey_range.stretched_noise(inputs.noise)
+    noise = None if inputs.single_pixels else inputs.grey_range.stretched_noise(inputs.noise)
     estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise, effects=fit.effects)
     estimate = _in_common(fit, fit.parameters)
     equations = estimator.information(observations, fit, np.concatenate([estimate, fit.effect_parameters]))
