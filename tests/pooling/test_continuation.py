@@ -15,7 +15,7 @@ from ospc.evaluation.metrics import vignette_rmse
 from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
-from ospc.pooling.prior_calibration import PriorCalibration
+from ospc.pooling.prior_calibration import PriorCalibration, summary_of_calibration
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
 from summaries import CAMERA, OTHER_LENS, SIZE, inputs_of, summary
@@ -69,6 +69,14 @@ def test_a_calibration_gives_back_itself_when_nothing_new_was_seen(yesterday):
     np.testing.assert_allclose(found.response.inverse(grey), before.response.inverse(grey), rtol=0.01)
     np.testing.assert_allclose(found.vignette.image(), before.vignette.image(), atol=0.005)
     np.testing.assert_allclose(found.response.log_sigma[60], before.response.log_sigma[60], rtol=0.3)
+
+
+def test_what_the_prior_says_of_the_vignette_counts_once():
+    before = summarise(inputs_of(CAMERA, 50, groups=6), DefaultSettings())  # so few that the prior matters
+    earlier = PriorCalibration("before", Pool.of([summary_of_calibration(before, "before")]))
+    found = earlier.continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
+    np.testing.assert_allclose(found.vignette_sigma[1:], before.vignette_sigma[1:], rtol=0.02)
+    np.testing.assert_allclose(found.vignette.image(), before.vignette.image(), atol=0.001)
 
 
 def test_a_calibrator_starts_from_what_was_known(yesterday):

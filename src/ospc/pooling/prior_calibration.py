@@ -205,12 +205,14 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
 
 
 def _summary_of(calibration: Calibration, name: str) -> Summary:
-    matrix = np.zeros((PARAMETERS, PARAMETERS))
+    matrix, vector = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     estimate = np.concatenate([1 + RESPONSE.knots, np.zeros(len(VIGNETTE))])
-    if calibration.response is not None:
-        estimate[RESPONSE_PART], matrix[RESPONSE_PART, RESPONSE_PART] = _of_response(calibration)
-    if calibration.vignette is not None:
-        estimate[VIGNETTE_PART], matrix[VIGNETTE_PART, VIGNETTE_PART] = _of_vignette(calibration)
+    for known, part, information_of in (
+        (calibration.response, RESPONSE_PART, _of_response),
+        (calibration.vignette, VIGNETTE_PART, _of_vignette),
+    ):
+        if known is not None:
+            estimate[part], matrix[part, part], vector[part] = information_of(calibration)
     range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
     return Summary(
         key=f"calibration {name}",
@@ -223,7 +225,7 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         groups=int(calibration.counts.get("pairs", 1)),
         estimate=estimate,
         triangle=triangle_of(matrix),
-        vector=matrix @ estimate,
+        vector=vector,
         systematic=np.zeros_like(triangle_of(matrix)),
         exposure_range_ms=(float(range_ms[0]), float(range_ms[1])),
         reach=1.0 if calibration.vignette is not None else 0.0,
@@ -240,7 +242,8 @@ def _grey_range(calibration: Calibration) -> GreyRange:
     return GreyRange(*(float(level) for level in model.get("grey_range", (0.0, 1.0))))
 
 
-def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
+def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the estimate of the response, and A and b of its likelihood."""
     model = calibration.response.model if calibration.response is not None else {}
     coefficients = np.array(model["coefficients"], dtype=np.float64)
     covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
@@ -251,11 +254,13 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
     plausible = all(0 <= sigma <= _ROUGHEST for sigma in (hyperparameters.walk, hyperparameters.drift))
     if not (plausible and coefficients.min() > 0 and coefficients.max() < _STEEPEST):
         raise ValueError("not coefficients of a response")
-    information = np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters)
-    return coefficients, _positive(information)
+    information = _positive(np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters))
+    # How rough the response may be is chosen anew, so that nobody knows how much of the estimate a prior will add.
+    return coefficients, information, information @ coefficients
 
 
-def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
+def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the estimate of the vignette, and A and b of its likelihood."""
     vignette = calibration.vignette
     if not isinstance(vignette, LogVignette):
         raise TypeError("another model of the vignette")
@@ -271,8 +276,12 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray]:
         raise ValueError("another number of terms")
     estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / _GIVEN_UP_SIGMA**2
     estimate[place] = given
-    matrix[np.ix_(place, place)] = _positive(np.linalg.inv(covariance).astype(np.float64))
-    return estimate, matrix
+    precision = np.linalg.inv(covariance).astype(np.float64)
+    matrix[np.ix_(place, place)] = _positive(precision - np.diag(1 / VIGNETTE.prior_sigma[place] ** 2))
+    # The prior is centred on zero: it shares in the precision, but not in b.
+    vector = np.zeros(len(VIGNETTE))
+    vector[place] = precision @ estimate[place]
+    return estimate, matrix, vector
 
 
 def _positive(matrix: FloatArray) -> FloatArray:
