@@ -28,6 +28,17 @@ def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> 
     return FitInputs(SIZE, 255, NOISE, observations, fit, (2.0, 30.0), standing_still=False, pairs=groups)
 
 
+def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
+    """Return what a recording of a camera shows whose image ends at a radius, in half diagonals."""
+    whole = camera.pairs(seed, groups=60, points=80)
+    inside = np.logical_and.reduceat(np.linalg.norm(whole.position, axis=1) < radius, whole.starts)
+    observations = whole.of_points(inside)
+    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5)
+    return replace(
+        inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60, usable_radius=radius
+    )
+
+
 def summary(camera: Camera, seed: int, **amount: int) -> Summary:
     """Return the summary of a short recording of a camera."""
     inputs = inputs_of(camera, seed, **amount)

@@ -16,9 +16,10 @@ from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
 from ospc.pooling.prior_calibration import PriorCalibration, summary_of_calibration
+from ospc.pooling.summary import summary_of
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
-from summaries import CAMERA, OTHER_LENS, SIZE, inputs_of, summary
+from summaries import CAMERA, OTHER_LENS, SIZE, fisheye_inputs_of, inputs_of, summary
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +78,17 @@ def test_what_the_prior_says_of_the_vignette_counts_once():
     found = earlier.continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
     np.testing.assert_allclose(found.vignette_sigma[1:], before.vignette_sigma[1:], rtol=0.02)
     np.testing.assert_allclose(found.vignette.image(), before.vignette.image(), atol=0.001)
+
+
+@pytest.mark.parametrize("name", ["state.ospc", "calibration.json"])
+def test_where_the_image_ends_is_kept(tmp_path, name):
+    inputs = fisheye_inputs_of(CAMERA, 0, 0.7)
+    before = summarise(inputs, DefaultSettings())
+    before.save(tmp_path / "calibration.json")
+    Pool.of([summary_of(inputs, "frames", {}, 100)]).save(tmp_path / "state.ospc")
+    found = PriorCalibration.open(tmp_path / name).continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
+    np.testing.assert_allclose(found.vignette.image(), before.vignette.image(), atol=0.01)
+    assert found.verdicts["vignette"].state == "identifiable"
 
 
 def test_a_calibrator_starts_from_what_was_known(yesterday):

@@ -16,7 +16,7 @@ from ospc.pooling.pooled_calibration import merge
 from ospc.pooling.summary import summary_of
 from ospc.research.faults.judging import step_sigma
 from ospc.settings import DefaultSettings
-from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, inputs_of, summary
+from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, fisheye_inputs_of, inputs_of, summary
 
 RECORDINGS = 8
 
@@ -97,6 +97,23 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
     alone = summarise(inputs, DefaultSettings())
     assert step_sigma(pooled) == pytest.approx(step_sigma(alone), rel=0.35)
     assert pooled.vignette_sigma[-1] == pytest.approx(alone.vignette_sigma[-1], rel=0.35)
+
+
+def test_merging_keeps_where_the_image_ends():
+    inputs = fisheye_inputs_of(CAMERA, 0, 0.7)
+    alone, seen = summarise(inputs, DefaultSettings()), summary_of(inputs, "frames", {}, 100)
+    dark = replace(seen, key="dark", usable_radius=1.0)  # too dark to show it
+    for pool in ([seen], [seen, dark]):
+        found = merge(Pool.of(pool)).calibration
+        assert found.vignette.limit == pytest.approx(0.7, abs=0.02)
+        assert found.verdicts["vignette"].state == alone.verdicts["vignette"].state == "identifiable"
+        np.testing.assert_allclose(found.vignette.image(), alone.vignette.image(), atol=0.01)
+
+
+def test_what_a_mask_hides_in_one_recording_is_known_from_the_others(recordings):
+    masked = summary_of(fisheye_inputs_of(CAMERA, 0, 0.7), "frames", {}, 100)
+    found = merge(Pool.of([*recordings, masked])).calibration
+    assert vignette_rmse(found.vignette, CAMERA.vignette) < 0.005
 
 
 def test_a_ninth_recording_of_another_lens_is_named_and_its_vignette_left_out(recordings, merged, other_lens):

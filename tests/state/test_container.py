@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+import ospc.batch.store
+import ospc.pooling.pool
+import ospc.state.run
 from ospc.errors import FormatError
 from ospc.state import container
 from ospc.state.container import Container
@@ -27,6 +31,12 @@ CONTENT = st.dictionaries(st.text(), st.none() | st.booleans() | st.integers() |
 def saved(tmp_path):
     content = Container("calibrator", 3, {"a": [1, "ä"]}, {"x": np.arange(300.0) / 7, "y": np.arange(5)})
     return container.save(content, tmp_path / "a.ospc")
+
+
+@pytest.mark.parametrize("module", [ospc.state.run, ospc.pooling.pool, ospc.batch.store])
+def test_the_documentation_states_the_versions(module):
+    text = (Path(__file__).parents[2] / "docs" / "state.md").read_text(encoding="utf-8")
+    assert f"| `{module.KIND}` | {module.VERSION} |" in text
 
 
 @given(content=CONTENT, stored=st.dictionaries(NAMES, ARRAYS, max_size=3))

@@ -14,7 +14,7 @@ from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
 from ospc.photometry.verdict import Verdict
 from ospc.settings import DefaultSettings
 
-_SURE_RESPONSE, _SURE_VIGNETTE = 0.015, 0.025
+_SURE_RESPONSE, SURE_VIGNETTE = 0.015, 0.025
 """Standard deviations of ln g(0.75)/g(0.25), and of ln V at the corner, up to which a curve is identifiable: typical
 errors are then below half a per cent, of κ and of V over the image. With 0.03 for both, every second fault of images
 that makes registration worse left a response that was called identifiable and was wrong by more."""
@@ -146,7 +146,7 @@ def vignette_verdict(
     sigma = fit.worst_log_vignette_sigma(usable_radius)
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
     figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
-    return _graded(fit, sigma, _SURE_VIGNETTE, figure, _MOVE_RADIALLY)
+    return _graded(fit, sigma, SURE_VIGNETTE, figure, _MOVE_RADIALLY)
 
 
 def _graded(fit: Fit, sigma: float, sure: float, figure: str, remedy: str) -> Verdict:

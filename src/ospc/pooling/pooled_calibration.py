@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.errors import SettingError, counted
 from ospc.estimation.fit import Fit
-from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
+from ospc.methods.identifiability import SURE_VIGNETTE, response_verdict_of_fit, vignette_verdict
 from ospc.methods.summary import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.pooling.agreement import Agreement, Part, agreement
@@ -58,9 +58,10 @@ def merge(pool: Pool) -> Merged:
     agreed = agreement(pool.summaries)
     fit = fit_of(pool, agreed)
     used = [s for s in pool.summaries if not agreed.differs(s, "response")]
+    of_one_lens = [s for s in used if not agreed.differs(s, "vignette")]
     verdicts = {
         "response": _judged("response", _response_verdict(fit, used), agreed, len(pool)),
-        "vignette": _judged("vignette", _vignette_verdict(fit, used, agreed), agreed, len(pool)),
+        "vignette": _judged("vignette", _vignette_verdict(fit, of_one_lens), agreed, len(pool)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)
@@ -68,7 +69,7 @@ def merge(pool: Pool) -> Merged:
     calibration = Calibration(
         size=pool.size,
         response=fit.response(pool.max_grey, support, used[0].grey_range) if response else None,
-        vignette=fit.vignette(pool.size) if vignette else None,
+        vignette=fit.vignette(pool.size, usable_radius(fit, of_one_lens)) if vignette else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if vignette else None,
         # Of the recording with the most scene points.
@@ -106,6 +107,17 @@ def fit_of(pool: Pool, agreed: Agreement) -> Fit:
     return solve_with_chosen_vignette(Information.of(parts).weakened(agreed.scatter))
 
 
+def usable_radius(fit: Fit, of_one_lens: Sequence[Summary]) -> float:
+    """Return the radius, in half diagonals, up to which a fit to recordings of one lens gives the vignette.
+
+    A mask may hide what other recordings show, so the largest of theirs counts if V is known there. A dark or short
+    recording does not show where a fisheye's image ends, so otherwise it is the smallest.
+    """
+    radii = [s.usable_radius for s in of_one_lens if not s.standing_still] or [1.0]
+    largest = max(radii)
+    return largest if fit.log_vignette_sigma(np.array([largest]))[0] <= SURE_VIGNETTE else min(radii)
+
+
 def _response_alone(summary: Summary) -> Summary:
     """Return a recording's information on the response, given that its vignette is a different one."""
     free = np.zeros_like(summary.matrix)
@@ -120,12 +132,18 @@ def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
     return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
 
 
-def _vignette_verdict(fit: Fit, used: Sequence[Summary], agreed: Agreement) -> Verdict:
-    moved = [s for s in used if not agreed.differs(s, "vignette")]
-    standing_still = bool(moved) and all(s.standing_still for s in moved)
-    unexplained = float(np.median([s.unexplained for s in moved])) if moved else 0.0
-    reach = max((s.reach for s in moved), default=0.0)
-    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained)
+def _vignette_verdict(fit: Fit, of_one_lens: Sequence[Summary]) -> Verdict:
+    standing_still = bool(of_one_lens) and all(s.standing_still for s in of_one_lens)
+    unexplained = float(np.median([s.unexplained for s in of_one_lens])) if of_one_lens else 0.0
+    reach = max((s.reach for s in of_one_lens), default=0.0)
+    return vignette_verdict(
+        DefaultSettings(),
+        fit,
+        reach,
+        standing_still,
+        unexplained,
+        usable_radius=usable_radius(fit, of_one_lens),
+    )
 
 
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:

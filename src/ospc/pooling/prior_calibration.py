@@ -14,10 +14,10 @@ from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
-from ospc.photometry.vignette import LogVignette
+from ospc.photometry.vignette import LogVignette, Vignette
 from ospc.pooling.agreement import Difference, agreement, difference_of
 from ospc.pooling.pool import Pool
-from ospc.pooling.pooled_calibration import merge
+from ospc.pooling.pooled_calibration import merge, usable_radius
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import (
     PARAMETERS,
@@ -88,6 +88,7 @@ class PriorCalibration:
         agreed = agreement(summaries)
         information = Information.of([s for s in summaries if s.key not in agreed.differing])
         information = information.weakened(agreed.scatter)
+        fit = solve(information)
         return replace(
             summaries[0],
             key="earlier",
@@ -96,7 +97,7 @@ class PriorCalibration:
             pairs=sum(s.pairs for s in summaries),
             points=information.points,
             groups=information.groups,
-            estimate=solve(information).parameters,
+            estimate=fit.parameters,
             triangle=triangle_of(information.matrix),
             vector=information.vector,
             systematic=triangle_of(information.systematic),
@@ -105,6 +106,7 @@ class PriorCalibration:
             standing_still=all(s.standing_still for s in summaries),
             support=joint_range(s.support for s in summaries),
             unexplained=float(np.median([s.unexplained for s in summaries])),
+            usable_radius=usable_radius(fit, summaries),
         )
 
     def check_size(self, size: tuple[int, int]) -> None:
@@ -234,12 +236,20 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         unexplained=0.0,
         noise=calibration.noise or _USUAL_NOISE,
         grey_range=_grey_range(calibration),
+        usable_radius=_usable_radius(calibration.vignette),
     )
 
 
 def _grey_range(calibration: Calibration) -> GreyRange:
     model = calibration.response.model if calibration.response is not None else {}
     return GreyRange(*(float(level) for level in model.get("grey_range", (0.0, 1.0))))
+
+
+def _usable_radius(vignette: Vignette | None) -> float:
+    """Return the radius about the image centre at which a vignette ends; its limit is one about its own centre."""
+    if not isinstance(vignette, LogVignette):
+        return 1.0
+    return min(1.0, vignette.limit - float(np.hypot(*vignette.centre)))
 
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:

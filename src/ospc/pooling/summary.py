@@ -91,6 +91,8 @@ class Summary:
         Noise of a grey value.
     grey_range
         Where black and white are: the response's parameters belong to grey levels between them.
+    usable_radius
+        Radius in half diagonals that the usable part of the image reaches, in (0, 1].
     """
 
     key: str
@@ -112,6 +114,7 @@ class Summary:
     unexplained: float
     noise: NoiseModel
     grey_range: GreyRange = FULL_RANGE
+    usable_radius: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not belong to the common models."""
@@ -142,6 +145,7 @@ class Summary:
             and 0 <= self.reach <= _FARTHEST
             and 0 <= low <= high <= 1
             and 0 <= self.grey_range.black < self.grey_range.white <= 1
+            and 0 < self.usable_radius <= 1
             and abs(self.unexplained) <= _LARGEST
             and all(0 <= variance <= 1 for variance in noise)
             and len(noise) <= LARGEST_GREY
@@ -210,6 +214,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         grey_range=inputs.grey_range,
         unexplained=unexplained_share(exposure_ratios(fit, observations)),
         noise=inputs.noise,
+        usable_radius=inputs.usable_radius,
     )
 
 
