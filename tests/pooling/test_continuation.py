@@ -91,6 +91,21 @@ def test_where_the_image_ends_is_kept(tmp_path, name):
     assert found.verdicts["vignette"].state == "identifiable"
 
 
+def test_a_recording_that_starts_from_itself_counts_once():
+    source = {"frames_sha256": "1", "images_sha256": "2"}
+    inputs = inputs_of(CAMERA, 50, groups=20)
+    own = replace(summarise(inputs, DefaultSettings()), source=source)
+    seen = summary_of(inputs, "frames", source, 100)
+    for itself in (Pool.of([seen]), Pool.of([summary_of_calibration(own, "itself")])):
+        found = PriorCalibration("itself", itself).continued(own, seen)
+        np.testing.assert_array_equal(found.vignette_sigma, own.vignette_sigma)
+        np.testing.assert_array_equal(found.response.log_sigma, own.response.log_sigma)
+        assert any("rests on this recording itself" in note for note in found.notes)
+    others = Pool.of([summary(CAMERA, 0), summary(CAMERA, 1)])
+    twice, once = (PriorCalibration("both", pool).continued(own, seen) for pool in (others + Pool.of([seen]), others))
+    np.testing.assert_array_equal(twice.vignette_sigma, once.vignette_sigma)
+
+
 def test_a_calibrator_starts_from_what_was_known(yesterday):
     calibrator = OnlineCalibrator()
     calibrator.prior = PriorCalibration.open(yesterday)

@@ -27,6 +27,7 @@ from ospc.pooling.summary import (
     VIGNETTE_PART,
     Summary,
     joint_range,
+    recording_key,
     triangle_of,
 )
 from ospc.state.container import STATE_NAME
@@ -82,9 +83,11 @@ class PriorCalibration:
         return cls(str(path), Pool.load(place))
 
     @cached_property
-    def summary(self) -> Summary:
-        """All that its recordings agree on, as if it were one recording."""
+    def summary(self) -> Summary | None:
+        """All that its recordings agree on, as if it were one recording; None of no recordings."""
         summaries = self.pool.summaries
+        if not summaries:
+            return None
         agreed = agreement(summaries)
         information = Information.of([s for s in summaries if s.key not in agreed.differing])
         information = information.weakened(agreed.scatter)
@@ -125,13 +128,19 @@ class PriorCalibration:
 
     def difference(self, today: Summary | None) -> Difference | None:
         """Return how today's recording differs from the earlier ones; None where it does not."""
-        return None if today is None else difference_of(today, self.summary)
+        earlier = self._apart_from(today)
+        return None if today is None or earlier is None else difference_of(today, earlier)
+
+    def _apart_from(self, today: Summary | None) -> Summary | None:
+        """Return what recordings other than today's say, which must not count twice; None where there are none."""
+        others = tuple(s for s in self.pool.summaries if today is None or s.key != today.key)
+        return self.summary if len(others) == len(self.pool) else PriorCalibration(self.name, Pool(others)).summary
 
     def continued(self, own: Calibration, today: Summary | None) -> Calibration:
         """Return the calibration from the earlier recordings and today's together.
 
         A part that has changed since is taken from today's frames alone. Its verdict and ``source["started_from"]``
-        say so.
+        say so. Today's recording counts once, even where the earlier calibration rests on it, too.
 
         Parameters
         ----------
@@ -146,13 +155,16 @@ class PriorCalibration:
             If the size of the frames differs from that of the earlier calibration.
         """
         self.check_size(own.size)
-        difference = self.difference(today)
+        earlier, difference = self._apart_from(today), self.difference(today)
         known = {"name": self.name, "changed": [] if difference is None else list(difference.parts)}
         known["text"] = "" if difference is None else difference.text
         source = own.source | {"started_from": known}
+        if earlier is None:
+            note = f"{self.name} rests on this recording itself, which must not count twice, and was not used"
+            return replace(own, source=source, notes=(*own.notes, note))
         if difference is not None:
             return _changed(replace(own, source=source), difference, self.name)
-        together = merge(Pool.of([self.summary] if today is None else [self.summary, today])).calibration
+        together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
         return replace(
             own,
             response=together.response,
@@ -217,7 +229,7 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
             estimate[part], matrix[part, part], vector[part] = information_of(calibration)
     range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
     return Summary(
-        key=f"calibration {name}",
+        key=recording_key(f"calibration {name}", calibration.source),
         name=name,
         size=calibration.size,
         max_grey=calibration.max_grey,

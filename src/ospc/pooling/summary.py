@@ -195,7 +195,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
     matrix, vector, systematic, estimate = _information(inputs, fit, observations)
     support = inputs.grey_range.grey(np.quantile(observations.grey, SUPPORT_QUANTILES))
     return Summary(
-        key=_key(first_frames, source),
+        key=recording_key(first_frames, source),
         name=str(source.get("name", "live")),
         size=inputs.size,
         max_grey=inputs.max_grey,
@@ -235,7 +235,8 @@ def joint_range(ranges: Iterable[tuple[float, float]]) -> tuple[float, float]:
     return min(lows), max(highs)
 
 
-def _key(first_frames: str, source: dict[str, Any]) -> str:
+def recording_key(first_frames: str, source: dict[str, Any]) -> str:
+    """Return what identifies a recording: the hashes in its source, or its first frames where there are none."""
     content = {name: source[name] for name in ("frames_sha256", "images_sha256") if name in source}
     return sha256(json.dumps(content or first_frames, sort_keys=True).encode()).hexdigest()[:32]
 
