@@ -15,11 +15,12 @@ from ospc.evaluation.metrics import vignette_rmse
 from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
+from ospc.pooling.pooled_calibration import merge
 from ospc.pooling.prior_calibration import PriorCalibration, summary_of_calibration
 from ospc.pooling.summary import summary_of
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
-from summaries import CAMERA, OTHER_LENS, SIZE, fisheye_inputs_of, inputs_of, summary
+from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, SIZE, fisheye_inputs_of, inputs_of, summary
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +105,26 @@ def test_a_recording_that_starts_from_itself_counts_once():
     others = Pool.of([summary(CAMERA, 0), summary(CAMERA, 1)])
     twice, once = (PriorCalibration("both", pool).continued(own, seen) for pool in (others + Pool.of([seen]), others))
     np.testing.assert_array_equal(twice.vignette_sigma, once.vignette_sigma)
+
+
+def test_starting_from_a_state_is_starting_from_what_merging_it_gives():
+    of_other_response = replace(summary(OTHER_RESPONSE, 101), exposure_range_ms=(0.001, 1e6), reach=3.0)
+    recordings = [summary(CAMERA, seed) for seed in range(4)] + [summary(OTHER_LENS, 100, groups=160)]
+    merged = merge(Pool.of([*recordings, of_other_response])).calibration
+    assert merged.counts["differing"] == 2
+    earlier = PriorCalibration("yesterday", Pool.of([*recordings, of_other_response]))
+    found = earlier.continued(Calibration(size=SIZE, verdicts=merged.verdicts), None)
+    for part in ("response", "vignette"):
+        figure = merged.verdicts[part].reason.partition(", from ")[0]
+        assert found.verdicts[part].reason.startswith(f"{figure}, starting from")
+    np.testing.assert_allclose(found.response.log_sigma, merged.response.log_sigma, rtol=1e-6)
+    np.testing.assert_allclose(found.vignette_sigma, merged.vignette_sigma, rtol=1e-6)
+
+
+def test_recordings_that_contradict_one_another_are_nothing_to_start_from(tmp_path):
+    Pool.of([summary(CAMERA, 0), summary(OTHER_RESPONSE, 101)]).save(tmp_path / "state.ospc")
+    with pytest.raises(NotObservableError, match="agree on nothing that one could start from"):
+        PriorCalibration.open(tmp_path)
 
 
 def test_a_calibrator_starts_from_what_was_known(yesterday):

@@ -56,12 +56,11 @@ def merge(pool: Pool) -> Merged:
     if not len(pool):
         raise SettingError("there is nothing to merge: give the states of one recording or more")
     agreed = agreement(pool.summaries)
-    fit = fit_of(pool, agreed)
-    used = [s for s in pool.summaries if not agreed.differs(s, "response")]
-    of_one_lens = [s for s in used if not agreed.differs(s, "vignette")]
+    used = agreeing(pool, agreed)
+    fit = solve_with_chosen_vignette(Information.of(used).weakened(agreed.scatter))
     verdicts = {
         "response": _judged("response", _response_verdict(fit, used), agreed, len(pool)),
-        "vignette": _judged("vignette", _vignette_verdict(fit, of_one_lens), agreed, len(pool)),
+        "vignette": _judged("vignette", _vignette_verdict(fit, used), agreed, len(pool)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)
@@ -69,7 +68,7 @@ def merge(pool: Pool) -> Merged:
     calibration = Calibration(
         size=pool.size,
         response=fit.response(pool.max_grey, support, used[0].grey_range) if response else None,
-        vignette=fit.vignette(pool.size, usable_radius(fit, of_one_lens)) if vignette else None,
+        vignette=fit.vignette(pool.size, usable_radius(fit, used)) if vignette else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit) if vignette else None,
         # Of the recording with the most scene points.
@@ -97,23 +96,28 @@ def merge(pool: Pool) -> Merged:
     return Merged(calibration, agreed)
 
 
-def fit_of(pool: Pool, agreed: Agreement) -> Fit:
-    """Return the fit to what the recordings of a pool agree on."""
-    parts = []
-    for summary in pool.summaries:
-        if agreed.differs(summary, "response"):
-            continue
-        parts.append(_response_alone(summary) if agreed.differs(summary, "vignette") else summary)
-    return solve_with_chosen_vignette(Information.of(parts).weakened(agreed.scatter))
+def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
+    """Return what the recordings of a pool agree on.
+
+    Those whose response differs are left out. Those whose vignette differs, or all where no majority agrees on it,
+    say no more about it than if the camera had stood still.
+    """
+    return [
+        summary
+        if agreed.majority["vignette"] and not agreed.differs(summary, "vignette")
+        else _response_alone(summary)
+        for summary in pool.summaries
+        if not agreed.differs(summary, "response")
+    ]
 
 
-def usable_radius(fit: Fit, of_one_lens: Sequence[Summary]) -> float:
-    """Return the radius, in half diagonals, up to which a fit to recordings of one lens gives the vignette.
+def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
+    """Return the radius, in half diagonals, up to which a fit to recordings that agree gives the vignette.
 
     A mask may hide what other recordings show, so the largest of theirs counts if V is known there. A dark or short
     recording does not show where a fisheye's image ends, so otherwise it is the smallest.
     """
-    radii = [s.usable_radius for s in of_one_lens if not s.standing_still] or [1.0]
+    radii = [s.usable_radius for s in used if not s.standing_still] or [1.0]
     largest = max(radii)
     return largest if fit.log_vignette_sigma(np.array([largest]))[0] <= SURE_VIGNETTE else min(radii)
 
@@ -122,7 +126,7 @@ def _response_alone(summary: Summary) -> Summary:
     """Return a recording's information on the response, given that its vignette is a different one."""
     free = np.zeros_like(summary.matrix)
     free[VIGNETTE_PART, VIGNETTE_PART] = _FREE * np.eye(VIGNETTE_PART.stop - VIGNETTE_PART.start)
-    return without_part(summary, VIGNETTE_PART, free)
+    return replace(without_part(summary, VIGNETTE_PART, free), standing_still=True, reach=0.0)
 
 
 def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
@@ -132,18 +136,12 @@ def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
     return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
 
 
-def _vignette_verdict(fit: Fit, of_one_lens: Sequence[Summary]) -> Verdict:
-    standing_still = bool(of_one_lens) and all(s.standing_still for s in of_one_lens)
-    unexplained = float(np.median([s.unexplained for s in of_one_lens])) if of_one_lens else 0.0
-    reach = max((s.reach for s in of_one_lens), default=0.0)
-    return vignette_verdict(
-        DefaultSettings(),
-        fit,
-        reach,
-        standing_still,
-        unexplained,
-        usable_radius=usable_radius(fit, of_one_lens),
-    )
+def _vignette_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
+    standing_still = bool(used) and all(s.standing_still for s in used)
+    unexplained = float(np.median([s.unexplained for s in used])) if used else 0.0
+    reach = max((s.reach for s in used), default=0.0)
+    farthest = usable_radius(fit, used)
+    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained, usable_radius=farthest)
 
 
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:

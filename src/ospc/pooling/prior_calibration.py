@@ -17,7 +17,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.photometry.vignette import LogVignette, Vignette
 from ospc.pooling.agreement import Difference, agreement, difference_of
 from ospc.pooling.pool import Pool
-from ospc.pooling.pooled_calibration import merge, usable_radius
+from ospc.pooling.pooled_calibration import agreeing, merge, usable_radius
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import (
     PARAMETERS,
@@ -73,43 +73,48 @@ class PriorCalibration:
         FormatError
             If it is none of these, or damaged.
         NotObservableError
-            If neither response nor vignette is known in it.
+            If neither response nor vignette is known in it, or its recordings agree on nothing.
         """
         place = Path(path)
         if place.is_dir():
             place = place / (STATE_NAME if (place / STATE_NAME).exists() else "calibration.json")
         if place.suffix == ".json":
             return cls(str(path), Pool.of([summary_of_calibration(Calibration.load(place), str(path))]))
-        return cls(str(path), Pool.load(place))
+        found = cls(str(path), Pool.load(place))
+        if found.summary is None:
+            raise NotObservableError(
+                f"{path}: its recordings agree on nothing that one could start from; merge only recordings of one "
+                "camera that was not changed"
+            )
+        return found
 
     @cached_property
     def summary(self) -> Summary | None:
-        """All that its recordings agree on, as if it were one recording; None of no recordings."""
-        summaries = self.pool.summaries
-        if not summaries:
+        """All that its recordings agree on, as if it were one recording; None where no majority agrees."""
+        agreed = agreement(self.pool.summaries)
+        used = agreeing(self.pool, agreed)
+        if not (used and agreed.majority["response"]):
             return None
-        agreed = agreement(summaries)
-        information = Information.of([s for s in summaries if s.key not in agreed.differing])
-        information = information.weakened(agreed.scatter)
+        information = Information.of(used).weakened(agreed.scatter)
         fit = solve(information)
         return replace(
-            summaries[0],
+            used[0],
             key="earlier",
             name=self.name,
-            frames=sum(s.frames for s in summaries),
-            pairs=sum(s.pairs for s in summaries),
+            frames=sum(s.frames for s in used),
+            pairs=sum(s.pairs for s in used),
             points=information.points,
             groups=information.groups,
             estimate=fit.parameters,
             triangle=triangle_of(information.matrix),
             vector=information.vector,
             systematic=triangle_of(information.systematic),
-            exposure_range_ms=joint_range(s.exposure_range_ms for s in summaries),
-            reach=max(s.reach for s in summaries),
-            standing_still=all(s.standing_still for s in summaries),
-            support=joint_range(s.support for s in summaries),
-            unexplained=float(np.median([s.unexplained for s in summaries])),
-            usable_radius=usable_radius(fit, summaries),
+            exposure_range_ms=joint_range(s.exposure_range_ms for s in used),
+            reach=max(s.reach for s in used),
+            standing_still=all(s.standing_still for s in used),
+            support=joint_range(s.support for s in used),
+            unexplained=float(np.median([s.unexplained for s in used])),
+            usable_radius=usable_radius(fit, used),
         )
 
     def check_size(self, size: tuple[int, int]) -> None:
