@@ -78,7 +78,9 @@ class OnlineCalibrator(Engine):
             If no frame could be read so far.
         """
         known = super().calibration()
-        known = replace(known, source=self.source | known.source)
+        return replace(known, source=self.source | known.source)
+
+    def _continued(self, known: Calibration) -> Calibration:
         return known if self.prior is None else self.prior.continued(known, self.summary())
 
     def summary(self) -> Summary | None:

@@ -177,7 +177,11 @@ class Engine:
             why = f": {self._reasons[-1]}" if self._reasons else ""
             raise OspcError(f"no frame could be used{why}")
         known = self._method.calibration(self._exposures.corrected, self._pixels.grey_range)
-        return self._judged(known, self._exposures.findings())
+        return self._judged(self._continued(known), self._exposures.findings())
+
+    def _continued(self, known: Calibration) -> Calibration:
+        """Return a calibration with what was known before the first frame: here that is nothing."""
+        return known
 
     @_one_thread_at_a_time
     def exposure_findings(self) -> ExposureFindings:

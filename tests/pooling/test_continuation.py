@@ -12,8 +12,10 @@ from calibrations import calibration as made_up
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.evaluation.metrics import vignette_rmse
+from ospc.exposures.assessment import ExposureAssessment
+from ospc.methods.identifiability import judged
 from ospc.methods.summary import summarise
-from ospc.photometry.calibration import Calibration
+from ospc.photometry.calibration import Calibration, Verdict
 from ospc.pooling.pool import Pool
 from ospc.pooling.pooled_calibration import merge
 from ospc.pooling.prior_calibration import PriorCalibration, summary_of_calibration
@@ -137,6 +139,30 @@ def test_a_calibrator_starts_from_what_was_known(yesterday):
     assert states == {"response": "identifiable", "vignette": "identifiable", "exposures": "marginal"}
     assert json.dumps(found.as_dict())
     assert found.counts["frames"] == 1
+
+
+def test_what_contradicts_the_frames_of_today_counts_however_much_was_known(yesterday):
+    own, seen = today(CAMERA, groups=60)
+    doubt = judged(Verdict("identifiable", "known"), (("the response changes", "switch off scene modes"),))
+    own = replace(own, verdicts={"response": doubt, "vignette": doubt}, warnings=("the response changes",))
+    found = PriorCalibration.open(yesterday).continued(own, seen)
+    assert not found.converged
+    for verdict in found.verdicts.values():
+        assert (verdict.state, verdict.remedy) == (doubt.state, doubt.remedy)
+        assert "starting from" in verdict.reason
+        assert "but the response changes" in verdict.reason
+
+
+def test_a_warning_about_the_exposures_counts_however_much_was_known(yesterday, monkeypatch):
+    calibrator = OnlineCalibrator()
+    calibrator.prior = PriorCalibration.open(yesterday)
+    calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
+    stale = replace(calibrator.exposure_findings(), warnings=("the metadata are stale",))
+    monkeypatch.setattr(ExposureAssessment, "findings", lambda _: stale)
+    found = calibrator.calibration()
+    assert not found.converged
+    assert {verdict.state for verdict in found.verdicts.values()} == {"marginal"}
+    assert "but the metadata are stale" in found.verdicts["response"].reason
 
 
 def test_frames_of_another_size_are_refused(yesterday):

@@ -11,6 +11,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.prior import Prior, PriorHyperparameters
+from ospc.methods.identifiability import judged
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
@@ -145,7 +146,8 @@ class PriorCalibration:
         """Return the calibration from the earlier recordings and today's together.
 
         A part that has changed since is taken from today's frames alone. Its verdict and ``source["started_from"]``
-        say so. Today's recording counts once, even where the earlier calibration rests on it, too.
+        say so. Today's recording counts once, even where the earlier calibration rests on it, too. However much was
+        known before, what contradicts today's frames leaves nothing better than marginal.
 
         Parameters
         ----------
@@ -170,19 +172,23 @@ class PriorCalibration:
         if difference is not None:
             return _changed(replace(own, source=source), difference, self.name)
         together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
+        verdicts = {}
+        for part, verdict in together.verdicts.items():
+            reason = f"{verdict.reason.partition(', from ')[0]}, starting from {self.name}"
+            doubts = tuple((what, own.verdicts[part].remedy) for what in own.warnings)
+            verdicts[part] = judged(replace(verdict, reason=reason), doubts)
         return replace(
             own,
             response=together.response,
             vignette=together.vignette,
             vignette_sigma=together.vignette_sigma,
-            verdicts=own.verdicts
-            | {
-                part: replace(verdict, reason=f"{verdict.reason.partition(', from ')[0]}, starting from {self.name}")
-                for part, verdict in together.verdicts.items()
-            },
+            verdicts=own.verdicts | verdicts,
             covariance=together.covariance,
-            converged=together.converged,
-            advice=(*together.advice, *(() if own.coverage is None else own.coverage.gaps(own.max_grey))),
+            converged=together.converged and not own.warnings,
+            advice=(
+                *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
+                *(() if own.coverage is None else own.coverage.gaps(own.max_grey)),
+            ),
             source=source,
         )
 
