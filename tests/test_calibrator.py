@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
+import weakref
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -112,6 +114,27 @@ def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypat
     for frame in frames[1:]:
         assert calibrator.push(frame)
     assert made == [0, 1, 2, 2, 3]
+
+
+@pytest.mark.parametrize("pushed", ["before", "while"])
+def test_what_is_prepared_of_a_frame_that_was_not_waited_for_does_not_stay_in_memory(pushed, monkeypatch):
+    calibrator = OnlineCalibrator(NotingSettings())
+    image = IMAGE.copy()
+    unused = Frame.of_array(image, float("nan"))
+    kept = weakref.ref(image)
+    calibrator.push(frame(0))
+    if pushed == "before":
+        calibrator.push(unused)
+        calibrator.prepare(1, unused)
+    else:
+        plain = Preprocessor.__call__
+        monkeypatch.setattr(Preprocessor, "__call__", lambda *given: calibrator.push(unused) or plain(*given))
+        calibrator.prepare(1, unused)
+        monkeypatch.undo()
+        calibrator.push(frame(2))
+    unused = image = None
+    gc.collect()
+    assert kept() is None
 
 
 @dataclass(frozen=True)

@@ -62,9 +62,10 @@ class Foresight:
 
     def prepare(self, number: int, frame: Frame) -> None:
         """Prepare a frame that will be pushed with this number; one thread at a time may, and waits for no other."""
-        if frame.image.shape != self._size[::-1]:
-            return
         every, sampler = self._expected
+        was_pushed = number < sampler.number  # frames without a valid exposure are not waited for
+        if was_pushed or frame.image.shape != self._size[::-1]:
+            return
         numbered, grey_range, prepared = replace(frame, index=number), None, None
         if every or sampler.foreseen(number).processes_next:
             grey_range = self._grey_range()
@@ -99,5 +100,6 @@ class Foresight:
         return self._preprocess.thumbnail(frame), None
 
     def forget(self, number: int) -> None:
-        """Drop what was prepared of a frame."""
-        self._prepared.pop(number, None)
+        """Drop what was prepared of a frame and of those before it, which may have come too late to be used."""
+        for old in [known for known in tuple(self._prepared) if known <= number]:
+            del self._prepared[old]
