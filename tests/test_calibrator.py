@@ -17,6 +17,7 @@ from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.engine import REMEMBERED_REASONS
+from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessComparer
 from ospc.methods.method import Progress
@@ -135,6 +136,22 @@ def test_what_is_prepared_of_a_frame_that_was_not_waited_for_does_not_stay_in_me
     unused = image = None
     gc.collect()
     assert kept() is None
+
+
+class GrowingWhileRead(list):
+    """A list that somebody appends to each time it has been read."""
+
+    def __iter__(self):
+        yield from tuple(super().__iter__())
+        self.append(Epoch(10 * len(self), 10 * len(self) + 9, None, None))
+
+
+def test_epochs_follow_each_other_while_another_thread_ends_one():
+    calibrator = OnlineCalibrator()
+    calibrator._epochs = GrowingWhileRead([Epoch(0, 9, None, None)])
+    for _ in range(3):
+        epochs = calibrator.epochs
+        assert [e.first_frame for e in epochs[1:]] == [e.last_frame + 1 for e in epochs[:-1]]
 
 
 @dataclass(frozen=True)

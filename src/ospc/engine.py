@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, wraps
 from hashlib import sha256
@@ -237,11 +237,12 @@ class Engine:
     @property
     def epochs(self) -> tuple[Epoch, ...]:
         """The epochs of the camera so far, one more than it changed; the present one is the last."""
-        return (*self._epochs, Epoch(self._first_of_epoch, self.frames - 1, None, None))
+        ended = tuple(self._epochs)  # read once: the thread that pushes may add one at any time
+        return (*ended, Epoch(_first_after(ended), self.frames - 1, None, None))
 
     @property
     def _first_of_epoch(self) -> int:
-        return self._epochs[-1].last_frame + 1 if self._epochs else 0
+        return _first_after(self._epochs)
 
     @property
     def settings(self) -> Settings:
@@ -424,6 +425,11 @@ class Engine:
                 *(f"{epoch.change.text}" for epoch in self._epochs if epoch.change),
             ),
         )
+
+
+def _first_after(ended: Sequence[Epoch]) -> int:
+    """Return the first frame of the epoch that follows those that ended."""
+    return ended[-1].last_frame + 1 if ended else 0
 
 
 def _of_size(frame: Frame, size: ImageSize) -> Image:
