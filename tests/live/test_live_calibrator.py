@@ -229,6 +229,41 @@ def test_what_goes_wrong_in_the_background_is_said(monkeypatch):
     live.close()
 
 
+@pytest.fixture
+def ask_together(monkeypatch):
+    """Threads that ask a calibrator for a calibration while it is busy, so that all are answered after that."""
+
+    def ask(live, count):
+        held, answers = Held(monkeypatch), []
+
+        def one():
+            try:
+                answers.append(live.calibration())
+            except OspcError as error:
+                answers.append(error)
+
+        live.push(grey())
+        assert held.begun.wait(10)
+        threads = [threading.Thread(target=one, daemon=True) for _ in range(count)]
+        for thread in threads:
+            thread.start()
+        while len(live._asked) < count:
+            time.sleep(0.001)
+        held.go.set()
+        for thread in threads:
+            thread.join(10)
+        return answers
+
+    return ask
+
+
+def test_all_that_ask_together_are_answered_even_if_the_next_estimate_fails(ask_together, monkeypatch):
+    estimates = iter(["estimated"])
+    with LiveCalibrator() as live:
+        monkeypatch.setattr(live, "_estimate", lambda: next(estimates))
+        assert ask_together(live, 3) == ["estimated"] * 3
+
+
 def test_closed_it_takes_no_more_and_its_thread_ends(cameras):
     live = LiveCalibrator()
     live.push(cameras.before[0])

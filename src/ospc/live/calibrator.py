@@ -283,14 +283,22 @@ class LiveCalibrator:
         if self._unseen and self._pace.due:
             with self._pace.look():
                 self._advise()
-        for answer in asked:
-            try:
-                answer.set_result(self._estimate())
-            except OspcError as error:
-                answer.set_exception(error)
-        with self._changed:
-            self._asked = [answer for answer in self._asked if answer not in asked]
+        if asked:
+            self._answer(asked)
         return True
+
+    def _answer(self, asked: list[Future[Calibration]]) -> None:
+        """Give one estimate to all that have asked so far, or the reason why there is none."""
+        try:
+            found = self._estimate()
+        except OspcError as error:
+            for answer in asked:
+                answer.set_exception(error)
+        else:
+            for answer in asked:
+                answer.set_result(found)
+        with self._changed:
+            del self._asked[: len(asked)]
 
     def _take(self, entry: _Entry) -> None:
         if entry.frame is None:
