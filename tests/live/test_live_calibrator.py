@@ -264,6 +264,19 @@ def test_all_that_ask_together_are_answered_even_if_the_next_estimate_fails(ask_
         assert ask_together(live, 3) == ["estimated"] * 3
 
 
+def test_all_that_ask_learn_why_the_background_failed(ask_together, monkeypatch):
+    failure = np.linalg.LinAlgError("Singular matrix")
+
+    def fail():
+        raise failure
+
+    with LiveCalibrator() as live:
+        monkeypatch.setattr(live, "_estimate", fail)
+        answers = ask_together(live, 2)
+    assert [str(answer) for answer in answers] == ["the background failed: Singular matrix"] * 2
+    assert [answer.__cause__ for answer in answers] == [failure] * 2
+
+
 def test_closed_it_takes_no_more_and_its_thread_ends(cameras):
     live = LiveCalibrator()
     live.push(cameras.before[0])

@@ -231,7 +231,7 @@ class LiveCalibrator:
         if self._process != os.getpid():
             raise OspcError("this live calibrator belongs to the process that made it; make a new one after a fork")
         if self._failure is not None:
-            raise OspcError(f"the background failed: {said_by(self._failure)}") from self._failure
+            raise _failed(self._failure)
         if self._closed:
             raise OspcError("this live calibrator was closed; make a new one")
 
@@ -262,12 +262,10 @@ class LiveCalibrator:
         except BaseException as error:
             with self._changed:
                 self._failure = error
-                self._changed.notify_all()  # whoever waits has to learn of it
-        finally:
-            with self._changed:
+                # Whoever waits has to learn of it.
                 for answer in self._asked:
-                    answer.set_exception(OspcError("the background ended before it could answer"))
-                self._asked.clear()
+                    answer.set_exception(_failed(error))
+                self._changed.notify_all()
 
     def _step(self) -> bool:
         """Do one piece of work; return whether there may be more."""
@@ -350,6 +348,13 @@ class LiveCalibrator:
     def _note(self, text: str) -> None:
         with self._changed:
             self._notes = [*self._notes, text][-MOST_NOTES:]
+
+
+def _failed(failure: BaseException) -> OspcError:
+    """Return what to say to whoever needs the background, caused by what ended it."""
+    error = OspcError(f"the background failed: {said_by(failure)}")
+    error.__cause__ = failure
+    return error
 
 
 MOST_NOTES = 20
