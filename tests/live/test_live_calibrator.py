@@ -214,6 +214,23 @@ def test_frames_that_cannot_be_used_are_counted_with_their_reason():
         assert "exposure" in live.status.reasons[-1]
 
 
+def test_both_threads_count_only_while_they_hold_the_lock():
+    held = []
+
+    class Watched(LiveCalibrator):
+        def __setattr__(self, name, value):
+            if name in ("_frames", "_dropped", "_unusable") and hasattr(self, "_worker"):
+                held.append(self._changed._is_owned())
+            super().__setattr__(name, value)
+
+    with Watched() as live:
+        live.push(Frame.of_array(np.zeros((48, 64), np.uint8), float("nan")))
+        live.wait()
+        assert live.status.unusable == 1
+    assert len(held) >= 2
+    assert all(held)
+
+
 def test_what_goes_wrong_in_the_background_is_said(monkeypatch):
     def push(engine, frame):
         raise RuntimeError("out of luck")

@@ -299,12 +299,13 @@ class LiveCalibrator:
             del self._asked[: len(asked)]
 
     def _take(self, entry: _Entry) -> None:
+        used = True
         if entry.frame is None:
             self._engine.note(entry.exposure_ms)
         else:
             used = self._engine.push(entry.frame)
-            self._unusable += not used
         with self._changed:
+            self._unusable += not used
             self._unseen = True
             self._queue.popleft()
             self._waiting_bytes -= entry.bytes
