@@ -135,11 +135,26 @@ class Engine:
         return used
 
     @_one_thread_at_a_time
-    def note(self, exposure_ms: float) -> None:
-        """Take note of a frame whose image is not to be had: of its exposure only."""
+    def note(self, exposure_ms: float, name: str, unusable: str = "") -> bool:
+        """Take note of a frame without its image, and return whether it could have been used for all that is known.
+
+        Parameters
+        ----------
+        exposure_ms, name
+            Those of the frame.
+        unusable
+            Why its image cannot be used; empty where nobody looked at it.
+        """
         self._exposures.table.append(exposure_ms)
+        try:
+            _check_exposure(exposure_ms, name)
+        except ExposureError as error:
+            unusable = str(error)
+        if unusable:
+            self._skip(unusable)
         self._sampler.skip()
         self._foresee()
+        return not unusable
 
     def _take(self, frame: Frame) -> None:
         method, exposures = self._started(frame), self._exposures
@@ -362,8 +377,7 @@ class Engine:
     def _check(self, frame: Frame) -> None:
         if frame.colour and frame.image.ndim != 2:
             raise FrameError(f"{frame.name}: is in colour; open the recording with one of its channels")
-        if not (np.isfinite(frame.exposure_ms) and frame.exposure_ms > 0):
-            raise ExposureError(f"{frame.name}: exposure {frame.exposure_ms} ms is not a positive number")
+        _check_exposure(frame.exposure_ms, frame.name)
         # Most frames need not be decoded; that one is missing or cut off is found out nevertheless.
         if frame.verify is not None:
             frame.verify()
@@ -430,6 +444,11 @@ class Engine:
 def _first_after(ended: Sequence[Epoch]) -> int:
     """Return the first frame of the epoch that follows those that ended."""
     return ended[-1].last_frame + 1 if ended else 0
+
+
+def _check_exposure(exposure_ms: float, name: str) -> None:
+    if not (np.isfinite(exposure_ms) and exposure_ms > 0):
+        raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
 
 
 def _of_size(frame: Frame, size: ImageSize) -> Image:

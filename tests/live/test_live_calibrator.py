@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from ospc.calibrator import OnlineCalibrator, drive
+from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.engine import Engine
-from ospc.errors import OspcError, SettingError
+from ospc.errors import FrameError, OspcError, SettingError
 from ospc.live import LiveCalibrator
 from ospc.live import calibrator as live_calibrator
 from ospc.recording import Frame
+from ospc.settings import DefaultSettings
 
 
 class Held:
@@ -81,14 +83,18 @@ def at_20_frames_per_s(frames):
     return [replace(frame, index=number, stamp_s=number / 20) for number, frame in enumerate(frames)]
 
 
+def push_and_await(live, frame):
+    live.push(frame)
+    while live._queue:
+        time.sleep(0.001)
+
+
 @pytest.fixture(scope="module")
 def played(cameras):
     """A recording played forth and back without a frame being dropped."""
     with LiveCalibrator() as live:
         for frame in forth_and_back(cameras):
-            live.push(frame)
-            while live._queue:
-                time.sleep(0.001)
+            push_and_await(live, frame)
         return live.calibration(), live.status, live.latest
 
 
@@ -108,6 +114,27 @@ def test_where_nothing_is_dropped_the_result_is_that_of_the_command(played, comm
     np.testing.assert_array_equal(found.response.inverse_table, other.response.inverse_table)
     np.testing.assert_array_equal(found.vignette.image(), other.vignette.image())
     assert latest is found
+
+
+def test_frames_that_cannot_be_used_are_counted_and_explained_as_by_the_command(cameras, monkeypatch):
+    """Some of them are not even needed."""
+
+    def torn():
+        raise FrameError("torn.png: cannot be decoded")
+
+    exposures_ms = [-1.0 if i % 3 == 1 else 4.0 + i for i in range(25)]
+    frames = [replace(f, exposure_ms=e) for f, e in zip(cameras.before, exposures_ms, strict=False)]
+    frames[0] = replace(frames[0], load=torn, threads=False)
+    monkeypatch.setattr(DefaultSettings, "sampler", lambda _settings: FrameSampler(1, 99, 99, 1000, 0))
+    calibrator = OnlineCalibrator(correct_lag="trusted")
+    drive(calibrator, frames)
+    assert calibrator.processed < len(frames) // 2
+    with LiveCalibrator(correct_lag="trusted") as live:
+        for frame in frames:
+            push_and_await(live, frame)
+        assert live.calibration().counts == calibrator.calibration().counts
+        assert live.status.reasons == calibrator.status.skipped
+        assert live.status.unusable == live.calibration().counts["skipped"] == 9
 
 
 def test_an_unchanged_camera_is_known_and_stays_so(played):

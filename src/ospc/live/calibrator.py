@@ -43,8 +43,9 @@ class LiveCalibrator:
     """Calibrates a camera while it runs: frames are taken at once, and processed by one thread in the background.
 
     It drives the same engine as :class:`~ospc.calibrator.OnlineCalibrator`: where no frame is dropped, the result is
-    the same to the last bit. Images wait in a bounded queue while the background is busy; beyond it they are dropped,
-    and only their exposures are kept. :meth:`push` may be called by any thread, by a callback, or within a coroutine.
+    the same to the last bit. Only unreadable images that are not needed are not counted: nobody looks at them. Images
+    wait in a bounded queue while the background is busy; beyond it they are dropped, and only their exposures are
+    kept. :meth:`push` may be called by any thread, by a callback, or within a coroutine.
 
     Parameters
     ----------
@@ -237,21 +238,21 @@ class LiveCalibrator:
 
     def _entry(self, frame: Frame, wanted: bool) -> _Entry:
         """Return what is kept of a frame until the background takes it."""
+        told = _Entry(frame.exposure_ms, frame.name)
         # What waits in the queue may change which frames are wanted: they are foreseen only while none waits.
         if not wanted and not self._queue:
-            return _Entry(frame.exposure_ms)
+            return told
         if self._waiting_bytes >= QUEUE_BYTES:
             self._dropped += wanted
-            return _Entry(frame.exposure_ms)
+            return told
         if frame.threads:
-            return _Entry(frame.exposure_ms, frame)
+            return replace(told, frame=frame)
         try:
             image = frame.image.copy()
-        except FrameError:
-            self._unusable += 1
-            return _Entry(frame.exposure_ms)
+        except FrameError as error:
+            return replace(told, unusable=str(error))
         own = replace(frame, load=lambda: image, verify=None, threads=True)
-        return _Entry(frame.exposure_ms, own, image.nbytes)
+        return replace(told, frame=own, bytes=image.nbytes)
 
     # The background.
 
@@ -299,9 +300,8 @@ class LiveCalibrator:
             del self._asked[: len(asked)]
 
     def _take(self, entry: _Entry) -> None:
-        used = True
         if entry.frame is None:
-            self._engine.note(entry.exposure_ms)
+            used = self._engine.note(entry.exposure_ms, entry.name, entry.unusable)
         else:
             used = self._engine.push(entry.frame)
         with self._changed:
@@ -364,8 +364,10 @@ MOST_NOTES = 20
 
 @dataclass(frozen=True)
 class _Entry:
-    """A frame that waits for the background: only its exposure where its image is not needed, or was dropped."""
+    """A frame that waits for the background: without its image where that is not needed, unusable, or was dropped."""
 
     exposure_ms: float
+    name: str
     frame: Frame | None = None
+    unusable: str = ""
     bytes: int = 0
