@@ -232,6 +232,46 @@ def test_a_fork_in_mid_run_is_survived_or_refused_with_a_sentence(cameras):
             child.join()
 
 
+def _all_in_child(live, answers):
+    uses = (
+        lambda: live.push(grey()),
+        live.wait,
+        live.calibration,
+        lambda: live.save_state("never"),
+        lambda: live.status,
+    )
+    for use in uses:
+        with pytest.raises(OspcError, match="fork"):
+            use()
+    live.close()
+    answers.put("refused")
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_fork_while_another_thread_holds_the_locks_is_refused_and_not_waited_for():
+    context = multiprocessing.get_context("fork")
+    answers, held, go = context.Queue(), threading.Event(), threading.Event()
+
+    def hold():
+        with live._changed, live._engine._lock:
+            held.set()
+            go.wait(60)
+
+    with LiveCalibrator() as live:
+        holding = threading.Thread(target=hold)
+        holding.start()
+        assert held.wait(10)
+        child = context.Process(target=_all_in_child, args=(live, answers))
+        child.start()
+        try:
+            assert answers.get(timeout=30) == "refused"
+        finally:
+            go.set()
+            holding.join()
+            child.kill()
+            child.join()
+
+
 def test_frames_that_cannot_be_used_are_counted_with_their_reason():
     with LiveCalibrator() as live:
         live.push(Frame.of_array(np.zeros((48, 64), np.uint8), float("nan")))

@@ -118,6 +118,7 @@ class LiveCalibrator:
         OspcError
             If it was closed, the background failed, or the process was forked.
         """
+        self._check_process()
         with self._changed:
             self._check()
             entry = self._entry(frame, self._engine.may_need(self._frames))
@@ -147,6 +148,7 @@ class LiveCalibrator:
         OspcError
             As :meth:`push`.
         """
+        self._check_process()
         with self._changed:
             self._changed.wait_for(
                 lambda: (
@@ -159,7 +161,14 @@ class LiveCalibrator:
 
     @property
     def status(self) -> LiveStatus:
-        """Where it stands."""
+        """Where it stands.
+
+        Raises
+        ------
+        OspcError
+            If the process was forked.
+        """
+        self._check_process()
         with self._changed:
             status, latest = self._engine.status, self._latest
             return LiveStatus(
@@ -199,6 +208,7 @@ class LiveCalibrator:
         OspcError
             If no frame could be used, it was closed, the background failed, or the process was forked.
         """
+        self._check_process()
         with self._changed:
             self._check()
             answer: Future[Calibration] = Future()
@@ -207,15 +217,27 @@ class LiveCalibrator:
         return answer.result()
 
     def save_state(self, path: str | Path) -> Path:
-        """Write all that is known to a file, as ``OnlineCalibrator.save_state`` does with its summary."""
+        """Write all that is known to a file, as ``OnlineCalibrator.save_state`` does with its summary.
+
+        Raises
+        ------
+        OspcError
+            If the file cannot be written, a frame was processed in part only, or the process was forked.
+        """
+        self._check_process()
         return self._engine.save_state(path, complete=True)
 
     def close(self) -> None:
-        """End the background once its present work is done; what is known stays in :attr:`latest`."""
+        """End the background once its present work is done; what is known stays in :attr:`latest`.
+
+        In a fork this does nothing: the background goes on in the process that made it.
+        """
+        if self._process != os.getpid():
+            return
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-        if threading.current_thread() is not self._worker and self._process == os.getpid():
+        if threading.current_thread() is not self._worker:
             self._worker.join()
 
     def __enter__(self) -> LiveCalibrator:
@@ -228,9 +250,12 @@ class LiveCalibrator:
         """Close it."""
         self.close()
 
-    def _check(self) -> None:
+    def _check_process(self) -> None:
+        """Refuse a fork, where no lock may be taken: a thread that is not there may hold it."""
         if self._process != os.getpid():
             raise OspcError("this live calibrator belongs to the process that made it; make a new one after a fork")
+
+    def _check(self) -> None:
         if self._failure is not None:
             raise _failed(self._failure)
         if self._closed:
