@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -31,17 +33,23 @@ def test_what_it_shows_is_json_and_grows(filmed):
     with LiveCalibrator() as live:
         capture = Capture(live, out="there")
         before = capture.view()
-        capture.run(filmed, never, replayed=True)
+        pictures = []
+
+        def look():
+            pictures.append(capture.picture())
+            return False
+
+        capture.run(filmed, look, replayed=True)
         live.wait()
         after = capture.view()
         json.dumps([before, after], allow_nan=False)
-        picture = capture.picture()
     assert before["frames"] == 0
     assert set(before["bars"].values()) == {0.0}
     assert (after["frames"], after["dropped"], after["out"]) == (30, 0, "there")
     assert after["instruction"]["text"] == live.status.advice
-    shown = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE)
-    assert np.mean(np.abs(shown.astype(float) - filmed[-1].image)) < 6
+    for picture, frame in zip(pictures, filmed, strict=True):
+        shown = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE)
+        assert np.mean(np.abs(shown.astype(float) - frame.image)) < 6
 
 
 def test_it_ends_where_it_is_asked_to(filmed):
@@ -75,6 +83,27 @@ def test_a_recording_is_replayed_at_its_pace(filmed):
     begun_s = time.monotonic()
     list(replayed(filmed, 0))
     assert time.monotonic() - begun_s < 0.2
+
+
+@pytest.mark.parametrize("looked", [True, False])
+def test_only_the_capturing_thread_reads_frames_that_no_other_may_and_few_of_them(filmed, looked, monkeypatch):
+    readers = []
+
+    def only_here(frame):
+        return replace(frame, load=lambda: readers.append(threading.current_thread()) or frame.image, threads=False)
+
+    def look():
+        page = threading.Thread(target=capture.picture)
+        if looked:
+            page.start()
+            page.join()
+        return False
+
+    with LiveCalibrator() as live:
+        monkeypatch.setattr(live, "push", lambda _frame: None)  # as if no image were needed
+        capture = Capture(live)
+        capture.run(map(only_here, filmed), look, replayed=True)
+    assert readers == [threading.main_thread()] * (len(filmed) if looked else 1)
 
 
 def test_a_frame_that_cannot_be_read_shows_nothing():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import cv2
@@ -140,7 +140,9 @@ class Capture:
         self._goal = goal
         self._ends = ends
         self._out = out
-        self._frame: Frame | None = None
+        self._shown: Frame | None = None
+        self._looked = threading.Event()
+        self._looked.set()  # whoever looks first finds the first frame
         self._finish = threading.Event()
         self._begun_s = time.monotonic()
         self.stage: Stage = "filming"
@@ -160,7 +162,7 @@ class Capture:
             Whether the frames come from a recording: they then wait for the background, and none is dropped.
         """
         for frame in frames:
-            self._frame = frame
+            self._show(frame)
             self.times.append(frame)
             self._live.push(frame)
             if replayed:
@@ -168,6 +170,14 @@ class Capture:
             done = self._ends and self._live.status.instruction.kind == "done"
             if stop() or self._finish.is_set() or done:
                 break
+
+    def _show(self, frame: Frame) -> None:
+        """Make it the frame that is shown; what only this thread may read, only if somebody looked since the last."""
+        if frame.threads:
+            self._shown = frame
+        elif self._looked.is_set():
+            self._looked.clear()
+            self._shown = _read(frame)
 
     def end(self, stage: Stage, message: str) -> None:
         """Say how it ended."""
@@ -212,8 +222,12 @@ class Capture:
         }
 
     def picture(self) -> bytes | None:
-        """Return the latest frame as JPEG, reduced; None where there is none that can be read."""
-        frame = self._frame
+        """Return the latest frame as JPEG, reduced; None where there is none that can be read.
+
+        Where only the capturing thread may read the frames, it is the first one after the last call.
+        """
+        self._looked.set()
+        frame = self._shown
         if frame is None:
             return None
         try:
@@ -244,6 +258,15 @@ def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:
             due_s = begun_s + (frame.stamp_s - first_s) / pace
             time.sleep(max(0.0, due_s - time.monotonic()))
         yield frame
+
+
+def _read(frame: Frame) -> Frame | None:
+    """Return a frame with its image in memory, for any thread; None if it cannot be read."""
+    try:
+        image = frame.image
+    except FrameError:
+        return None
+    return replace(frame, load=lambda: image, threads=True)
 
 
 def _seen(preview: Preview) -> dict[str, Any]:
