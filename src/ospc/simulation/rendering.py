@@ -7,8 +7,10 @@ real pixel, instead of aliasing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -24,6 +26,9 @@ _NEAR_M = 0.02
 _MARGIN_PX = 2.0
 """Margin around the image within which surfaces are kept, in pixels: their antialiased edges reach half a pixel
 in."""
+
+_ROUNDING = 1e-6
+"""Bound of rounding errors of homogeneous pixels."""
 
 _CELL_PX = 32
 """Edge of the cells, in pixels, on which the level of detail is computed before it is interpolated."""
@@ -52,15 +57,36 @@ class View:
 
     def homography(self, place: Rectangle) -> FloatArray:
         """Return the map of metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
+        columns = np.empty((3, 3))
+        columns[:, 0], columns[:, 1], columns[:, 2] = place.across, place.down, place.corner_m - self.position_m
+        return np.asarray(self.projection @ columns)
+
+    @cached_property
+    def projection(self) -> FloatArray:
+        """Map of world directions to homogeneous pixels, shape (3, 3)."""
         x, y = (self.size[0] - 1) / 2, (self.size[1] - 1) / 2
         intrinsics = np.array([[self.focal_px, 0.0, x], [0.0, self.focal_px, y], [0.0, 0.0, 1.0]])
-        columns = np.stack([place.across, place.down, place.corner_m - self.position_m], axis=-1)
-        return np.asarray(intrinsics @ self.rotation.T @ columns)
+        return np.asarray(intrinsics @ self.rotation.T)
+
+    @cached_property
+    def half_spaces(self) -> FloatArray:
+        """What bounds the view with its margin: rows (a, b, c, d) with a·x + b·y + c·w + d >= 0 inside."""
+        right, bottom = self.size[0] - 1 + _MARGIN_PX, self.size[1] - 1 + _MARGIN_PX
+        return np.array(
+            [
+                [0.0, 0.0, 1.0, -_NEAR_M],
+                [1.0, 0.0, _MARGIN_PX, 0.0],
+                [-1.0, 0.0, right, 0.0],
+                [0.0, 1.0, _MARGIN_PX, 0.0],
+                [0.0, -1.0, bottom, 0.0],
+            ]
+        )
 
 
 def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
     """Return the radiance at every pixel in saturations per millisecond, shape (height, width), float32."""
     width, height = view.size
+    scene = _in_view(scene, view)
     canvas = np.zeros((height, width), np.float32)
     covered = np.zeros((height, width), np.float32)
     for face in scene.walls:
@@ -77,6 +103,25 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
             canvas[area] += change
     canvas *= np.float32(scene.scale)
     return canvas
+
+
+def _in_view(scene: Scene, view: View) -> Scene:
+    """Return a scene without the fixed faces all of whose corners are beyond one and the same edge of the view."""
+    corners = (scene.corners_m - view.position_m) @ view.projection.T
+    signed = corners @ view.half_spaces[:, :3].T + view.half_spaces[:, 3]
+    # What is on the edge but for rounding stays; clipping decides.
+    inside = np.any(signed > -_ROUNDING, axis=1)
+    kept = iter(np.all(inside, axis=1).tolist())
+
+    def of(faces: tuple[Face, ...]) -> tuple[Face, ...]:
+        return tuple([face for face in faces if next(kept)])
+
+    return replace(
+        scene,
+        walls=of(scene.walls),
+        pictures=of(scene.pictures),
+        solids=tuple([replace(solid, faces=of(solid.faces)) for solid in scene.solids]),
+    )
 
 
 def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, ...]]:
@@ -101,7 +146,7 @@ _Piece = tuple[tuple[slice, slice], Float32Array, Float32Array]
 def _drawn(face: Face, view: View) -> Iterable[_Piece]:
     """Yield the image area that a face covers, its radiance there, and the share of each pixel that it covers."""
     to_image = view.homography(face.place)
-    outline = _outline(face.place.size_m, to_image, view.size)
+    outline = _outline(face.place.size_m, to_image, view.half_spaces)
     if outline is None:
         return
     x0, y0 = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
@@ -126,9 +171,8 @@ def _coverage(size_m: tuple[float, float], to_metres: FloatArray, shape: tuple[i
     alpha = np.ones(shape, np.float32)
     across, down, depth = to_metres
     for edge in (across, size_m[0] * depth - across, down, size_m[1] * depth - down):
-        a, b, c = edge / max(float(np.hypot(edge[0], edge[1])), 1e-12)
-        at_corners = np.array([0.0, a * (width - 1)])[:, None] + np.array([0.0, b * (height - 1)]) + c
-        if at_corners.min() < 0.5:
+        a, b, c = (edge / max(float(np.hypot(edge[0], edge[1])), 1e-12)).tolist()
+        if min(0.0, a * (width - 1)) + min(0.0, b * (height - 1)) + c < 0.5:
             x = (a * np.arange(width) + c + 0.5).astype(np.float32)
             y = (b * np.arange(height)).astype(np.float32)
             share = np.add.outer(y, x)
@@ -136,19 +180,11 @@ def _coverage(size_m: tuple[float, float], to_metres: FloatArray, shape: tuple[i
     return alpha
 
 
-def _outline(size_m: tuple[float, float], to_image: FloatArray, size: ImageSize) -> FloatArray | None:
+def _outline(size_m: tuple[float, float], to_image: FloatArray, half_spaces: FloatArray) -> FloatArray | None:
     """Return the corners in pixels of a rectangle clipped to the view, shape (n, 2); None if it is out of view."""
     w, h = size_m
     polygon = (np.array([[0, 0, 1], [w, 0, 1], [w, h, 1], [0, h, 1.0]]) @ to_image.T).tolist()
-    right, bottom = size[0] - 1 + _MARGIN_PX, size[1] - 1 + _MARGIN_PX
-    half_spaces = (
-        (0.0, 0.0, 1.0, -_NEAR_M),
-        (1.0, 0.0, _MARGIN_PX, 0.0),
-        (-1.0, 0.0, right, 0.0),
-        (0.0, 1.0, _MARGIN_PX, 0.0),
-        (0.0, -1.0, bottom, 0.0),
-    )
-    for a, b, c, d in half_spaces:
+    for a, b, c, d in half_spaces.tolist():
         kept: list[list[float]] = []
         signed = [a * p[0] + b * p[1] + c * p[2] + d for p in polygon]
         for i, (p, s) in enumerate(zip(polygon, signed, strict=True)):
@@ -171,12 +207,14 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
     rows, columns = max(2, -(-height // _CELL_PX)), max(2, -(-width // _CELL_PX))
     x = (np.arange(columns) + 0.5) * width / columns - 0.5
     y = (np.arange(rows) + 0.5) * height / rows - 0.5
-    cells = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).astype(np.float64)
-    last = len(face.mips) - 1
+    cells = np.empty((rows, columns, 2))
+    cells[:, :, 0], cells[:, :, 1] = x, y[:, None]
     texel_m = face.place.size_m[0] / face.mips[0].shape[1]
-    bounds = np.clip(_detail(to_metres, outline, texel_m), 0, last)
-    detail = np.clip(_detail(to_metres, cells, texel_m), bounds.min(), bounds.max())
-    first, final = int(np.floor(detail.min())), int(np.ceil(detail.max()))
+    detail = _detail(to_metres, np.concatenate([outline, cells.reshape(-1, 2)]), texel_m)
+    detail = np.minimum(np.maximum(detail, 0), len(face.mips) - 1)
+    bounds, detail = detail[: len(outline)], detail[len(outline) :].reshape(rows, columns)
+    detail = np.minimum(np.maximum(detail, bounds.min()), bounds.max())
+    first, final = math.floor(detail.min()), math.ceil(detail.max())
     if first == final:
         return _warped(face, first, to_metres, (0, 0), shape)
     total = np.zeros(shape, np.float32)
@@ -198,20 +236,18 @@ def _span(used: npt.NDArray[np.intp], cells: int, pixels: int) -> tuple[int, int
     return max(0, (used[0] - 1) * pixels // cells), min(pixels, -(-(int(used[-1]) + 2) * pixels // cells))
 
 
-def _detail(to_metres: FloatArray, points: npt.NDArray[np.float64], texel_m: float) -> FloatArray:
-    """Return the pyramid level whose texels are as long as the footprint of a pixel, shape (..., 2) -> (...).
+def _detail(to_metres: FloatArray, points: FloatArray, texel_m: float) -> FloatArray:
+    """Return the pyramid level whose texels are as long as the footprint of a pixel, shape (n, 2) -> (n,).
 
     The footprint is the image of a pixel under the derivative of the homography; its length is the larger singular
     value of that derivative.
     """
-    p = points[..., 0:1] * to_metres[:, 0] + points[..., 1:2] * to_metres[:, 1] + to_metres[:, 2]
-    depth = p[..., 2]
+    p = points[:, :1] * to_metres[:, 0] + points[:, 1:] * to_metres[:, 1] + to_metres[:, 2]
+    depth = p[:, 2:]
     depth = np.where(np.abs(depth) > 1e-9, depth, 1e-9)
-    u, v = p[..., 0] / depth, p[..., 1] / depth
-    (ux, uy), (vx, vy) = (
-        ((to_metres[row, 0] - at * to_metres[2, 0]) / depth, (to_metres[row, 1] - at * to_metres[2, 1]) / depth)
-        for row, at in ((0, u), (1, v))
-    )
+    place = p[:, :2] / depth
+    ux, vx = ((to_metres[:2, 0] - place * to_metres[2, 0]) / depth).T
+    uy, vy = ((to_metres[:2, 1] - place * to_metres[2, 1]) / depth).T
     squares = ux**2 + uy**2 + vx**2 + vy**2
     determinant = ux * vy - uy * vx
     longest = np.sqrt((squares + np.sqrt(np.maximum(squares**2 - 4 * determinant**2, 0))) / 2)
