@@ -23,9 +23,6 @@ from ospc.simulation.scene import Scene
 from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.truth import Truth, plan, view_at
 
-_PNG_COMPRESSION = 1
-"""Fastest level of zlib; noise hardly compresses anyway."""
-
 _IMAGE = re.compile(r"\d{5,}\.(png|jpg)")
 _FILES = (
     "times.txt", "camera.txt", "groundtruthSync.txt", "truth.json", "pcalib.txt", "vignette.png", "images.zip",
@@ -190,8 +187,9 @@ def simulate(
         write_truth(place, known)
         with NumberedImages(place, settings.frames, archive=settings.archive) as images:
             for index, image in enumerate(_images(scene, known)):
-                quality = {"png_compression": _PNG_COMPRESSION, "jpg_quality": settings.jpg_quality}
-                images.write(index, encoded(image, settings.image_format, f"image {index}", **quality))
+                name, quality = f"image {index}", settings.jpg_quality
+                data = encoded(image, settings.image_format, name, png_compression=None, jpg_quality=quality)
+                images.write(index, data)
                 if progress is not None:
                     progress(index + 1, settings.frames)
     except OSError as error:
