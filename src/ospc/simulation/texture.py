@@ -134,10 +134,11 @@ def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: in
     piece = edge // 2
     ramp = np.sin(np.pi * (np.arange(piece, dtype=np.float32) + 0.5) / piece)
     window = np.outer(ramp, ramp).astype(np.float32)
+    squared_window = window**2
     step = max(1, piece // 2)
     rows, columns = size[1] // step + 2, size[0] // step + 2
     total = np.zeros(((rows + 1) * step + piece, (columns + 1) * step + piece), np.float32)
-    squares = np.full_like(total, 1e-6)
+    squares = np.full(total.shape, 1e-6, np.float32)
     for row in range(rows):
         for column in range(columns):
             y, x = rng.integers(0, edge - piece + 1, 2)
@@ -148,7 +149,7 @@ def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: in
                 slice(column * step + dx, column * step + dx + piece),
             )
             total[place] += window * cut
-            squares[place] += window**2
+            squares[place] += squared_window
     kept = (slice(piece, piece + size[1]), slice(piece, piece + size[0]))
     return np.asarray(total[kept] / np.sqrt(squares[kept]), dtype=np.float32)
 
