@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
@@ -314,6 +314,7 @@ def nasty_observations(draw):
     )
 
 
+@settings(max_examples=40)
 @given(nasty_observations(), st.booleans())
 def test_a_response_increases_strictly_and_deviations_are_finite_whatever_was_seen(observations, free_centre):
     fit = fitted(observations, 2, 16, free_centre=free_centre)
