@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -157,14 +158,18 @@ def _wrapped(text: str, points: float, weight: str) -> list[str]:
 
 def _divided(word: str, points: float, weight: str) -> list[str]:
     """Return the pieces of a word, each as long as a line may be."""
-    start, pieces = 0, []
-    while start < len(word):
-        end = len(word)
-        while end > start + 1 and _width(word[start:end], points, weight) > _ROOM_POINTS:
-            end -= 1
-        pieces.append(word[start:end])
-        start = end
+    pieces = []
+    while word:
+        length = _fitting(word, points, weight)
+        pieces.append(word[:length])
+        word = word[length:]
     return pieces
+
+
+def _fitting(word: str, points: float, weight: str) -> int:
+    """Return how many characters of a word a line holds, at least one. More of them are wider."""
+    lengths = range(1, len(word) + 1)
+    return max(1, bisect_right(lengths, _ROOM_POINTS, key=lambda length: _width(word[:length], points, weight)))
 
 
 def _width(text: str, points: float, weight: str) -> float:
