@@ -99,8 +99,8 @@ def test_covariances_name_their_parameters(result):
 
 def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
     made = recorded(
-        frames=60, response="tum_narrow", vignette="decentred", noise="high", bit_depth=12, exposure="sweep",
-        exposure_min_ms=4.0, exposure_max_ms=16.0,
+        frames=60, size=(240, 180), response="tum_narrow", vignette="decentred", noise="high", bit_depth=12,
+        exposure="sweep", exposure_min_ms=4.0, exposure_max_ms=16.0,
     )  # fmt: skip
     result = calibrated(made.frames)
     assert result.max_grey == 4095
@@ -160,7 +160,7 @@ def test_frames_that_cannot_be_used_spoil_nothing(walk, quick):
 
 
 def test_a_constant_exposure_tells_nothing_of_the_response(calibrated):
-    result = calibrated(recorded(frames=25, exposure="constant").frames)
+    result = calibrated(recorded(frames=25, size=(160, 120), exposure="constant").frames)
     assert result.response is None
     assert result.vignette is None
     assert result.verdicts["response"].state == "not identifiable"
