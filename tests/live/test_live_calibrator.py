@@ -4,6 +4,7 @@ import asyncio
 import multiprocessing
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -359,6 +360,26 @@ def test_all_that_ask_learn_why_the_background_failed(ask_together, monkeypatch)
         answers = ask_together(live, 2)
     assert [str(answer) for answer in answers] == ["the background failed: Singular matrix"] * 2
     assert [answer.__cause__ for answer in answers] == [failure] * 2
+
+
+def test_who_asks_does_not_wait_for_frames_pushed_later(monkeypatch):
+    asked, pushed = threading.Event(), []
+
+    def push(engine, frame):
+        assert asked.wait(10)
+        if len(pushed) < 500:  # a camera that is always one frame ahead
+            pushed.append(live.push(grey()))
+        return True
+
+    monkeypatch.setattr(Engine, "push", push)
+    with LiveCalibrator() as live, ThreadPoolExecutor() as threads:
+        monkeypatch.setattr(live, "_estimate", lambda: len(pushed))
+        live.push(grey())
+        answer = threads.submit(live.calibration)
+        while not live._asked:
+            time.sleep(0.001)
+        asked.set()
+        assert answer.result(10) == 1
 
 
 def test_closed_it_takes_no_more_and_its_thread_ends(cameras):

@@ -95,10 +95,10 @@ class LiveCalibrator:
         self._changed = threading.Condition()
         self._queue: deque[_Entry] = deque()
         self._waiting_bytes = 0
-        self._asked: list[Future[Calibration]] = []
+        self._asked: list[tuple[int, Future[Calibration]]] = []
         self._closed = False
         self._failure: BaseException | None = None
-        self._frames = self._dropped = self._unusable = 0
+        self._frames = self._taken = self._dropped = self._unusable = 0
         self._next_estimate = FIRST_ESTIMATE
         self._known_epochs = 1
         self._latest: Calibration | None = None
@@ -203,6 +203,8 @@ class LiveCalibrator:
     def calibration(self) -> Calibration:
         """Return what is known from all frames pushed so far; waits until the background has estimated it.
 
+        Frames that are pushed meanwhile are not waited for.
+
         Raises
         ------
         OspcError
@@ -212,7 +214,7 @@ class LiveCalibrator:
         with self._changed:
             self._check()
             answer: Future[Calibration] = Future()
-            self._asked.append(answer)
+            self._asked.append((self._frames, answer))
             self._changed.notify_all()
         return answer.result()
 
@@ -289,7 +291,7 @@ class LiveCalibrator:
             with self._changed:
                 self._failure = error
                 # Whoever waits has to learn of it.
-                for answer in self._asked:
+                for _, answer in self._asked:
                     answer.set_exception(_failed(error))
                 self._changed.notify_all()
 
@@ -301,12 +303,13 @@ class LiveCalibrator:
             if self._closed and not self._asked:
                 return False
             entry = self._queue[0] if self._queue else None
-            asked = [] if self._queue else self._asked[:]
         if entry is not None:
             self._take(entry)
         if self._unseen and self._pace.due:
             with self._pace.look():
                 self._advise()
+        with self._changed:
+            asked = [answer for frames, answer in self._asked if frames <= self._taken]
         if asked:
             self._answer(asked)
         return True
@@ -332,6 +335,7 @@ class LiveCalibrator:
         with self._changed:
             self._unusable += not used
             self._unseen = True
+            self._taken += 1
             self._queue.popleft()
             self._waiting_bytes -= entry.bytes
             self._changed.notify_all()
