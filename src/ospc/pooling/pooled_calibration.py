@@ -119,7 +119,7 @@ def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
     """
     radii = [s.usable_radius for s in used if not s.standing_still] or [1.0]
     largest = max(radii)
-    return largest if fit.log_vignette_sigma(np.array([largest]))[0] <= SURE_VIGNETTE else min(radii)
+    return largest if fit.worst_log_vignette_sigma(largest) <= SURE_VIGNETTE else min(radii)
 
 
 def _response_alone(summary: Summary) -> Summary:
