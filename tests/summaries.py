@@ -25,7 +25,7 @@ def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> 
     """Return what a short recording of a camera shows."""
     observations = camera.pairs(seed, groups, points)
     fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5)
-    return FitInputs(SIZE, 255, NOISE, observations, fit, (2.0, 30.0), standing_still=False, pairs=groups)
+    return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
 
 
 def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:

@@ -145,9 +145,8 @@ def test_an_instruction_that_brings_nothing_gives_way():
 def calibrated(pairs, *, seed=3):
     observations = CAMERA.pairs(seed, groups=pairs, points=400)
     fit = fitted(observations)
-    low, high = np.exp(observations.log_exposure.min()), np.exp(observations.log_exposure.max())
     noise = NoiseModel(1e-6, 1e-6)
-    inputs = FitInputs(SIZE, 255, noise, observations, fit, (float(low), float(high)), False, pairs)
+    inputs = FitInputs(SIZE, 255, noise, observations, fit, False, pairs)
     return summarise(inputs, DefaultSettings())
 
 
