@@ -46,6 +46,7 @@ from ospc.methods.prediction_errors import GREY_KNOTS, PairErrors
 from ospc.observations import MOMENTS
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.geometry import MOST_PIXELS
+from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import FACTOR_GREYS
@@ -243,6 +244,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "pixel_noise": ELSEWHERE,
         "texture_share": Numbers(0, 1),
     },
+    GreyRange: {"black": Numbers(0, 1), "white": Numbers(0, 1)},
     NoiseModel: {
         "read_variance": Numbers(0, 1),
         "shot_variance": Numbers(-1, 1),

@@ -210,6 +210,19 @@ def test_a_single_pair_of_frames_gives_no_certainty_without_limit():
     assert sigma[1] > 0.001
 
 
+def test_deviations_are_larger_where_the_response_bends_too_sharply_for_the_basis():
+    truth = RESPONSES["tum_narrow"]()
+    fit = fitted(Camera(truth).pairs(3))
+    greys, reference = np.linspace(0.1, 0.85, 200), 0.5
+
+    def log_shape(response):
+        return np.log(response.inverse(greys) / response.inverse(reference))
+
+    error = np.abs(log_shape(fit.response(255)) - log_shape(truth)) / fit.log_response_sigma(greys, reference)
+    assert np.mean(error < 2) > 0.8
+    assert error.max() < 6
+
+
 def test_more_points_make_smaller_deviations():
     few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), 3, 16) for g in (15, 120))
     ratio = chance_step_sigma(few, 0.25, 0.75) / chance_step_sigma(many, 0.25, 0.75)

@@ -21,6 +21,7 @@ from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
+from ospc.settings.estimation import UNRESOLVED_JUMP
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 """Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
@@ -224,10 +225,26 @@ class Fit:
         return self.vignette_basis.vignette(self.vignette_parameters, size, usable_radius)
 
     def log_response_sigma(self, grey: FloatArray, reference: float) -> FloatArray:
-        """Return the standard deviation of ln g(M)/g(reference) at grey levels M, shape (n,) -> (n,)."""
+        """Return the standard deviation of ln g(M)/g(reference) at grey levels M, shape (n,) -> (n,).
+
+        It includes what the basis is too coarse to follow.
+        """
         n = len(self.response_basis)
         rows = self.response_basis.log_rows(grey) - self.response_basis.log_rows(np.array([reference]))
-        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)))
+        variance = np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)
+        return np.asarray(np.sqrt(variance + self._unresolved(np.asarray(grey)) ** 2))
+
+    def _unresolved(self, grey: FloatArray) -> FloatArray:
+        """Return the standard deviation of ln g where γ may jump within an interval between knots, shape (n,).
+
+        How much it may jump is told by how sharply the fitted γ bends at the knots around.
+        """
+        knots = self.response_basis.knots
+        bend = np.pad(np.abs(np.diff(self.response_parameters, 2)), 2)
+        sharpest = np.lib.stride_tricks.sliding_window_view(bend, 4).max(axis=1)
+        interval = np.clip(np.searchsorted(knots, grey, side="right") - 1, 0, len(sharpest) - 1)
+        width = np.diff(knots)[interval]
+        return np.asarray(UNRESOLVED_JUMP * sharpest[interval] * width / np.maximum(grey, width))
 
     def log_response_step_sigma(self, low: float, high: float) -> float:
         """Return the standard deviation of ln g(high)/g(low)."""

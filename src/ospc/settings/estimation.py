@@ -214,6 +214,10 @@ MAX_NOISE = 0.2
 """Standard deviation of the noise of a pixel, over its grey level, at which half of that effect is corrected: more
 noise leaves too little of the variance to texture. 0.05 gains a third as much for κ."""
 
+UNRESOLVED_JUMP = 1 / 12
+"""Standard deviation of ln g for a jump of γ by one within an interval of ln M of length one, where γ is fitted by a
+straight line. The error is 1/8 at a jump in the middle, and less elsewhere."""
+
 BEND_SMOOTHING = 0.06
 """Standard deviation, in grey levels, of the smoothing of γ before its slope is taken. Without it, the correction for
 texture follows the errors of the estimate: κ of one recording in ten gets two to ten times worse."""
