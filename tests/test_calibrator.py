@@ -201,6 +201,8 @@ def test_good_frames_reach_the_method_in_their_order():
     [
         (unreadable(7), "7.png: cannot be decoded; copy it again"),
         (frame(7, float("nan")), "frame 7: exposure nan ms is not a positive number"),
+        (frame(7, None), "frame 7: exposure nan ms is not a positive number"),
+        (Frame(7, 0.0, None, "7.png", lambda: IMAGE), "7.png: exposure nan ms is not a positive number"),
         (frame(7, float("inf")), "frame 7: exposure inf ms is not a positive number"),
         (frame(7, 0.0), "frame 7: exposure 0.0 ms is not a positive number"),
         (frame(7, -1.0), "frame 7: exposure -1.0 ms is not a positive number"),
@@ -208,7 +210,10 @@ def test_good_frames_reach_the_method_in_their_order():
         (frame(13), "frame 13: the method cannot use it"),
         (in_colour(7), "7.png: is in colour; open the recording with one of its channels"),
     ],
-    ids=["unreadable", "nan", "infinite", "zero", "negative", "other size", "refused by the method", "in colour"],
+    ids=[
+        *("unreadable", "nan", "none", "none given directly", "infinite", "zero", "negative"),
+        *("other size", "refused by the method", "in colour"),
+    ],
 )
 def test_a_bad_frame_is_skipped_counted_and_its_reason_kept(bad, reason):
     settings = NotingSettings()
@@ -222,6 +227,12 @@ def test_a_bad_frame_is_skipped_counted_and_its_reason_kept(bad, reason):
     assert len(status.skipped) == 1
     assert status.skipped[0].startswith(reason)
     assert calibrator.calibration().counts == {"frames": 3, "skipped": 1, "pairs": 2}
+
+
+def test_an_exposure_that_is_not_known_may_be_noted_as_none():
+    calibrator = OnlineCalibrator(NotingSettings())
+    calibrator.note(None)
+    assert calibrator.frames == 1
 
 
 def test_the_first_frame_that_can_be_read_says_how_large_they_are():

@@ -273,9 +273,10 @@ def test_a_fork_while_another_thread_holds_the_locks_is_refused_and_not_waited_f
             child.join()
 
 
-def test_frames_that_cannot_be_used_are_counted_with_their_reason():
+@pytest.mark.parametrize("exposure_ms", [float("nan"), None])
+def test_frames_that_cannot_be_used_are_counted_with_their_reason(exposure_ms):
     with LiveCalibrator() as live:
-        live.push(Frame.of_array(np.zeros((48, 64), np.uint8), float("nan")))
+        live.push(Frame.of_array(np.zeros((48, 64), np.uint8), exposure_ms))
         with pytest.raises(OspcError, match="no frame could be used"):
             live.calibration()
         assert live.status.unusable == 1

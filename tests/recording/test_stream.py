@@ -55,6 +55,7 @@ def test_frames_and_tuples_are_taken_as_they_come() -> None:
         ((grey(), "long"), ExposureError),
         ((grey(), 0.0), ExposureError),
         ((grey(), float("nan")), ExposureError),
+        ((grey(), None), ExposureError),
         ((np.zeros((2, 2, 3), np.uint8), 1.0), FrameError),
         ((grey().astype(np.uint16), 1.0), FrameError),
         ((grey().astype(float), 1.0), FrameError),

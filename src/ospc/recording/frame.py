@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -28,7 +29,8 @@ class Frame:
     stamp_s
         Time stamp in seconds.
     exposure_ms
-        Exposure time in milliseconds times linear gain; finite and positive.
+        Exposure time in milliseconds times linear gain; finite and positive. NaN, or None, where it is unknown: a
+        calibrator skips the frame.
     name
         Name of the frame in messages, usually its file name.
     load
@@ -57,11 +59,16 @@ class Frame:
     threads: bool = field(default=False, repr=False, compare=False)
     colour: bool = field(default=False, repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        """Take None as an unknown exposure."""
+        if self.exposure_ms is None:
+            object.__setattr__(self, "exposure_ms", math.nan)
+
     @classmethod
     def of_array(
         cls,
         image: Image,
-        exposure_ms: float,
+        exposure_ms: float | None,
         *,
         index: int = 0,
         stamp_s: float = 0.0,
@@ -79,7 +86,8 @@ class Frame:
         name = f"frame {index}"
         checked = check_image(np.asarray(image), name)
         limit = max_grey or (255 if checked.dtype == np.uint8 else 65535)
-        return cls(index, float(stamp_s), float(exposure_ms), name, lambda: checked, limit)
+        known_ms = math.nan if exposure_ms is None else float(exposure_ms)
+        return cls(index, float(stamp_s), known_ms, name, lambda: checked, limit)
 
     @property
     def image(self) -> Image:
