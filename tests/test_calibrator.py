@@ -7,6 +7,7 @@ import json
 import sys
 import weakref
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from ospc.engine import REMEMBERED_REASONS
 from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessComparer
+from ospc.live import LiveCalibrator
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
 from ospc.recording import ArrayRecording, Frame
@@ -96,6 +98,27 @@ def unreadable(index):
 def in_colour(index):
     """Make a frame as recordings give them that keep their colours, for correcting."""
     return Frame(index, 0.0, 1.0, f"{index}.png", lambda: np.zeros((6, 8, 3), np.uint8), colour=True)
+
+
+@pytest.mark.parametrize("choice", ["Never", "3", "", 1.5, None, True, [1]])
+@pytest.mark.parametrize(
+    "make", [OnlineCalibrator, LiveCalibrator, partial(calibrate, ArrayRecording([IMAGE] * 3, [1.0] * 3))]
+)
+def test_a_lag_that_is_no_choice_is_refused(make, choice):
+    with pytest.raises(SettingError, match="'auto', 'never', 'trusted' or a whole number"):
+        make(correct_lag=choice)
+
+
+@pytest.mark.parametrize("choice", ["auto", "never", "trusted", 0, -2, np.int64(3)])
+def test_a_lag_is_kept_as_it_was_chosen(choice):
+    kept = OnlineCalibrator(correct_lag=choice).correct_lag
+    assert kept == choice
+    assert type(kept) in (str, int)
+
+
+def test_a_lag_from_numpy_may_not_be_longer_than_the_recording_either():
+    with pytest.raises(SettingError, match="leaves nothing of 3 frames"):
+        calibrate(ArrayRecording([IMAGE] * 3, [1.0] * 3), correct_lag=np.int64(2))
 
 
 # One frame after the other.

@@ -64,7 +64,7 @@ class OnlineCalibrator(Engine):
         Raises
         ------
         SettingError
-            If the lag leaves nothing of the frames.
+            If ``correct_lag`` is no choice, or leaves nothing of the frames.
         """
         check_lag(correct_lag, len(recording))
         return cls(settings, correct_lag=lag_choice_for(recording.kind, correct_lag))
@@ -241,7 +241,7 @@ def calibrate(
     RecordingError
         If the recording cannot be opened.
     SettingError
-        If the lag leaves nothing of the frames.
+        If ``correct_lag`` is none of these, or leaves nothing of the frames.
     OspcError
         If none of its frames can be used.
     """

@@ -12,7 +12,7 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.errors import OspcError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.evidence import ComparedAhead, EvidenceState, ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, leaves_frames
+from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, checked_lag_choice, leaves_frames
 from ospc.exposures.lag_change import LagChange, lag_change
 from ospc.exposures.table import ExposureTable
 
@@ -75,6 +75,11 @@ class ExposureAssessment:
     choice
         What to do about a lag.
 
+    Raises
+    ------
+    SettingError
+        If the choice is not a :data:`~ospc.exposures.findings.LagChoice`.
+
     Attributes
     ----------
     table
@@ -84,8 +89,8 @@ class ExposureAssessment:
     """
 
     def __init__(self, choice: LagChoice) -> None:
-        self.choice: LagChoice = choice
-        self.table = ExposureTable(choice if isinstance(choice, int) else 0)
+        self.choice: LagChoice = checked_lag_choice(choice)
+        self.table = ExposureTable(self.choice if isinstance(self.choice, int) else 0)
         self.evidence: ExposureEvidence | None = None
         self._since = 0
         self._next_assessment = FIRST_ASSESSMENT

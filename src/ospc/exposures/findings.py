@@ -215,6 +215,24 @@ def lag_choice(text: str) -> LagChoice:
         raise SettingError(f"{text!r} is neither auto nor never nor a number of frames such as 2 or -1") from None
 
 
+def checked_lag_choice(choice: LagChoice) -> LagChoice:
+    """Return the choice, with a number of frames as int.
+
+    Raises
+    ------
+    SettingError
+        If it is not a :data:`LagChoice`.
+    """
+    match choice:
+        case "auto" | "never" | "trusted":
+            return choice
+        case int() | np.integer() if not isinstance(choice, bool):
+            return int(choice)
+    raise SettingError(
+        f"correct_lag is {choice!r}; give 'auto', 'never', 'trusted' or a whole number of frames such as 2 or -1"
+    )
+
+
 def check_lag(choice: LagChoice, frames: int) -> None:
     """Refuse a lag that leaves hardly any of the frames.
 
@@ -223,7 +241,7 @@ def check_lag(choice: LagChoice, frames: int) -> None:
     SettingError
         If fewer than two frames have an exposure of their own.
     """
-    if isinstance(choice, int) and not leaves_frames(choice, frames):
+    if isinstance(choice, int | np.integer) and not leaves_frames(choice, frames):
         raise SettingError(
             f"a lag of {counted(choice, 'frame')} leaves nothing of {counted(frames, 'frame')}; give a smaller one"
         )
@@ -231,7 +249,7 @@ def check_lag(choice: LagChoice, frames: int) -> None:
 
 def leaves_frames(choice: LagChoice, frames: int) -> bool:
     """Whether a lag leaves at least two of the frames with an exposure of their own."""
-    return not isinstance(choice, int) or frames - abs(choice) >= 2
+    return not isinstance(choice, int | np.integer) or frames - abs(choice) >= 2
 
 
 def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int) -> ExposureFindings:
