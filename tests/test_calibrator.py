@@ -134,6 +134,7 @@ def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypat
     calibrator.prepare(1, frames[1])
     calibrator.prepare(2, Frame.of_array(IMAGE, 1.0))  # not the frame that comes
     calibrator.prepare(3, Frame.of_array(IMAGE[:3], 1.0))  # of another size
+    calibrator.prepare(3, replace(frames[3], mask=np.ones((3, 3), bool)))  # cannot be used
     assert made == [0, 1, 2]
     for frame in frames[1:]:
         assert calibrator.push(frame)
@@ -230,12 +231,15 @@ def test_good_frames_reach_the_method_in_their_order():
         (frame(7, 0.0), "frame 7: exposure 0.0 ms is not a positive number"),
         (frame(7, -1.0), "frame 7: exposure -1.0 ms is not a positive number"),
         (frame(7, image=np.zeros((8, 6), np.uint8)), "frame 7: 6×8 pixels, but the first frame has 8×6"),
+        (replace(frame(7), max_grey=127), "frame 7: its largest grey value is 127, but that of the first frame 255"),
+        (replace(frame(7), mask=np.ones((3, 4), bool)), "frame 7: its mask has 4×3 pixels, but the frames have 8×6"),
+        (replace(frame(7), mask=np.zeros((6, 8), bool)), "frame 7: its mask leaves no pixel"),
         (frame(13), "frame 13: the method cannot use it"),
         (in_colour(7), "7.png: is in colour; open the recording with one of its channels"),
     ],
     ids=[
         *("unreadable", "nan", "none", "none given directly", "infinite", "zero", "negative"),
-        *("other size", "refused by the method", "in colour"),
+        *("other size", "other depth", "mask of another size", "empty mask", "refused by the method", "in colour"),
     ],
 )
 def test_a_bad_frame_is_skipped_counted_and_its_reason_kept(bad, reason):
@@ -256,6 +260,24 @@ def test_an_exposure_that_is_not_known_may_be_noted_as_none():
     calibrator = OnlineCalibrator(NotingSettings())
     calibrator.note(None)
     assert calibrator.frames == 1
+
+
+@pytest.mark.parametrize(("kind", "max_grey"), [(np.uint8, 1), (np.uint8, 65535), (np.uint16, 50)])
+def test_grey_values_that_do_not_fit_the_largest_one_do_not_end_a_run(kind, max_grey):
+    calibrator = OnlineCalibrator()
+    images = np.random.default_rng(3).integers(60, 200, (3, 48, 64)).astype(kind)
+    for i, image in enumerate(images):
+        assert calibrator.push(Frame(i, float(i), 1.0 + i, f"{i}.png", lambda image=image: image, max_grey))
+    assert calibrator.calibration().response is None
+
+
+def test_what_is_black_in_the_image_of_a_mask_is_not_used():
+    image = np.random.default_rng(3).integers(60, 200, (48, 64)).astype(np.uint8)
+    mask = np.full(image.shape, 255, np.uint8)
+    image[:10], mask[:10] = 240, 0
+    calibrator = OnlineCalibrator()
+    assert calibrator.push(replace(Frame.of_array(image, 1.0), mask=mask))
+    assert calibrator.pixels.report().highest_grey < 200
 
 
 def test_the_first_frame_that_can_be_read_says_how_large_they_are():

@@ -11,7 +11,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 
-from ospc.arrays import Image, ImageSize
+from ospc.arrays import BoolArray, Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import EngineState, Epoch, epoch_content, epoch_of
@@ -107,7 +107,8 @@ class Engine:
     def push(self, frame: Frame) -> bool:
         """Take the next frame and return whether it could be used; most often it is not even decoded.
 
-        A frame that cannot be read, or whose size or exposure is wrong, is skipped and counted; the run goes on.
+        A frame that cannot be read, or whose size, exposure, largest grey value or mask is wrong, is skipped and
+        counted; the run goes on.
 
         Raises
         ------
@@ -383,6 +384,13 @@ class Engine:
             frame.verify()
         elif self._method is not None:
             _of_size(frame, self._size)
+        if self._method is not None and frame.max_grey != self._max_grey:
+            raise FrameError(
+                f"{frame.name}: its largest grey value is {frame.max_grey}, but that of the first frame "
+                f"{self._max_grey}; calibrate each bit depth on its own"
+            )
+        if frame.mask is not None:
+            _check_mask(frame.mask, self._size_of(frame), frame.name)
 
     def _size_of(self, frame: Frame) -> ImageSize:
         return self._size if self._method is not None else (frame.image.shape[1], frame.image.shape[0])
@@ -449,6 +457,17 @@ def _first_after(ended: Sequence[Epoch]) -> int:
 def _check_exposure(exposure_ms: float, name: str) -> None:
     if not (np.isfinite(exposure_ms) and exposure_ms > 0):
         raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
+
+
+def _check_mask(mask: BoolArray, size: ImageSize, name: str) -> None:
+    """Check that a mask has the size of the frames, and leaves something of them; FrameError if not."""
+    height, width = mask.shape
+    if (width, height) != size:
+        raise FrameError(
+            f"{name}: its mask has {width}×{height} pixels, but the frames have {size[0]}×{size[1]}; make them equal"
+        )
+    if not mask.any():
+        raise FrameError(f"{name}: its mask leaves no pixel; True is where pixels may be used")
 
 
 def _of_size(frame: Frame, size: ImageSize) -> Image:

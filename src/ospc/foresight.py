@@ -63,8 +63,10 @@ class Foresight:
     def prepare(self, number: int, frame: Frame) -> None:
         """Prepare a frame that will be pushed with this number; one thread at a time may, and waits for no other."""
         every, sampler = self._expected
-        was_pushed = number < sampler.number  # frames without a valid exposure are not waited for
-        if was_pushed or frame.image.shape != self._size[::-1]:
+        if number < sampler.number:  # already pushed: frames without a valid exposure are not waited for
+            return
+        shape = self._size[::-1]
+        if frame.image.shape != shape or (frame.mask is not None and frame.mask.shape != shape):
             return
         numbered, grey_range, prepared = replace(frame, index=number), None, None
         if every or sampler.foreseen(number).processes_next:

@@ -266,8 +266,10 @@ def _radius_cells(size: ImageSize) -> IntArray:
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
     """Return how often each grey value occurs; of more than 12 bits, each value of the upper 12."""
     shift, levels = max(0, max_grey.bit_length() - _MAX_COUNTED_BITS), level_count(max_grey)
-    values = np.minimum(image >> shift, levels - 1) if image.dtype != np.uint8 or shift else image
-    return np.bincount(values.ravel(), minlength=levels).astype(np.int64)[:levels]
+    values = image >> shift
+    if levels <= np.iinfo(image.dtype).max:
+        values = np.minimum(values, levels - 1)
+    return np.bincount(values.ravel(), minlength=levels).astype(np.int64)
 
 
 def _lit_places(brightest: Float32Array) -> tuple[BoolArray, str]:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, Image
 from ospc.errors import ExposureError, FrameError, RecordingError, listed
-from ospc.recording.frame import Frame, check_image, check_size, size_of
+from ospc.recording.frame import Frame, check_image, check_size, checked_max_grey, size_of
 from ospc.recording.frame_table import checked_exposures, checked_stamps
 from ospc.recording.pixel_layout import detect_bit_depth
 from ospc.recording.recording import StoredRecording
@@ -39,7 +39,8 @@ class ArrayRecording(StoredRecording):
     ExposureError
         If exposures are not finite and positive, or their number is not that of the images.
     RecordingError
-        If there are no images, the first is not a grey image, or stamps do not increase.
+        If there are no images, the first is not a grey image, ``max_grey`` is no grey value, or stamps do not
+        increase.
 
     Examples
     --------
@@ -78,7 +79,7 @@ class ArrayRecording(StoredRecording):
             path=Path(name),
             kind="array",
             size=size_of(first),
-            max_grey=max_grey,
+            max_grey=checked_max_grey(max_grey, name),
             exposures_ms=checked_exposures(_column(exposures_ms, len(images), "exposures", name), where),
             stamps_s=checked_stamps(_column(stamps, len(images), "time stamps", name), where),
             notes=notes,

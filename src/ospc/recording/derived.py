@@ -15,7 +15,7 @@ from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
 from ospc.errors import FrameError, SettingError, counted, quoted
 from ospc.formats.files import read_bytes
 from ospc.recording.decoding import decode_grey
-from ospc.recording.frame import Frame, size_of
+from ospc.recording.frame import Frame, checked_mask, size_of
 from ospc.recording.image_source import MAX_FILE_BYTES
 from ospc.recording.recording import HasStoredBytes, Recording, StoredRecording
 
@@ -168,17 +168,20 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
     recording
         The recording; it is returned itself if nothing is masked.
     mask, region
-        True where pixels may be used, shape (height, width); pixels outside the region are not used either.
+        True where pixels may be used, shape (height, width), or the image of a mask; pixels outside the region are
+        not used either.
 
     Raises
     ------
+    FrameError
+        If the mask is neither of bool nor of uint8, or has not two dimensions.
     SettingError
         If the mask has the wrong shape or hardly any pixels are left.
     """
     if mask is None and region is None:
         return recording
     width, height = recording.size
-    usable = np.ones((height, width), dtype=bool) if mask is None else mask.copy()
+    usable = np.ones((height, width), dtype=bool) if mask is None else checked_mask(mask, str(recording.path)).copy()
     if usable.shape != (height, width):
         raise SettingError(
             f"the mask has shape {usable.shape}, but frames of {recording.path} have shape {(height, width)} "

@@ -15,6 +15,10 @@ MAX_DECODED_BYTES = 512 * 2**20
 """Images that would need more, counting all stored channels, are refused before decoding."""
 
 
+MOST_GREY = 65535
+"""Largest grey value of 16 bits."""
+
+
 @dataclass(frozen=True)
 class Frame:
     """An image and its exposure; decoded only when :attr:`image` is first read.
@@ -36,16 +40,22 @@ class Frame:
     load
         Reads the image; raises :class:`~ospc.errors.FrameError` if that fails.
     max_grey
-        Largest grey value the sensor delivers: 255 for 8 bits, 4095 for 12 bits.
+        Largest grey value the sensor delivers: 255 for 8 bits, 4095 for 12 bits; at most 65535.
     verify
         Checks that the image file is present and complete, without decoding it; raises
         :class:`~ospc.errors.FrameError` if it is not. None if only decoding can tell.
     mask
-        True where pixels may be used, shape (height, width); None for all pixels.
+        True where pixels may be used, shape (height, width); None for all pixels. One of uint8 is taken as the image
+        of a mask: black is not used.
     threads
         Whether :attr:`load` and :attr:`verify` may be called from any thread.
     colour
         Whether the image may have the channels blue, green and red; otherwise it is grey.
+
+    Raises
+    ------
+    FrameError
+        If ``max_grey`` is no grey value of 16 bits, or ``mask`` is no mask.
     """
 
     index: int
@@ -60,9 +70,12 @@ class Frame:
     colour: bool = field(default=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Take None as an unknown exposure."""
+        """Take None as an unknown exposure, an integer of NumPy as int, and the image of a mask as truth values."""
         if self.exposure_ms is None:
             object.__setattr__(self, "exposure_ms", math.nan)
+        object.__setattr__(self, "max_grey", checked_max_grey(self.max_grey, self.name))
+        if self.mask is not None:
+            object.__setattr__(self, "mask", checked_mask(self.mask, self.name))
 
     @classmethod
     def of_array(
@@ -76,16 +89,23 @@ class Frame:
     ) -> Frame:
         """Make a frame from an image in memory, shape (height, width), uint8 or uint16.
 
-        The other parameters are the attributes of a frame; ``max_grey`` is by default that of the data type.
+        The other parameters are the attributes of a frame; ``max_grey`` is by default that of the data type. Larger
+        values of 16 bits count as saturated.
 
         Raises
         ------
         FrameError
-            If the array is not a grey image of 8 or 16 bits.
+            If the array is not a grey image of 8 or 16 bits, or ``max_grey`` does not fit it.
         """
         name = f"frame {index}"
         checked = check_image(np.asarray(image), name)
-        limit = max_grey or (255 if checked.dtype == np.uint8 else 65535)
+        most = int(np.iinfo(checked.dtype).max)
+        limit = most if max_grey is None else checked_max_grey(max_grey, name)
+        if most == 255 and (limit > most or (limit < most and checked.max() > limit)):
+            raise FrameError(
+                f"{name}: max_grey is {limit}, which does not fit 8-bit grey values up to {checked.max()}; give the "
+                "largest value of the sensor"
+            )
         known_ms = math.nan if exposure_ms is None else float(exposure_ms)
         return cls(index, float(stamp_s), known_ms, name, lambda: checked, limit)
 
@@ -120,6 +140,25 @@ def check_image(image: Image, name: str, *, colour: bool = False) -> Image:
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: grey values must be uint8 or uint16, not {image.dtype}")
     return image
+
+
+def checked_max_grey(max_grey: int, name: str) -> int:
+    """Return the largest grey value as int; FrameError if it is no whole number, or none that 16 bits hold."""
+    whole = isinstance(max_grey, int | np.integer) and not isinstance(max_grey, bool)
+    if not whole or not 1 <= max_grey <= MOST_GREY:
+        raise FrameError(f"{name}: max_grey is {max_grey!r}; give a whole number from 1 to {MOST_GREY}")
+    return int(max_grey)
+
+
+def checked_mask(mask: BoolArray, name: str) -> BoolArray:
+    """Return a mask as truth values, of uint8 with black as False; FrameError if it is no mask."""
+    values = np.asarray(mask)
+    if values.ndim != 2 or values.dtype not in (np.bool_, np.uint8):
+        raise FrameError(
+            f"{name}: a mask is an array of bool or uint8 with two dimensions, not of {values.dtype} with shape "
+            f"{values.shape}"
+        )
+    return values.astype(bool, copy=False)
 
 
 def size_of(image: Image) -> ImageSize:
