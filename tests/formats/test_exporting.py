@@ -51,12 +51,15 @@ def test_json_of_a_map_names_both_files(tmp_path):
 
 
 def test_unknown_parts_are_not_invented_and_the_verdict_is_told(tmp_path):
-    verdict = Verdict("not identifiable", "Radial motion is at most 0.07.", "Turn the camera.")
-    calibration = Calibration(SIZE, RESPONSE, None, verdicts={"vignette": verdict})
-    known = Photometry("half", RESPONSE, None, calibration)
-    written = export(known, "dso", tmp_path / "dso")
-    assert [path.name for path in written.files] == ["pcalib.txt"]
-    assert "at most 0.07. Turn the camera." in written.notes[0]
+    told = "the vignette is not known and was not written"
+    for remedy, ending in (("turn the camera", "; turn the camera"), ("", "")):
+        verdict = Verdict("not identifiable", "radial motion is at most 0.07", remedy)
+        calibration = Calibration(SIZE, RESPONSE, None, verdicts={"vignette": verdict})
+        known = Photometry("half", RESPONSE, None, calibration)
+        written = export(known, "dso", tmp_path / "dso")
+        assert [path.name for path in written.files] == ["pcalib.txt"]
+        assert written.notes[0] == f"{told}: radial motion is at most 0.07{ending}"
+    assert export(Photometry("half", RESPONSE, None), "dso", tmp_path / "dso").notes == (told,)
     for program in ("lensfun", "adobe", "hugin"):
         with pytest.raises(NotObservableError):
             export(known, program, tmp_path / "out", OPTICS)

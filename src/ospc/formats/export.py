@@ -225,6 +225,6 @@ def _unknown(photometry: Photometry) -> tuple[str, ...]:
     for name in ("response", "vignette"):
         if getattr(photometry, name) is None:
             verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(name)
-            reason = "" if verdict is None else f": {verdict.reason} {verdict.remedy}".rstrip()
-            notes.append(f"the {name} is not known and was not written{reason}")
+            why = "" if verdict is None else "; ".join(filter(None, (verdict.reason, verdict.remedy)))
+            notes.append(f"the {name} is not known and was not written" + (f": {why}" if why else ""))
     return (*notes, photometry.caveat) if photometry.caveat else tuple(notes)
