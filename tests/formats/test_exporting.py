@@ -103,6 +103,14 @@ def test_files_that_cannot_be_written_are_one_clear_error(tmp_path):
             export(FULL, program, tmp_path / out)
 
 
+@pytest.mark.parametrize("text", ["0 0.00 1.5\n1 0.05 2.5\n", "0,1\n1,2\n", "0.5 0.8\n64 48\n", "# id\n0\n"])
+def test_what_is_no_pcalib_is_said_to_be_none(tmp_path, text):
+    place = tmp_path / "times.txt"
+    place.write_text(text)
+    with pytest.raises(FormatError, match=r"times\.txt: is no pcalib\.txt, .* on one line; .* by their suffix"):
+        open_photometry(place)
+
+
 def test_files_with_several_vignettes_are_not_chosen_from(tmp_path):
     export(FULL, "hugin", tmp_path / "a.pto")
     second = 'i w96 h72 Vb-0.9 Vc0 Vd0 n"b.jpg"\n'

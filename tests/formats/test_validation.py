@@ -58,6 +58,7 @@ def test_what_this_project_writes_is_faultless(folder, program):
     [
         (" ".join(map(str, range(255))), "dso", "at least 256 values on the first line; there are 255"),
         (COUNTING.replace(" ", "\n"), "dso", "there are 1"),
+        ("0\n1\n2\n", "dso", "all values must be on one line; 2 lines too many, the first '1'"),
         (COUNTING.replace(" ", ","), "dso", "',1,2,3"),
         (COUNTING.replace(" 100 ", " nan "), "dso", "'nan' stands in place 101"),
         (COUNTING.replace(" 100 ", " 1e60 "), "dso", "'1e+60' stands in place 101"),
@@ -82,7 +83,7 @@ def test_tables_that_are_refused(tmp_path, text, program, complaint):
     ("text", "complaint"),
     [
         (COUNTING + " end\n", "'end' stands in place 257"),
-        (COUNTING + "\ngamma: 1\n", "1 more follow"),
+        (COUNTING + "\ngamma: 1\n", "1 line too many"),
         (" ".join(map(str, range(1024))), "1024 values"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from ospc.formats.hugin import read_pto
 from ospc.formats.lensfun import read_lensfun
 from ospc.formats.opencv import read_opencv
 from ospc.formats.radial import RadialFit
+from ospc.formats.rules_pcalib import MOST_COLUMNS
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
@@ -131,11 +133,14 @@ def _only(place: Path, fits: tuple[RadialFit, ...]) -> Vignette:
 
 def _check_numeric(place: Path) -> None:
     """Refuse a file that does not begin like a pcalib.txt, of which any other advice would mislead."""
-    words = read_text(place).split(maxsplit=1)
-    if words and not words[0][0].isdigit() and words[0][0] not in "+-.":
+    first, *others = read_text(place).strip().split("\n")
+    words = [word for word in re.split(r"[\s,;]+", first) if word]
+    text = bool(words) and not words[0][0].isdigit() and words[0][0] not in "+-."
+    columns = bool(others) and 1 < len(words) <= MOST_COLUMNS
+    if text or columns:
         raise FormatError(
-            f"{place}: does not hold the numbers of a pcalib.txt; other files are recognised by their suffix: "
-            f".pto (hugin), .lcp (Adobe), .xml (lensfun), .yml (OpenCV), .json"
+            f"{place}: is no pcalib.txt, which holds a response as numbers on one line; other files are recognised "
+            f"by their suffix: .pto (hugin), .lcp (Adobe), .xml (lensfun), .yml (OpenCV), .json"
         )
 
 

@@ -22,6 +22,9 @@ FEWEST_VALUES = 256
 MOST_VALUES = 65536
 """DSO has memory for this many values."""
 
+MOST_COLUMNS = 16
+"""No line of a camera.txt or times.txt has more values: a longer one is the table of a response."""
+
 _SMALLEST_POSITIVE = np.float32(1e-30)
 """Positive values stay above this; some parsers refuse subnormal numbers, which begin at 1.2e-38."""
 
@@ -113,7 +116,7 @@ def _about_the_line(table: PcalibText, context: Context) -> Iterator[Broken]:
     if extra:
         yield Broken(
             "warning" if complete else "error",
-            f"all values are on one line; {len(extra)} more follow, the first of them {extra[0][:30]!r}",
+            f"all values must be on one line; {counted(len(extra), 'line')} too many, the first {extra[0][:30]!r}",
             "ignores all but the first line; programs that read the whole file fail or read too many values",
             "put all values on the first line",
             _put_on_one_line,

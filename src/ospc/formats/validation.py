@@ -14,7 +14,7 @@ from ospc.errors import FormatError
 from ospc.formats.files import read_bytes, read_text
 from ospc.formats.rules import UNCORRECTED, Context, Finding, Format, Kind, Program
 from ospc.formats.rules_camera import CAMERA, input_size
-from ospc.formats.rules_pcalib import PCALIB
+from ospc.formats.rules_pcalib import MOST_COLUMNS, PCALIB
 from ospc.formats.rules_times import TIMES
 from ospc.formats.rules_vignette import VIGNETTE
 from ospc.formats.scanning import leading_numbers, scanned
@@ -33,9 +33,6 @@ _WORDS: tuple[tuple[str, Kind], ...] = (
 _PNG = b"\x89PNG"
 _LARGEST_FILE = 2**30
 """Most bytes of a file that is validated: bounds memory, and exceeds any table or map of a vignette."""
-
-_FEWEST_TABLE_VALUES = 16
-"""Values on its first line beyond which a file holds a response: no line of a camera.txt or times.txt has as many."""
 
 _CAMERA_NAME = re.compile(r"\s*(FOV|Pinhole|RadTan|KannalaBrandt|EquiDistant)\s")
 
@@ -106,7 +103,7 @@ def kind_of(path: str | Path) -> Kind:
             if word in place.stem.lower():
                 return kind
     first, second, *_ = [*read_text(place).split("\n"), "", ""]
-    if leading_numbers(first)[0].size > _FEWEST_TABLE_VALUES:
+    if leading_numbers(first)[0].size > MOST_COLUMNS:
         return "pcalib"
     if _CAMERA_NAME.match(first) or (len(scanned(first, "f" * 5)) == 5 and len(scanned(second, "ddd")) == 2):
         return "camera"
