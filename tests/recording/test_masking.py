@@ -110,9 +110,15 @@ def test_a_mask_that_is_none(content: bytes | None, words: str, tmp_path: Path) 
 
 def test_something_must_be_left() -> None:
     with pytest.raises(SettingError, match="leave 0 of the 160x120 pixels"):
-        masked(recorded(), None, Region(500, 500, 10, 10))
+        masked(recorded(), None, Region(50, 50, 10, 0))
     with pytest.raises(SettingError, match=r"has shape \(3, 3\)"):
         masked(recorded(), np.ones((3, 3), bool))
+
+
+@pytest.mark.parametrize("region", [Region(5, 5, 5000, 20), Region(0, 1, 160, 120), Region(500, 500, 10, 10)])
+def test_a_region_beyond_the_image_is_refused(region: Region) -> None:
+    with pytest.raises(SettingError, match="are not inside the 160x120 of array; give a region of interest that is"):
+        masked(recorded(), None, region)
 
 
 @pytest.mark.parametrize("text", ["1,2,3", "1,2,3,4,5", "a,b,c,d", "-1,2,3,4", "", "1;2;3;4", "1,2,3,9999999999"])

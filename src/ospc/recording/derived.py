@@ -176,7 +176,7 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
     FrameError
         If the mask is neither of bool nor of uint8, or has not two dimensions.
     SettingError
-        If the mask has the wrong shape or hardly any pixels are left.
+        If the mask has the wrong shape, the region is not inside the images, or hardly any pixels are left.
     """
     if mask is None and region is None:
         return recording
@@ -188,6 +188,11 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
             f"(height, width); make it the same"
         )
     if region is not None:
+        if region.x + region.width > width or region.y + region.height > height:
+            raise SettingError(
+                f"{region.width}x{region.height} pixels from ({region.x}, {region.y}) are not inside the "
+                f"{width}x{height} of {recording.path}; give a region of interest that is"
+            )
         inside = np.zeros_like(usable)
         inside[region.y : region.y + region.height, region.x : region.x + region.width] = True
         usable &= inside
