@@ -61,7 +61,14 @@ def test_wrong_usage_is_explained(tmp_path, options):
 
 @pytest.mark.parametrize(
     "options",
-    [["--frames", "0"], ["--response", "nothing"], ["--vignette", "nothing"], ["--exposure", "file"]],
+    [
+        ["--frames", "0"],
+        ["--response", "nothing"],
+        ["--vignette", "nothing"],
+        ["--exposure", "file"],
+        ["--exposure", "constant", "--exposures", "1,2"],
+        ["--exposures", "1,2"],
+    ],
 )
 def test_impossible_settings_are_one_error_and_leave_nothing(tmp_path, options):
     result = run(tmp_path / "r", *options)

@@ -96,6 +96,12 @@ def _settings(options: dict[str, Any]) -> SimulationSettings:
     if limits:
         options["exposure_min_ms"], options["exposure_max_ms"] = limits
     if listed:
+        if options["exposure"] not in ("cycle", "constant"):
+            raise SettingError("--exposures goes with --exposure cycle or constant; add one of them")
+        if options["exposure"] == "constant" and len(listed) > 1:
+            raise SettingError(
+                f"--exposure constant takes one of --exposures, not {len(listed)}; give one, or use cycle"
+            )
         options["exposures_ms"], options["exposure_ms"] = listed, listed[0]
     if options["exposure"] == "file":
         if source is None:
