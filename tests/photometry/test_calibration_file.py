@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from ospc.errors import FormatError
 from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration, ExposureRatios, State, Verdict
+from ospc.photometry.coverage import Coverage
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
@@ -104,6 +105,35 @@ def test_every_field_survives_exactly(name, tmp_path):
 def test_what_is_unknown_stays_unknown(unknown, tmp_path):
     calibration = replace(FULL, **unknown)
     assert_same(Calibration.load(calibration.save(tmp_path / "c.json")), calibration)
+
+
+@pytest.mark.parametrize("name", VIGNETTES)
+def test_what_is_read_again_is_equal_to_what_was_written(name, tmp_path):
+    sigma = None if name == "none" else FULL.vignette_sigma
+    coverage = Coverage(np.array([1.0, 2.0]), np.ones((1, 4), int), np.eye(3, dtype=int), np.full((4, 3), -np.nan))
+    whole = replace(FULL, vignette=VIGNETTES[name], vignette_sigma=sigma, coverage=coverage)
+    again = Calibration.load(whole.save(tmp_path / "c.json"))
+    assert again == whole
+    assert hash(again) == hash(whole)
+    assert len({again, whole, FULL, replace(whole)}) == 2
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(FULL, partial=False),
+        replace(FULL, response=Response.gamma(2.2)),
+        replace(FULL, response=replace(FULL.response, log_sigma=None)),
+        replace(FULL, vignette=VIGNETTES["raster"]),
+        replace(FULL, vignette_sigma=np.nextafter(FULL.vignette_sigma, 1)),
+        replace(FULL, exposure_ratios=ExposureRatios.none()),
+        replace(FULL, counts={**FULL.counts, "pairs": 3}),
+        "a calibration",
+    ],
+)
+def test_what_differs_anywhere_is_not_equal(other):
+    assert other != FULL
+    assert replace(FULL) == FULL
 
 
 def test_an_empty_calibration_is_one_too(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
+from ospc.by_value import ByValue
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
@@ -73,8 +74,8 @@ _MAX_COUNTED_BITS = 12
 """Most bits by which grey values are counted; of deeper images the upper ones are, which bounds the histogram."""
 
 
-@dataclass(frozen=True)
-class PixelReport:
+@dataclass(frozen=True, eq=False)
+class PixelReport(ByValue):
     """Grey values of the frames observed.
 
     Attributes

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.by_value import ByValue
 from ospc.exposures.flicker import Flicker
 from ospc.exposures.lag_likelihood import LagFit
 
@@ -28,8 +29,8 @@ SILENT: tuple[LagState, ...] = ("no response to exposure", "changes too small")
 """States in which exposures do not show in the images at all."""
 
 
-@dataclass(frozen=True)
-class LagEstimate:
+@dataclass(frozen=True, eq=False)
+class LagEstimate(ByValue):
     """By how many frames the exposures come late.
 
     Attributes

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
 from ospc.atomic import write_atomically
+from ospc.by_value import ByValue
 from ospc.errors import FormatError, counted
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.effect_estimate import EffectEstimate
@@ -39,8 +40,8 @@ _MAX_BYTES = 100_000_000
 """Largest calibration file that is read: one with a covariance of 100 parameters has less than a megabyte."""
 
 
-@dataclass(frozen=True, repr=False)
-class Calibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(ByValue):
     """Response and vignette of a camera with their uncertainties. Unknown parts are None, never invented.
 
     Attributes

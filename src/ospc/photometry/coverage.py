@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.by_value import ByValue
 from ospc.errors import FormatError
 
 QUANTILES = (0.16, 0.5, 0.84)
@@ -22,8 +23,8 @@ _MAX_CLASSES = 128
 """Most classes along any axis of a table that is read: bounds the memory a damaged file can ask for."""
 
 
-@dataclass(frozen=True)
-class Coverage:
+@dataclass(frozen=True, eq=False)
+class Coverage(ByValue):
     """Counts and residuals of observations; an observation is one scene point in one frame.
 
     A residual is ln(g(M) / (e·V)) of an observation minus its mean over the point: 0.01 is one per cent of the

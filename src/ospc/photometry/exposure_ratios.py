@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
+from ospc.by_value import ByValue
 from ospc.estimation.robust import weighted_median
 
 
-@dataclass(frozen=True)
-class ExposureRatios:
+@dataclass(frozen=True, eq=False)
+class ExposureRatios(ByValue):
     """Exposure ratios of pairs of frames, estimated (paper, eq. mean) and from the metadata.
 
     Attributes

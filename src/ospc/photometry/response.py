@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
+from ospc.by_value import ByValue
 from ospc.errors import FormatError
 
 _END_TOLERANCE = 1e-9
@@ -21,8 +22,8 @@ def _read_only(values: npt.ArrayLike) -> FloatArray:
     return array
 
 
-@dataclass(frozen=True)
-class Response:
+@dataclass(frozen=True, eq=False)
+class Response(ByValue):
     """Camera response with a strictly increasing inverse, g(0) = 0 and g(1) = 1.
 
     ``M = f(e V L)`` maps irradiance to grey level. ``g = f⁻¹`` is what is estimated, and what the figures of the

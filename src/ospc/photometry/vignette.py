@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.atomic import write_atomically
+from ospc.by_value import ByValue
 from ospc.errors import UNREADABLE, FormatError
 from ospc.photometry.geometry import image_of, normalised, pixel_grid
 
@@ -172,8 +173,8 @@ class LogVignette:
         }
 
 
-@dataclass(frozen=True)
-class RasterVignette:
+@dataclass(frozen=True, eq=False)
+class RasterVignette(ByValue):
     """A measured vignette with one value for each pixel.
 
     Attributes

@@ -1,0 +1,65 @@
+"""Values that hold arrays are compared by what they hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ospc.by_value import ByValue
+from ospc.correspondence.pixel_statistics import PixelReport
+from ospc.exposures.lag_estimate import LagEstimate
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.coverage import Coverage
+from ospc.photometry.exposure_ratios import ExposureRatios
+from ospc.photometry.response import Response
+from ospc.photometry.vignette import RasterVignette
+
+VALUE_TYPES = (Calibration, Coverage, ExposureRatios, LagEstimate, PixelReport, RasterVignette, Response)
+
+
+@dataclass(frozen=True, eq=False)
+class Held(ByValue):
+    """Holds anything."""
+
+    value: Any
+    name: str = field(default="", compare=False)
+
+
+@pytest.mark.parametrize("kind", VALUE_TYPES)
+def test_values_with_arrays_are_compared_by_value(kind):
+    assert kind.__eq__ is ByValue.__eq__
+    assert kind.__hash__ is ByValue.__hash__
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (np.arange(3), np.arange(3)),
+        (np.array([np.nan, 0.0]), np.array([-np.nan, -0.0])),
+        (float("nan"), float("nan")),
+        ([1, (2.0, None)], (1, [2.0, None])),
+        ({"a": np.zeros(2), "b": [1]}, {"b": [1], "a": np.zeros(2)}),
+        (Held(np.ones(2)), Held(np.ones(2), "another name")),
+    ],
+)
+def test_the_same_is_equal(one, other):
+    assert Held(one) == Held(other)
+    assert hash(Held(one)) == hash(Held(other))
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (np.arange(3.0), np.nextafter(np.arange(3.0), 9)),
+        (np.zeros((2, 3)), np.zeros((3, 2))),
+        (np.zeros(2), None),
+        ({"a": 1}, {"a": 2}),
+        (1.0, float("nan")),
+        (Held(np.ones(2)), np.ones(2)),
+    ],
+)
+def test_what_differs_is_not_equal(one, other):
+    assert Held(one) != Held(other)
