@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import SettingError
-from ospc.estimation.robust import weighted_median
 from ospc.photometry.grey_range import GreyRange
+from ospc.robust import weighted_median
 
 MOMENTS = 3
 """Powers of the grey level whose means are kept: a cubic follows the inverse of any usual response to a few per cent,

@@ -21,10 +21,10 @@ from scipy.sparse.csgraph import connected_components
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.correspondence.features import Features, SiftExtractor, match
 from ospc.errors import FrameError, NotObservableError
-from ospc.estimation.robust import robust_scale
 from ospc.formats.files import write_text
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
+from ospc.robust import robust_scale
 
 SCHEMA = "ospc-rig/1"
 

@@ -10,7 +10,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares, linprog, minimize
 
-from ospc.estimation.robust import robust_scale
 from ospc.methods.paper import (
     Correspondences,
     Estimates,
@@ -32,6 +31,7 @@ from ospc.methods.paper import (
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
+from ospc.robust import robust_scale
 
 SIZE = (640, 480)
 seeds = st.integers(0, 2**32 - 1)

@@ -11,10 +11,10 @@ import numpy.typing as npt
 from ospc.arrays import Float32Array, ImageSize
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, values_at
-from ospc.estimation.robust import robust_scale
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
+from ospc.robust import robust_scale
 
 Image8: TypeAlias = npt.NDArray[np.uint8]
 """Grey levels of 8 bit, shape (h, w)."""

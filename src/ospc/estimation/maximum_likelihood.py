@@ -23,10 +23,10 @@ from ospc.estimation.latent import Latent, LatentModel, refitted_share, weighted
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
-from ospc.estimation.robust import robust_scale
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
+from ospc.robust import robust_scale
 from ospc.settings.estimation import (
     CHUNK_OBSERVATIONS,
     CLEAR_OF_ENDS_SIGMAS,

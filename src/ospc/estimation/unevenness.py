@@ -6,9 +6,9 @@ import numpy as np
 from scipy.special import ndtri, stdtr
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.estimation.robust import robust_scale
 from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
+from ospc.robust import robust_scale
 from ospc.settings.estimation import (
     UNEVEN_CELLS,
     UNEVEN_FEWEST,

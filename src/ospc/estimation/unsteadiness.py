@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray, members_of
-from ospc.estimation.robust import robust_scale
 from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
+from ospc.robust import robust_scale
 from ospc.settings.estimation import (
     DARKEST_GREY,
     UNSTEADY_FEWEST_PAIRS,

@@ -16,9 +16,9 @@ from ospc.correspondence.thumbnail_registration import (
     pixel_places,
     values_at,
 )
-from ospc.estimation.robust import robust_scale
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.robust import robust_scale
 
 GREY_BINS = np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93])
 """Edges of the grey bins: the same change of exposure changes ln M by different amounts at different grey levels.

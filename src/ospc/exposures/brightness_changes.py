@@ -9,8 +9,8 @@ import numpy as np
 import scipy.linalg
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.estimation.robust import weighted_median
 from ospc.exposures.brightness import BrightnessChange
+from ospc.robust import weighted_median
 
 ORDER = 2
 """Order of the autoregressive noise: neighbouring pairs share a frame, and errors of registration swing back."""

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.estimation.robust import robust_scale
+from ospc.robust import robust_scale
 
 _MIN_VALUES = 24
 """Fewest frames of a run in which a line is looked for: to fewer, a wave of free frequency and phase fits

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.estimation.robust import robust_scale
+from ospc.robust import robust_scale
 
 _SIGMAS = 10.0
 """Least size of a jump, in robust standard deviations of the unexplained changes. Their tails are heavy, from failed

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.estimation.robust import robust_scale
 from ospc.exposures.brightness_changes import ORDER, BrightnessChanges
+from ospc.robust import robust_scale
 
 _FREEDOM = 4.0
 """Degrees of freedom of Student's t that drives the noise: its tails are heavy, and its variance is still finite."""

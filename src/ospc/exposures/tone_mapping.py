@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.estimation.robust import robust_scale
 from ospc.exposures.brightness import GREY_BINS, BrightnessChange
+from ospc.robust import robust_scale
 
 NO_LOCAL_TONE = "switch off local contrast, HDR and shading correction in the camera"
 """What to do about it."""

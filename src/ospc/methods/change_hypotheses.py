@@ -6,9 +6,9 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit
-from ospc.estimation.robust import weighted_median
 from ospc.exposures.table import ExposureTable
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
+from ospc.robust import weighted_median
 
 Halves = tuple[list[PairErrors], list[PairErrors]]
 """Earlier and later pairs: what one half shows must explain the other."""

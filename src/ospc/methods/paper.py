@@ -22,7 +22,6 @@ from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.correspondence.features import Features, extract, make_extractor, match
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.errors import counted
-from ospc.estimation.robust import robust_scale
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress, check_size
 from ospc.observations import ExposureLookup
@@ -32,6 +31,7 @@ from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
+from ospc.robust import robust_scale
 from ospc.settings import PaperSettings
 
 # Section 3.1: tracking.

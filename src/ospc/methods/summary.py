@@ -6,7 +6,6 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit, measured_greys
-from ospc.estimation.robust import SIGMA_OF_MEDIAN
 from ospc.methods.coverage import coverage_of
 from ospc.methods.identifiability import (
     contradictions_of,
@@ -20,6 +19,7 @@ from ospc.methods.inputs import FitInputs
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
+from ospc.robust import SIGMA_OF_MEDIAN
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 

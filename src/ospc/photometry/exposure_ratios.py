@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray
 from ospc.by_value import ByValue
-from ospc.estimation.robust import weighted_median
+from ospc.robust import weighted_median
 
 
 @dataclass(frozen=True, eq=False)

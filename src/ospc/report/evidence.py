@@ -11,11 +11,11 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
-from ospc.estimation.robust import weighted_median
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.coverage import Coverage
 from ospc.report.curves import axes_in, logarithmic, map_axes_in
 from ospc.report.style import BLACK, GREEN, GREY
+from ospc.robust import weighted_median
 
 FEW_SAMPLES = 50
 """A pair of frames with fewer samples may be matched wrongly; it is drawn, but as an open grey circle."""

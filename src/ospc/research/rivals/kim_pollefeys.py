@@ -18,13 +18,13 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.errors import NotObservableError
-from ospc.estimation.robust import robust_scale
 from ospc.methods.paper import Correspondences
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, failure
 from ospc.research.rivals.log_response import log_model
+from ospc.robust import robust_scale
 from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 
 _LEVELS = 256
