@@ -256,12 +256,6 @@ def test_a_bad_frame_is_skipped_counted_and_its_reason_kept(bad, reason):
     assert calibrator.calibration().counts == {"frames": 3, "skipped": 1, "pairs": 2}
 
 
-def test_an_exposure_that_is_not_known_may_be_noted_as_none():
-    calibrator = OnlineCalibrator(NotingSettings())
-    calibrator.note(None)
-    assert calibrator.frames == 1
-
-
 @pytest.mark.parametrize(("kind", "max_grey"), [(np.uint8, 1), (np.uint8, 65535), (np.uint16, 50)])
 def test_grey_values_that_do_not_fit_the_largest_one_do_not_end_a_run(kind, max_grey):
     calibrator = OnlineCalibrator()

@@ -186,6 +186,6 @@ def test_errors_common_to_a_group_leave_as_little_information_as_there_are_group
         own = random.normal(0, 1, groups * members)
         residual = np.sqrt(common) * np.repeat(random.normal(0, 1, groups), members) + np.sqrt(1 - common) * own
         scores = (rows * residual[:, None]).reshape(groups, members, -1).sum(axis=1)
-        equations = NormalEquations(rows.T @ rows, rows.T @ residual, scores.T @ scores)
+        equations = NormalEquations(rows.T @ rows, rows.T @ residual, scores.T @ scores, blocks=groups)
         scaled = equations.scaled(weak, 1.0)
         assert scaled.information_scale == pytest.approx(expected, rel=0.15)

@@ -45,9 +45,9 @@ SLOW = {"ROS 2 bag, mcap by mcap", "ROS 2 bag, JPEG and s"}
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name not in SLOW])
 def test_a_recording_twice_as_long_takes_no_more_memory(name: str, tmp_path: Path) -> None:
-    # The first reading of a kind loads modules.
-    paths = [FORMATS[name](tmp_path / f"{n}", filmed(n)) for n in (8, SHORT, LONG)]
-    _, short, long = (peak_of_reading(path) for path in paths)
+    paths = [FORMATS[name](tmp_path / f"{n}", filmed(n)) for n in (SHORT, LONG)]
+    peak_of_reading(paths[1])  # the first reading of a kind loads modules
+    short, long = (peak_of_reading(path) for path in paths)
     # Names and numbers of frames are kept: far less than their images.
     assert long - short < 0.2 * (LONG - SHORT) * IMAGE_BYTES
     assert short < 5 * 2**20

@@ -126,7 +126,8 @@ class NormalEquations:
         bread = np.linalg.inv(self.posterior_precision(prior, hyperparameters))
         # The information scale is the sandwich factor squared over the spread of the scatter.
         meat = self.information_scale**2 * (self.scatter + disagreement) / self.sandwich_factor**2
-        return np.asarray(bread @ (meat + prior.precision(hyperparameters)) @ bread)
+        found = bread @ (meat + prior.precision(hyperparameters)) @ bread
+        return np.asarray((found + found.T) / 2)  # symmetric but for rounding
 
     def maximize_evidence(self, prior: Prior) -> PriorHyperparameters:
         """Return the hyperparameters of the prior with the largest marginal likelihood (empirical Bayes)."""

@@ -41,14 +41,14 @@ class ExposureTable:
         room[: len(log_exposure)] = log_exposure
         return cls(lag_frames, trusted, room, len(log_exposure))
 
-    def append(self, exposure_ms: float | None) -> int:
-        """Take the exposure written beside the next frame, NaN or None without one, and return the frame's number."""
+    def append(self, exposure_ms: float) -> int:
+        """Take the exposure written beside the next frame, NaN where there is none, and return the frame's number."""
         if self._count == len(self._log_exposure):
             # What is not yet written to takes no memory, so that each frame costs eight bytes.
             room = np.empty(2 * self._count)
             room[: self._count] = self._log_exposure
             self._log_exposure = room
-        known_ms = exposure_ms if exposure_ms is not None and 0 < exposure_ms < np.inf else np.nan
+        known_ms = exposure_ms if 0 < exposure_ms < np.inf else np.nan
         self._log_exposure[self._count] = np.log(known_ms)
         self._count += 1
         return self._count - 1
