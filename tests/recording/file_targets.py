@@ -19,7 +19,8 @@ import numpy as np
 from image_samples import encoded
 
 from ospc.batch.manifest import read_manifest
-from ospc.batch.store import VERSION, Result, Store
+from ospc.batch.store import VERSION as RESULT_VERSION
+from ospc.batch.store import Result, Store
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.trajectory import read_trajectory
@@ -177,7 +178,7 @@ def _batch_result(data: bytes, folder: Path) -> None:
     """The JSON part of a result of a batch, sealed with a valid checksum."""
     packed = io.BytesIO()
     with ZipFile(packed, "w", ZIP_DEFLATED, compresslevel=0) as archive:
-        archive.writestr("batch-result.json", b'{"version": %d, "content": %b}' % (VERSION, data))
+        archive.writestr("batch-result.json", b'{"version": %d, "content": %b}' % (RESULT_VERSION, data))
         archive.comment = bytes(64)
     checked = packed.getvalue()[:-64]
     store = Store(folder / "store")
