@@ -1,0 +1,129 @@
+"""Compare the errors of calibrations with the least that their observations allow (Cramér–Rao).
+
+    python benchmarks/cramer_rao.py --results FILE [--frames 300] [--every 4]
+
+Recordings of the accuracy benchmark are filmed twice: as they are, and without noise. The bound is that of the
+observations that the fit was made to, with the noise of the simulated sensor and nothing else, and the prior of the
+fit. It takes the observations as independent. What an error is beyond it comes from registration, texture and the
+model; the error without noise shows how much.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ospc import Calibration, OnlineCalibrator
+from ospc.estimation.error_model import ErrorModel
+from ospc.estimation.fit import Fit
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
+from ospc.methods.inputs import FitInputs
+from ospc.research.accuracy.design import accuracy_sources
+from ospc.research.source import SimulatedSource
+from ospc.simulation import SimulationSettings, frames
+from ospc.simulation.truth import Truth, truth
+from result_files import ResultFile, Row, table
+
+METRICS = ("V", "shape", "kappa")
+_COLUMNS = ("recording", *METRICS, *(f"bound {m}" for m in METRICS), *(f"no noise {m}" for m in METRICS))
+
+_DRAWS, _STEP = 40, 0.05
+"""Draws from the bound's distribution, and by how much each is scaled down so that the metrics change linearly."""
+
+_PIXELS_AVERAGED = 4 * np.pi * 1.5**2
+"""Pixels that a sampled grey level is the mean of, at the default smoothing of 1.5 pixels."""
+
+
+def calibrated(settings: SimulationSettings) -> OnlineCalibrator:
+    """Return a calibrator that has seen a simulated recording."""
+    calibrator = OnlineCalibrator()
+    for frame in frames(settings):
+        calibrator.push(frame)
+    return calibrator
+
+
+def errors(found: Calibration, known: Truth) -> dict[str, float | None]:
+    """Return the errors of a calibration."""
+    response, vignette = found.response, found.vignette
+    return {
+        "V": None if vignette is None else vignette_rmse(vignette, known.vignette),
+        "shape": None if response is None else response_shape_rmse(response, known.response),
+        "kappa": None if response is None else log_ratio_error(response, known.response),
+    }
+
+
+def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str, float]:
+    """Return the root mean square of the errors that the noise of the sensor alone would cause."""
+    full_well, read_noise = settings.sensor
+    sensor = ErrorModel(
+        constant=1 / 12 / 255**2 / _PIXELS_AVERAGED,
+        shot=1 / full_well / _PIXELS_AVERAGED,
+        read=(read_noise / full_well) ** 2 / _PIXELS_AVERAGED,
+        registration_sigma_px=0.0,
+        radiance_sigma=0.0,
+    )
+    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, inputs.noise, effects=fit.effects)
+    assert inputs.observations is not None
+    equations = estimator.information(inputs.observations, replace(fit, errors=sensor), fit.parameters)
+    precision = equations.matrix + estimator.prior(fit.parameters).precision(fit.hyperparameters)
+    root = np.linalg.cholesky(np.linalg.inv(precision))
+    response, vignette = fit.response(inputs.max_grey), fit.vignette(inputs.size)
+    found = []
+    for draw in np.random.default_rng(0).standard_normal((_DRAWS, len(root))):
+        moved = replace(fit, parameters=fit.parameters + _STEP * root @ draw)
+        other = moved.response(inputs.max_grey)
+        found.append(
+            (
+                vignette_rmse(moved.vignette(inputs.size), vignette),
+                response_shape_rmse(other, response),
+                log_ratio_error(other, response),
+            )
+        )
+    return dict(zip(METRICS, (np.sqrt(np.mean(np.square(found), axis=0)) / _STEP).tolist(), strict=True))
+
+
+def row(name: str, settings: SimulationSettings) -> Row:
+    """Return errors and bounds of a recording."""
+    calibrator = calibrated(settings)
+    inputs = calibrator.inputs()
+    assert inputs is not None
+    assert inputs.fit is not None
+    without = replace(settings, noise="none")
+    return {
+        "recording": name,
+        **errors(calibrator.calibration(), truth(settings)),
+        **{f"bound {m}": value for m, value in bound(inputs, inputs.fit, settings).items()},
+        **{f"no noise {m}": v for m, v in errors(calibrated(without).calibration(), truth(without)).items()},
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--results", type=Path, required=True, help="JSON-lines file of the results.")
+    parser.add_argument("--frames", type=int, default=300, help="Frames of each recording.")
+    parser.add_argument("--every", type=int, default=1, help="Take one in so many recordings.")
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    results = ResultFile(arguments.results)
+    sources = [s for s in accuracy_sources(None, arguments.frames)[0] if isinstance(s, SimulatedSource)]
+    moving = [source for source in sources if source.group == "simulated"]
+    jobs = {f"{s.name} {arguments.frames}": partial(row, s.name, s.settings) for s in moving[:: arguments.every]}
+    for key, job in jobs.items():
+        if key not in results:
+            results.add(key, job())
+            print(key, "done", flush=True)
+    rows = results.rows(jobs)
+    print(table(rows, _COLUMNS))
+    for metric in METRICS:
+        ratios = [r[metric] / r[f"bound {metric}"] for r in rows if r[metric] is not None]
+        print(f"{metric}: {np.median(ratios):.2f} times the bound in the median, {max(ratios):.2f} at most")
+
+
+if __name__ == "__main__":
+    main()
