@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.effects import Effects, Seen
@@ -240,11 +241,10 @@ class Fit:
         How much it may jump is told by how sharply the fitted γ bends at the knots around.
         """
         knots = self.response_basis.knots
-        bend = np.pad(np.abs(np.diff(self.response_parameters, 2)), 2)
-        sharpest = np.lib.stride_tricks.sliding_window_view(bend, 4).max(axis=1)
-        interval = np.clip(np.searchsorted(knots, grey, side="right") - 1, 0, len(sharpest) - 1)
-        width = np.diff(knots)[interval]
-        return np.asarray(UNRESOLVED_JUMP * sharpest[interval] * width / np.maximum(grey, width))
+        bend = np.pad(np.abs(np.diff(self.response_parameters, 2)), 1)
+        sharpest = np.interp(grey, knots, maximum_filter1d(bend, 3))
+        width = np.interp(grey, knots[1:], np.diff(knots))
+        return np.asarray(UNRESOLVED_JUMP * sharpest * width / np.maximum(grey, width))
 
     def log_response_step_sigma(self, low: float, high: float) -> float:
         """Return the standard deviation of ln g(high)/g(low)."""
