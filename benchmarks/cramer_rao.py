@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ospc import Calibration, OnlineCalibrator
+from ospc import OnlineCalibrator
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
@@ -27,8 +27,8 @@ from ospc.methods.inputs import FitInputs
 from ospc.research.accuracy.design import accuracy_sources
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings, frames
-from ospc.simulation.truth import Truth, truth
 from result_files import ResultFile, Row, table
+from simulated_family import errors
 
 METRICS = ("V", "shape", "kappa")
 _COLUMNS = ("recording", *METRICS, *(f"bound {m}" for m in METRICS), *(f"no noise {m}" for m in METRICS))
@@ -46,16 +46,6 @@ def calibrated(settings: SimulationSettings) -> OnlineCalibrator:
     for frame in frames(settings):
         calibrator.push(frame)
     return calibrator
-
-
-def errors(found: Calibration, known: Truth) -> dict[str, float | None]:
-    """Return the errors of a calibration."""
-    response, vignette = found.response, found.vignette
-    return {
-        "V": None if vignette is None else vignette_rmse(vignette, known.vignette),
-        "shape": None if response is None else response_shape_rmse(response, known.response),
-        "kappa": None if response is None else log_ratio_error(response, known.response),
-    }
 
 
 def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str, float]:
@@ -97,9 +87,9 @@ def row(name: str, settings: SimulationSettings) -> Row:
     without = replace(settings, noise="none")
     return {
         "recording": name,
-        **errors(calibrator.calibration(), truth(settings)),
+        **errors(calibrator.calibration(), settings),
         **{f"bound {m}": value for m, value in bound(inputs, inputs.fit, settings).items()},
-        **{f"no noise {m}": v for m, v in errors(calibrated(without).calibration(), truth(without)).items()},
+        **errors(calibrated(without).calibration(), without, "no noise "),
     }
 
 

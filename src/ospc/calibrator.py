@@ -11,7 +11,7 @@ from typing import Any
 from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, SettingError
-from ospc.exposures.findings import LagChoice, check_lag, lag_choice, lag_choice_for
+from ospc.exposures.findings import LagChoice, check_lag, checked_lag_choice, lag_choice, lag_choice_for
 from ospc.library_threads import one_library_thread
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
@@ -66,8 +66,9 @@ class OnlineCalibrator(Engine):
         SettingError
             If ``correct_lag`` is no choice, or leaves nothing of the frames.
         """
-        check_lag(correct_lag, len(recording))
-        return cls(settings, correct_lag=lag_choice_for(recording.kind, correct_lag))
+        choice = checked_lag_choice(correct_lag)
+        check_lag(choice, len(recording))
+        return cls(settings, correct_lag=lag_choice_for(recording.kind, choice))
 
     def calibration(self) -> Calibration:
         """Return what is known now; pushing may go on afterwards.

@@ -193,7 +193,7 @@ class Engine:
             why = f": {self._reasons[-1]}" if self._reasons else ""
             raise OspcError(f"no frame could be used{why}")
         known = self._method.calibration(self._exposures.corrected, self._pixels.grey_range)
-        return self._judged(self._continued(known), self._exposures.findings())
+        return self._judged(self._continued(known), self._exposures.findings(), self.frames)
 
     def _continued(self, known: Calibration) -> Calibration:
         """Return a calibration with what was known before the first frame: here that is nothing."""
@@ -367,8 +367,7 @@ class Engine:
         first, later = self._first_of_epoch, method.split(change.frame)
         found, exposures = self._exposures.split(change.frame)
         known = method.calibration(exposures, self._pixels.range_before(change.frame))
-        ended = self._judged(known, found)
-        ended = replace(ended, counts=ended.counts | {"frames": change.frame - first})
+        ended = self._judged(known, found, change.frame - first)
         self._epochs.append(Epoch(first, change.frame - 1, ended, change))
         self._pixels = self._pixels.of_next_epoch()
         self._method = later
@@ -423,8 +422,8 @@ class Engine:
 
     # The result of the frames so far.
 
-    def _judged(self, known: Calibration, found: ExposureFindings) -> Calibration:
-        """Return a calibration with the verdicts that its exposures allow."""
+    def _judged(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
+        """Return the calibration from so many frames with the verdicts that their exposures allow."""
         found = found.doubted_by(known.effects)
         verdicts = {name: found.judged(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
@@ -435,7 +434,7 @@ class Engine:
             known,
             verdicts=verdicts | {"exposures": found.verdict},
             converged=known.converged and not found.warnings,
-            counts={"frames": self.frames, "skipped": self._skipped, **known.counts},
+            counts={"frames": frames, "skipped": self._skipped, **known.counts},
             settings=as_dict(self._settings),
             versions=versions(),
             advice=tuple(dict.fromkeys(filter(None, advice))),

@@ -267,7 +267,7 @@ def _radius_cells(size: ImageSize) -> IntArray:
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
     """Return how often each grey value occurs; of more than 12 bits, each value of the upper 12."""
     shift, levels = max(0, max_grey.bit_length() - _MAX_COUNTED_BITS), level_count(max_grey)
-    values = image >> shift
+    values = image >> shift if shift else image
     if levels <= np.iinfo(image.dtype).max:
         values = np.minimum(values, levels - 1)
     return np.bincount(values.ravel(), minlength=levels).astype(np.int64)

@@ -241,7 +241,7 @@ def check_lag(choice: LagChoice, frames: int) -> None:
     SettingError
         If fewer than two frames have an exposure of their own.
     """
-    if isinstance(choice, int | np.integer) and not leaves_frames(choice, frames):
+    if isinstance(choice, int) and not leaves_frames(choice, frames):
         raise SettingError(
             f"a lag of {counted(choice, 'frame')} leaves nothing of {counted(frames, 'frame')}; give a smaller one"
         )
@@ -249,7 +249,7 @@ def check_lag(choice: LagChoice, frames: int) -> None:
 
 def leaves_frames(choice: LagChoice, frames: int) -> bool:
     """Whether a lag leaves at least two of the frames with an exposure of their own."""
-    return not isinstance(choice, int | np.integer) or frames - abs(choice) >= 2
+    return not isinstance(choice, int) or frames - abs(choice) >= 2
 
 
 def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int) -> ExposureFindings:

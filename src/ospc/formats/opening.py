@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from ospc.formats.lensfun import read_lensfun
 from ospc.formats.opencv import read_opencv
 from ospc.formats.radial import RadialFit
 from ospc.formats.rules_pcalib import MOST_COLUMNS
+from ospc.formats.scanning import words_of
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
@@ -134,9 +134,9 @@ def _only(place: Path, fits: tuple[RadialFit, ...]) -> Vignette:
 def _check_numeric(place: Path) -> None:
     """Refuse a file that does not begin like a pcalib.txt, of which any other advice would mislead."""
     first, *others = read_text(place).strip().split("\n")
-    words = [word for word in re.split(r"[\s,;]+", first) if word]
-    text = bool(words) and not words[0][0].isdigit() and words[0][0] not in "+-."
-    columns = bool(others) and 1 < len(words) <= MOST_COLUMNS
+    values = words_of(first)
+    text = bool(values) and not values[0][0].isdigit() and values[0][0] not in "+-."
+    columns = bool(others) and 1 < len(values) <= MOST_COLUMNS
     if text or columns:
         raise FormatError(
             f"{place}: is no pcalib.txt, which holds a response as numbers on one line; other files are recognised "

@@ -14,7 +14,7 @@ from ospc.arrays import Float32Array, FloatArray
 from ospc.errors import FormatError, counted
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
-from ospc.formats.scanning import NUMBER, leading_numbers
+from ospc.formats.scanning import NUMBER, leading_numbers, words_of
 
 FEWEST_VALUES = 256
 """DSO needs at least this many values, the monocular data set's tools exactly this many."""
@@ -208,7 +208,7 @@ def _about_the_range(table: PcalibText) -> Iterator[Broken]:
 
 def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     extra = table.other_lines
-    if len(_words(table.first_line)) <= 1 and len(extra) + 1 >= FEWEST_VALUES:
+    if len(words_of(table.first_line)) <= 1 and len(extra) + 1 >= FEWEST_VALUES:
         joined = " ".join([table.first_line.strip(), *extra])
         return PcalibText(joined), f"the values of {len(extra) + 1} lines put on one line"
     return PcalibText(table.first_line), f"all after the first line dropped, beginning with {extra[0][:30]!r}"
@@ -216,7 +216,7 @@ def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, 
 
 def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     """Interpolate values such as nan, drop other words, and drop all text after a complete table."""
-    words = _words(table.first_line)
+    words = words_of(table.first_line)
     numbers = [_number(word) for word in words]
     changes = ["commas or semicolons replaced by spaces"] if re.search("[,;]", table.first_line) else []
     end = next((i for i, number in enumerate(numbers) if number is None), len(words))
@@ -285,10 +285,6 @@ def _is_of_limited_range(table: Float32Array) -> bool:
         return False
     straight = np.array([bends[0] + 1, values.size - 2 - bends[-1]])  # levels before the first bend, after the last
     return bool(np.abs(straight - _LIMITED_RANGE).max() <= _LIMITED_TOLERANCE)
-
-
-def _words(line: str) -> list[str]:
-    return [word for word in re.split(r"[\s,;]+", line) if word]
 
 
 def _number(word: str) -> float | None:

@@ -17,7 +17,7 @@ from ospc.errors import FormatError, counted
 from ospc.formats.dso import LARGEST_ID, write_times
 from ospc.formats.files import read_text
 from ospc.formats.rules import Broken, Context, Format
-from ospc.formats.scanning import scanned
+from ospc.formats.scanning import scanned, words_of
 
 _LONGEST_LINE = 999
 """Characters that fit the line buffers of the programs."""
@@ -190,8 +190,8 @@ def _about_the_stamps(times: TimesText) -> Iterator[Broken]:
 
 
 def _separate_by_spaces(times: TimesText, _context: Context) -> tuple[TimesText, str]:
-    rows = [[word for word in re.split(r"[\s,;]+", " ".join(row.words)) if word] for row in times.rows]
-    if any(len(words) > 3 and _has_commas(row) for words, row in zip(rows, times.rows, strict=True)):
+    rows = [words_of(" ".join(row.words)) for row in times.rows]
+    if any(len(found) > 3 and _has_commas(row) for found, row in zip(rows, times.rows, strict=True)):
         raise FormatError("some commas look like decimal points; write decimal points, and spaces between values")
     return times.with_rows(rows), "commas or semicolons replaced by spaces"
 

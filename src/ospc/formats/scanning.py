@@ -23,6 +23,11 @@ _SCANF_ITEM = {
 }
 
 
+def words_of(line: str) -> list[str]:
+    """Return the words of a line, separated by blanks, commas or semicolons."""
+    return [word for word in re.split(r"[\s,;]+", line) if word]
+
+
 def leading_numbers(line: str) -> tuple[FloatArray, str]:
     """Return the numbers a line begins with, as C++ streams extract them, and the text that stops them.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from ospc.arrays import ImageSize
@@ -49,8 +48,3 @@ class FitInputs:
     usable_radius: float = 1.0
     grey_range: GreyRange = FULL_RANGE
     single_pixels: bool = False
-
-    @property
-    def exposure_range_ms(self) -> tuple[float, float]:
-        """Shortest and longest exposure of the observations; (inf, 0) where there are none."""
-        return (math.inf, 0.0) if self.observations is None else self.observations.exposure_range_ms

@@ -134,8 +134,7 @@ class PriorCalibration:
 
     def difference(self, today: Summary | None) -> Difference | None:
         """Return how today's recording differs from the earlier ones; None where it does not."""
-        earlier = self._apart_from(today)
-        return None if today is None or earlier is None else difference_of(today, earlier)
+        return _difference(today, self._apart_from(today))
 
     def _apart_from(self, today: Summary | None) -> Summary | None:
         """Return what recordings other than today's say, which must not count twice; None where there are none."""
@@ -162,7 +161,8 @@ class PriorCalibration:
             If the size of the frames differs from that of the earlier calibration.
         """
         self.check_size(own.size)
-        earlier, difference = self._apart_from(today), self.difference(today)
+        earlier = self._apart_from(today)
+        difference = _difference(today, earlier)
         known = {"name": self.name, "changed": [] if difference is None else list(difference.parts)}
         known["text"] = "" if difference is None else difference.text
         source = own.source | {"started_from": known}
@@ -205,6 +205,10 @@ def _changed(own: Calibration, difference: Difference, name: str) -> Calibration
 
 _STEEPEST, _ROUGHEST = 1e3, 1e3
 """Coefficients of a response, and hyperparameters of its prior, that are read: a hundred times what any fit has."""
+
+
+def _difference(today: Summary | None, earlier: Summary | None) -> Difference | None:
+    return None if today is None or earlier is None else difference_of(today, earlier)
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:

@@ -207,7 +207,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         triangle=triangle_of(matrix),
         vector=vector,
         systematic=triangle_of(systematic),
-        exposure_range_ms=inputs.exposure_range_ms,
+        exposure_range_ms=observations.exposure_range_ms,
         reach=0.0 if inputs.standing_still else observations.radial_reach,
         standing_still=inputs.standing_still,
         support=(float(support[0]), float(support[1])),

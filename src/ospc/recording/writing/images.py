@@ -106,8 +106,7 @@ def encoded(
 ) -> bytes:
     """Return the file of an image, called ``name`` in messages; FrameError if it cannot be encoded.
 
-    ``png_compression`` is a level of zlib. None codes nothing but runs: the fastest, and the
-    best for noisy images.
+    ``png_compression`` is a level of zlib. None codes nothing but runs: the fastest, and the best for noisy images.
     """
     options = {
         "png": [] if png_compression is None else [cv2.IMWRITE_PNG_COMPRESSION, png_compression],
