@@ -8,22 +8,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ospc.engine import Engine, Status
-from ospc.engine_state import EngineState
+from ospc.engine import Engine, Status, of_size
+from ospc.engine_state import EngineState, epoch_content, epoch_of
 from ospc.errors import FormatError, SettingError
 from ospc.exposures.findings import LagChoice, check_lag, checked_lag_choice, lag_choice, lag_choice_for
 from ospc.library_threads import one_library_thread
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
-from ospc.pooling.prior_calibration import PriorCalibration
-from ospc.pooling.summary import Summary, summary_of
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.ahead import decoded_ahead
 from ospc.recording.recording import identity
 from ospc.recording.stream import Item, frames_of
-from ospc.settings import DefaultSettings, Settings, preset, with_overrides
+from ospc.settings import DefaultSettings, Settings, as_dict, preset, with_overrides
 from ospc.state.run import load_run, save_run
 from ospc.state_rules import check_run
+from ospc.versions import versions
 
 __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 
@@ -33,13 +32,8 @@ class OnlineCalibrator(Engine):
 
     Attributes
     ----------
-    source
-        Identification of the recording the frames come from, kept with states; empty for a live camera.
     saved_by
         Versions of the software that saved the state it goes on from; empty if it began anew.
-    prior
-        An earlier calibration of the camera. Calibrations start from it as long as it agrees with the frames; None
-        for none. It is not kept with states.
 
     Examples
     --------
@@ -51,9 +45,7 @@ class OnlineCalibrator(Engine):
 
     def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
         super().__init__(settings, correct_lag=correct_lag)
-        self.source: dict[str, Any] = {}
         self.saved_by: dict[str, Any] = {}
-        self.prior: PriorCalibration | None = None
 
     @classmethod
     def of(
@@ -69,27 +61,6 @@ class OnlineCalibrator(Engine):
         choice = checked_lag_choice(correct_lag)
         check_lag(choice, len(recording))
         return cls(settings, correct_lag=lag_choice_for(recording.kind, choice))
-
-    def calibration(self) -> Calibration:
-        """Return what is known now; pushing may go on afterwards.
-
-        Raises
-        ------
-        OspcError
-            If no frame could be read so far.
-        """
-        known = super().calibration()
-        return replace(known, source=self.source | known.source)
-
-    def _continued(self, known: Calibration) -> Calibration:
-        return known if self.prior is None else self.prior.continued(known, self.summary())
-
-    def summary(self) -> Summary | None:
-        """Return what is known as a value that can be merged with others; None where nothing is."""
-        inputs = self.inputs()
-        if inputs is None:
-            return None
-        return summary_of(inputs, self.first_frames, self.source, self.frames)
 
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
         """Write everything that is known to a file, whole or not at all, and return its path.
@@ -121,7 +92,23 @@ class OnlineCalibrator(Engine):
         with self._lock:
             summary = self.summary() if complete else None
             method = None if self._method is None else self._method.state()
-            return save_run(path, self.state(self.source), method, summary)
+            run = EngineState(
+                settings=as_dict(self.settings),
+                correct_lag=str(self.correct_lag),
+                size=self._size,
+                max_grey=self._max_grey,
+                exposures=self._exposures.state(),
+                sampler=self._sampler,
+                pixels=self.pixels,
+                epochs=[epoch_content(epoch) for epoch in self._epochs],
+                skipped=self._skipped,
+                reasons=self._reasons,
+                first_reasons=self._first_reasons,
+                first_frames=self._first_frames,
+                source=self.source,
+                versions=versions(),
+            )
+            return save_run(path, run, method, summary)
 
     @classmethod
     def load_state(cls, path: str | Path) -> OnlineCalibrator:
@@ -142,11 +129,45 @@ class OnlineCalibrator(Engine):
             check_run(run, method, settings)
             lag: LagChoice = "trusted" if run.correct_lag == "trusted" else lag_choice(run.correct_lag)
             calibrator = cls(settings, correct_lag=lag)
-            calibrator.restore(run, method)
+            calibrator._restore(run, method)
         except (FormatError, SettingError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise FormatError(f"{path}: not readable as a state ({error})") from None
-        calibrator.source, calibrator.saved_by = run.source, run.versions
         return calibrator
+
+    def _restore(self, run: EngineState, method: MaximumLikelihoodState | None) -> None:
+        """Go on from a state; ValueError if its parts do not fit each other."""
+        self._size, self._max_grey = run.size, run.max_grey
+        self._sampler, self.pixels = run.sampler, run.pixels
+        self._skipped, self._reasons = run.skipped, run.reasons
+        self._first_reasons, self._first_frames = run.first_reasons, run.first_frames
+        self._epochs = [epoch_of(content) for content in run.epochs]
+        self._exposures.restore(run.exposures, run.size, self.epochs[-1].first_frame)
+        if self._exposures.evidence is not None:
+            self._method = self.settings.build(run.size, run.max_grey)
+            self._method.restore(method)
+        self.source, self.saved_by = run.source, run.versions
+        self._foresee()
+
+    @property
+    def wanted(self) -> frozenset[int]:
+        """Numbers of the frames that a calibrator just loaded should be shown again."""
+        if self._method is None or self._exposures.evidence is None:
+            return frozenset()
+        return self._method.wanted | self._exposures.evidence.wanted
+
+    def recall(self, frame: Frame) -> None:
+        """Process a frame again that new ones were being compared with.
+
+        Raises
+        ------
+        FrameError
+            If its image cannot be read any more, or has another size.
+        """
+        if self._method is not None and self._exposures.evidence is not None:
+            shown = replace(frame, load=partial(of_size, frame, self._size))
+            prepared = self._preprocess(shown, self.pixels.range_before(frame.index))
+            self._method.recall(prepared)
+            self._exposures.evidence.recall(prepared.thumbnail)
 
 
 def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
@@ -163,12 +184,8 @@ def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
 def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Iterator[Frame]:
     """Give the frames of a recording that a calibrator was not pushed yet, after showing it those it wants again.
 
-    Parameters
-    ----------
-    calibrator
-        New, or loaded from a state of a run over the same recording.
-    recording
-        All frames from the first on.
+    The calibrator is new, or was loaded from a state of a run over the same recording. All frames of the recording
+    are given, from the first on.
 
     Raises
     ------
@@ -186,24 +203,17 @@ def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Itera
 def drive(
     calibrator: OnlineCalibrator, frames: Iterable[Frame], after_frame: Callable[[Frame, bool], None] | None = None
 ) -> None:
-    """Push all frames that a calibrator was not pushed yet, decoded ahead by another thread.
+    """Push all frames :func:`remaining`, decoded ahead by another thread.
 
-    This is the only loop over frames: commands, batches and :func:`calibrate` all use it.
-
-    Parameters
-    ----------
-    calibrator
-        New, or loaded from a state of a run over the same frames.
-    frames
-        All frames from the first on.
-    after_frame
-        Called after every frame with the frame and whether it could be used. It ends the run early by raising.
+    This is the only loop over frames: commands, batches and :func:`calibrate` all use it. ``after_frame`` is called
+    after every frame with the frame and whether it could be used; it ends the run early by raising.
     """
+    foresight = calibrator.foresight
     with one_library_thread():
         for frame in decoded_ahead(
             remaining(calibrator, frames),
-            lambda places: calibrator.foresees(calibrator.frames + places - 1),
-            lambda places: partial(calibrator.prepare, calibrator.frames + places - 1),
+            lambda places: foresight.needs(calibrator.frames + places - 1),
+            lambda places: partial(foresight.prepare, calibrator.frames + places - 1),
         ):
             used = calibrator.push(frame)
             if after_frame is not None:
@@ -247,10 +257,10 @@ def calibrate(
         If none of its frames can be used.
     """
     source = open_recording(recording) if isinstance(recording, str | Path) else recording
-    frames: Iterable[Frame]
     if isinstance(source, Recording):
-        calibrator, frames = OnlineCalibrator.of(source, settings, correct_lag=correct_lag), source
+        calibrator = OnlineCalibrator.of(source, settings, correct_lag=correct_lag)
         calibrator.source = identity(source)
+        frames: Iterable[Frame] = source
     else:
         calibrator, frames = OnlineCalibrator(settings, correct_lag=correct_lag), frames_of(source)
         calibrator.source = {"kind": "stream"}

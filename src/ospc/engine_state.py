@@ -15,16 +15,9 @@ from ospc.photometry.calibration import Calibration
 
 @dataclass(frozen=True)
 class Epoch:
-    """A time in which the camera stayed the same.
+    """A time in which the camera stayed the same: its frames, what was known at its end, and what changed then.
 
-    Attributes
-    ----------
-    first_frame, last_frame
-        Numbers of its frames.
-    calibration
-        What was known at its end; None for the present epoch, whose calibration is the engine's.
-    change
-        What changed at its end; None for the present epoch.
+    ``calibration`` and ``change`` are None for the present epoch, whose calibration is the engine's.
     """
 
     first_frame: int
@@ -37,32 +30,10 @@ class Epoch:
 class EngineState:
     """All that an engine knows beside its method.
 
-    Attributes
-    ----------
-    settings
-        Name of the preset and all settings.
-    correct_lag
-        What is done about a lag of the exposures, as text.
-    size, max_grey
-        Of the frames; (0, 0) and 0 before there was one.
-    exposures
-        The exposures, and what is known of them.
-    sampler
-        Where the choice of frames stands.
-    pixels
-        Statistics of grey values.
-    epochs
-        The epochs that ended, as JSON-compatible values.
-    skipped, reasons
-        Frames that could not be used, and why the latest could not.
-    first_reasons
-        Why the first ones could not.
-    first_frames
-        Hash over the first usable frames, and how many it covers: tells streams apart.
-    source
-        Identification of the recording; empty for a live camera.
-    versions
-        Versions of the software that made it.
+    ``settings`` has the name of the preset, too. ``size`` and ``max_grey`` are (0, 0) and 0 before there was a frame.
+    ``epochs`` are those that ended, as JSON-compatible values. ``reasons`` and ``first_reasons`` say why the latest
+    and the first frames could not be used. ``first_frames`` is a hash over the first usable frames, which tells
+    streams apart, and how many it covers. ``source`` identifies the recording; it is empty for a live camera.
     """
 
     settings: dict[str, Any]

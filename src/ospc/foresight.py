@@ -27,27 +27,19 @@ class _Prepared:
 
 
 class Foresight:
-    """Knows which frames will most likely be processed, and prepares them ahead.
+    """Knows which frames will most likely be needed, and prepares them ahead.
 
     What was prepared is used only if it is what would be made now, so that results do not depend on it.
-
-    Parameters
-    ----------
-    preprocess
-        Prepares a frame.
-    sampler
-        Chooses the frames.
-    grey_range
-        Returns black and white as they are known now.
+    ``grey_range`` returns black and white as they are known now.
     """
 
     def __init__(self, preprocess: Preprocessor, sampler: FrameSampler, grey_range: Callable[[], GreyRange]) -> None:
         self._preprocess, self._grey_range = preprocess, grey_range
+        self._prepared: dict[int, _Prepared] = {}
+        self._latest: Thumbnail | None = None
         self._expected = (False, replace(sampler))
         self._size: ImageSize = (0, 0)
         self._compare = BrightnessComparer(self._size)
-        self._prepared: dict[int, _Prepared] = {}
-        self._latest: Thumbnail | None = None
 
     def expect(self, sampler: FrameSampler, size: ImageSize, *, every: bool) -> None:
         """Take a copy of what decides on the next frames, and the size that they should have."""
@@ -76,28 +68,23 @@ class Foresight:
         previous, compared = self._latest, None
         if previous is not None and previous.frame == number - 1:
             compared = ComparedAhead(previous, thumbnail, self._compare(previous, thumbnail))
-        made = _Prepared(frame.image, grey_range, prepared, thumbnail, compared)
-        self._prepared[number], self._latest = made, made.thumbnail
+        self._prepared[number] = _Prepared(frame.image, grey_range, prepared, thumbnail, compared)
+        self._latest = thumbnail
 
-    def frame(self, frame: Frame) -> tuple[PreprocessedFrame, ComparedAhead | None]:
-        """Return a frame prepared, and its comparison with the frame before where that was made ahead.
+    def preprocessed(self, frame: Frame) -> tuple[PreprocessedFrame, ComparedAhead | None]:
+        """Return a frame preprocessed, and its comparison with the frame before where that was made ahead.
 
         What was prepared ahead is of no use where black and white have moved since.
         """
         grey_range, made = self._grey_range(), self._prepared.get(frame.index)
-        if (
-            made is not None
-            and made.frame is not None
-            and made.image is frame.image
-            and made.grey_range == grey_range
-        ):
+        if made is not None and made.frame and made.image is frame.image and made.grey_range == grey_range:
             return made.frame, made.compared
         return self._preprocess(frame, grey_range), None
 
     def thumbnail(self, frame: Frame) -> tuple[Thumbnail, ComparedAhead | None]:
         """Return the thumbnail of a frame, and its comparison with the frame before where that was made ahead."""
         made = self._prepared.get(frame.index)
-        if made is not None and made.frame is None and made.image is frame.image:
+        if made is not None and made.image is frame.image:
             return made.thumbnail, made.compared
         return self._preprocess.thumbnail(frame), None
 
