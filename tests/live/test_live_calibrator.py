@@ -346,18 +346,18 @@ def ask_together(monkeypatch):
 def test_all_that_ask_together_are_answered_even_if_the_next_estimate_fails(ask_together, monkeypatch):
     estimates = iter(["estimated"])
     with LiveCalibrator() as live:
-        monkeypatch.setattr(live, "_estimate", lambda: next(estimates))
+        monkeypatch.setattr(live._found, "estimate", lambda _pushed: next(estimates))
         assert ask_together(live, 3) == ["estimated"] * 3
 
 
 def test_all_that_ask_learn_why_the_background_failed(ask_together, monkeypatch):
     failure = np.linalg.LinAlgError("Singular matrix")
 
-    def fail():
+    def fail(_pushed):
         raise failure
 
     with LiveCalibrator() as live:
-        monkeypatch.setattr(live, "_estimate", fail)
+        monkeypatch.setattr(live._found, "estimate", fail)
         answers = ask_together(live, 2)
     assert [str(answer) for answer in answers] == ["the background failed: Singular matrix"] * 2
     assert [answer.__cause__ for answer in answers] == [failure] * 2
@@ -374,7 +374,7 @@ def test_who_asks_does_not_wait_for_frames_pushed_later(monkeypatch):
 
     monkeypatch.setattr(Engine, "push", push)
     with LiveCalibrator() as live, ThreadPoolExecutor() as threads:
-        monkeypatch.setattr(live, "_estimate", lambda: len(pushed))
+        monkeypatch.setattr(live._found, "estimate", lambda _pushed: len(pushed))
         live.push(grey())
         answer = threads.submit(live.calibration)
         while not live._asked:

@@ -17,7 +17,7 @@ pytest.importorskip("websockets")
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from ospc.live.page import PageServer
+from ospc.live.page.server import PageServer
 
 
 @pytest.fixture(scope="module")

@@ -133,20 +133,20 @@ def command(
         if recording is not None:
             correct_lag = lag_choice_for(recording.kind, correct_lag)
         with LiveCalibrator(correct_lag=correct_lag, goal=aim, source=opened.identity) as live:
-            capture = Capture(live, goal=aim, ends=goal > 0, out=str(out))
+            capture = Capture(live, ends=goal > 0, out=str(out))
             with ExitStack() as stack:
                 if not no_page:
                     _show_page(stack, capture, port, browser=not no_browser)
                 try:
-                    result = ResultFolder(folder, recording, interruption, quiet, as_json, times=capture.times)
+                    result = ResultFolder(folder, recording, interruption, quiet, as_json, times=capture)
                     content = _captured(capture, live, opened.frames, result, full=no_page)
                 except OspcError as error:
-                    capture.end("failed", str(error))
+                    capture.stage, capture.message = "failed", str(error)
                     raise
                 if content["error"]:
-                    capture.end("failed", content["error"])
+                    capture.stage, capture.message = "failed", content["error"]
                 else:
-                    capture.end("written", f"Written to {out}. This page can be closed.")
+                    capture.stage, capture.message = "written", f"Written to {out}. This page can be closed."
     return concluded(content, as_json=as_json)
 
 
@@ -172,7 +172,7 @@ def _opened(source: str, reading: Reading, pace: float) -> Iterator[_Source]:
 
 
 def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) -> None:
-    from ospc.live.page import PageServer
+    from ospc.live.page.server import PageServer
 
     server = stack.enter_context(PageServer(capture, port))
     say(f"guidance at {server.url} (for this machine only); Ctrl-C or the button there ends the capture", err=True)

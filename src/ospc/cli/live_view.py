@@ -134,7 +134,7 @@ class Lines:
 
     def show(self) -> None:
         """Print a line if there is something new."""
-        status = self.capture.status
+        status = self.capture.live.status
         now_s = time.monotonic()
         if status.advice != self._text or now_s >= self._next_s:
             self._text, self._next_s = status.advice, now_s + _LINE_S
@@ -173,7 +173,7 @@ class LiveView:
         from rich.console import Group
         from rich.text import Text
 
-        status, preview = self.capture.status, self.capture.preview
+        status, preview = self.capture.live.status, self.capture.live.preview
         parts: list[RenderableType] = [Text(status.advice, style="bold"), Text(figures(status), style="dim")]
         for name, share in asdict(self.capture.bars).items():
             parts.append(Text.assemble(f"{name:10} ", (filled(share, _BAR), "green"), f" {share:4.0%}"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -72,10 +72,8 @@ class Instruction:
 
     Attributes
     ----------
-    kind
-        What sort of instruction it is.
-    text
-        For the person or the program that holds the camera, one sentence or two.
+    kind, text
+        What sort of instruction it is, and one sentence or two for whoever holds the camera.
     part
         What it makes better known: "response" or "vignette"; empty for everything.
     greys
@@ -102,6 +100,13 @@ class Instruction:
     vignette_sigma: float | None = None
 
 
+class _Option(NamedTuple):
+    """An instruction, and what following it for one pair of frames would add."""
+
+    instruction: Instruction
+    gain: float
+
+
 _BEGIN = Instruction("begin", "Film something with texture and even surfaces, and turn the camera slowly.")
 _SLOWER = Instruction(
     "slower", "Move more slowly, and film something with more texture: hardly anything is found again."
@@ -112,12 +117,20 @@ _VARY = Instruction(
     "switch auto exposure on or change it by hand.",
     "response",
 )
-
-
-@dataclass(frozen=True)
-class _Option:
-    instruction: Instruction
-    gain: float
+_BRIGHTER = Instruction(
+    "bright",
+    "Film something bright and even, such as a wall, a door or paper in the light, and turn slowly towards "
+    "something darker while it stays in view: it should become almost white.",
+    "response",
+    exposure=1,
+)
+_DARKER = Instruction(
+    "dark",
+    "Film something dark and even, and turn slowly towards a window or a lamp while it stays in view: it should "
+    "become almost black.",
+    "response",
+    exposure=-1,
+)
 
 
 class Adviser:
@@ -127,22 +140,23 @@ class Adviser:
     ----------
     goal
         Standard deviation of g and of V, as root mean squares, at which both count as known.
+
+    Attributes
+    ----------
+    instruction
+        The instruction of the moment.
+    expects_end
+        Whether, by the quick figures, a complete estimate would find the goal reached.
     """
 
     def __init__(self, goal: float = GOAL) -> None:
-        self._goal = goal
-        self._now = _BEGIN
+        self.instruction = _BEGIN
         self.expects_end = False
-        """Whether, by the quick figures, a complete estimate would find the goal reached."""
+        self._goal = goal
         self._since_s = -np.inf
         self._first_gain = 0.0
         self._set_aside: dict[Kind, float] = {}
         self._found: deque[tuple[int, int]] = deque()
-
-    @property
-    def instruction(self) -> Instruction:
-        """The instruction of the moment; read without waiting."""
-        return self._now
 
     def look(self, preview: Preview | None, time_s: float, known: Calibration | None = None) -> Instruction:
         """Take note of where a run stands, and return the instruction of the moment.
@@ -159,22 +173,19 @@ class Adviser:
         self.expects_end = False
         urgent = self._urgent(preview, known)
         if urgent is not None:
-            self._switch(urgent, time_s, 0.0)
-            return self._now
+            return self._switched(urgent, time_s)
         knowledge = knowledge_of(preview)
         if preview is None or knowledge is None:
-            self._switch(_before_a_fit(preview), time_s, 0.0)
-            return self._now
+            return self._switched(_BEGIN if preview is None or _exposure_varies(preview) else _VARY, time_s)
         if knowledge.reaches(self._goal):
             self.expects_end = True
             if known is not None:
                 knowledge = knowledge.corrected(*certainty(known, preview.usable_radius))
-        options = {o.instruction.kind: o for o in _options(preview, knowledge, self._goal)}
-        self._choose(options, time_s)
-        self._now = replace(
-            self._now, response_sigma=knowledge.response_sigma, vignette_sigma=knowledge.vignette_sigma
+        self._choose({o.instruction.kind: o for o in _options(preview, knowledge, self._goal)}, time_s)
+        self.instruction = replace(
+            self.instruction, response_sigma=knowledge.response_sigma, vignette_sigma=knowledge.vignette_sigma
         )
-        return self._now
+        return self.instruction
 
     def _urgent(self, preview: Preview | None, known: Calibration | None) -> Instruction | None:
         """Return what goes before everything else."""
@@ -202,63 +213,45 @@ class Adviser:
 
     def _choose(self, options: dict[Kind, _Option], time_s: float) -> None:
         self._set_aside = {kind: until for kind, until in self._set_aside.items() if until > time_s}
-        present = options.get(self._now.kind)
-        if self._now.kind in _CHOSEN and time_s - self._since_s < HOLD_S:
+        present = options.get(self.instruction.kind)
+        if self.instruction.kind in _CHOSEN and time_s - self._since_s < HOLD_S:
             return
         if present is not None and time_s - self._since_s > PATIENCE_S:
             if present.gain > _PROGRESS * self._first_gain:
-                self._set_aside[self._now.kind] = time_s + SET_ASIDE_S
+                self._set_aside[self.instruction.kind] = time_s + SET_ASIDE_S
             self._since_s, self._first_gain = time_s, present.gain
         free = [option for kind, option in options.items() if kind not in self._set_aside] or [*options.values()]
         best = max(free, key=lambda option: option.gain)
         kept = present is not None and present in free and best.gain < _BETTER * present.gain
         chosen = present if kept and present is not None else best
-        self._switch(chosen.instruction, time_s, chosen.gain)
+        self._switched(chosen.instruction, time_s, chosen.gain)
 
-    def _switch(self, instruction: Instruction, time_s: float, gain: float) -> None:
-        if instruction.kind != self._now.kind:
+    def _switched(self, instruction: Instruction, time_s: float, gain: float = 0.0) -> Instruction:
+        if instruction.kind != self.instruction.kind:
             self._since_s, self._first_gain = time_s, gain
-        self._now = instruction
+        self.instruction = instruction
+        return instruction
 
 
-def _before_a_fit(preview: Preview | None) -> Instruction:
-    if preview is None:
-        return _BEGIN
+def _exposure_varies(preview: Preview) -> bool:
     low, high = np.log(preview.coverage.exposure_edges_ms[[0, -1]])
-    return _VARY if high - low < _MIN_LOG_RANGE else _BEGIN
+    return bool(high - low >= _MIN_LOG_RANGE)
 
 
 def _options(preview: Preview, knowledge: Knowledge, goal: float) -> Iterator[_Option]:
-    """Give every instruction with what following it for one pair of frames would add."""
     longer = [knowledge.gain_of_exposure(m, knowledge.grey_after(m, _EXPOSURE_STEP), goal) for m in _TARGETS]
     shorter = [knowledge.gain_of_exposure(m, knowledge.grey_after(m, 1 / _EXPOSURE_STEP), goal) for m in _TARGETS]
     gains = np.maximum(longer, shorter)
-    low, high = np.log(preview.coverage.exposure_edges_ms[[0, -1]])
-    if high - low < _MIN_LOG_RANGE:
+    if not _exposure_varies(preview):
         yield _Option(_VARY, float(gains.max()))
     else:
-        for make, inside in ((_bright, _TARGETS > _BRIGHT), (_dark, _TARGETS < _DARK)):
+        for instruction, inside in ((_BRIGHTER, _TARGETS > _BRIGHT), (_DARKER, _TARGETS < _DARK)):
             at = int(np.argmax(np.where(inside, gains, -1.0)))
-            yield _Option(make(float(_TARGETS[at])), float(gains[at]))
+            greys = max(float(_TARGETS[at]) - 0.1, 0.0), min(float(_TARGETS[at]) + 0.1, 1.0)
+            yield _Option(replace(instruction, greys=greys), float(gains[at]))
         middle = (_TARGETS >= _DARK) & (_TARGETS <= _BRIGHT)
         yield _Option(_VARY, float(gains[middle].max()))
     yield _best_motion(preview, knowledge, goal)
-
-
-def _bright(grey: float) -> Instruction:
-    text = (
-        "Film something bright and even, such as a wall, a door or paper in the light, and turn slowly towards "
-        "something darker while it stays in view: it should become almost white."
-    )
-    return Instruction("bright", text, "response", (max(grey - 0.1, 0.0), min(grey + 0.1, 1.0)), exposure=1)
-
-
-def _dark(grey: float) -> Instruction:
-    text = (
-        "Film something dark and even, and turn slowly towards a window or a lamp while it stays in view: it should "
-        "become almost black."
-    )
-    return Instruction("dark", text, "response", (max(grey - 0.1, 0.0), min(grey + 0.1, 1.0)), exposure=-1)
 
 
 def _best_motion(preview: Preview, knowledge: Knowledge, goal: float) -> _Option:

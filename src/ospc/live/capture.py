@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import cv2
@@ -14,9 +14,8 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import FrameError
 from ospc.live.advice import Instruction
-from ospc.live.calibrator import LiveCalibrator
+from ospc.live.calibrator import LiveCalibrator, in_memory
 from ospc.live.knowledge import GOAL
-from ospc.live.status import LiveStatus
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
@@ -55,14 +54,8 @@ _CURVE_POINTS = 51
 class Bars:
     """How full the bars are, each from 0 to 1.
 
-    Attributes
-    ----------
-    exposures
-        Range of the exposures, on a logarithmic scale.
-    greys, radii
-        Share of the grey levels and of the radii with enough observations.
-    certainty
-        How near the uncertainty is to the goal, on a logarithmic scale.
+    ``exposures`` is the range of the exposures, and ``certainty`` how near the uncertainty is to the goal, both on a
+    logarithmic scale; ``greys`` and ``radii`` are the shares of grey levels and radii with enough observations.
     """
 
     exposures: float = 0.0
@@ -90,84 +83,49 @@ class Bars:
         )
 
 
-class FilmedTimes:
-    """Stamps and exposures of all frames, as a recording has them."""
-
-    def __init__(self) -> None:
-        self._stamps_s: list[float] = []
-        self._exposures_ms: list[float] = []
-
-    def append(self, frame: Frame) -> None:
-        """Take note of the next frame."""
-        self._stamps_s.append(frame.stamp_s)
-        self._exposures_ms.append(frame.exposure_ms)
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        """Time stamp in seconds of every frame, shape (frames,)."""
-        return np.array(self._stamps_s)
-
-    @property
-    def exposures_ms(self) -> FloatArray:
-        """Exposure in milliseconds of every frame, shape (frames,)."""
-        return np.array(self._exposures_ms)
-
-
 class Capture:
     """Feeds a live calibrator, and tells any thread where it stands.
 
-    Parameters
-    ----------
-    live
-        The calibrator.
-    goal
-        Uncertainty at which the capture is complete.
-    ends
-        Whether it then ends by itself.
-    out
-        Name of the folder that is written in the end, for the page.
-
-    Attributes
-    ----------
-    stage, message
-        What is being done, and how it ended.
-    times
-        When the frames were taken, and how long they were exposed.
+    With ``ends``, the capture ends by itself when the calibrator's goal is reached. ``out`` is the name of the folder
+    that is written in the end, for the page. ``stage`` and ``message`` say what is being done, and how it ended.
     """
 
-    def __init__(self, live: LiveCalibrator, *, goal: float = GOAL, ends: bool = True, out: str = "") -> None:
-        self._live = live
-        self._goal = goal
+    def __init__(self, live: LiveCalibrator, *, ends: bool = True, out: str = "") -> None:
+        self.live = live
+        self.stage: Stage = "filming"
+        self.message = ""
         self._ends = ends
         self._out = out
+        self._times: list[tuple[float, float]] = []
         self._shown: Frame | None = None
         self._looked = threading.Event()
         self._looked.set()  # whoever looks first finds the first frame
         self._finish = threading.Event()
         self._begun_s = time.monotonic()
-        self.stage: Stage = "filming"
-        self.message = ""
-        self.times = FilmedTimes()
+
+    @property
+    def stamps_s(self) -> FloatArray:
+        """Time stamp in seconds of every frame, shape (frames,)."""
+        return np.array([stamp_s for stamp_s, _ in self._times])
+
+    @property
+    def exposures_ms(self) -> FloatArray:
+        """Exposure in milliseconds of every frame, shape (frames,)."""
+        return np.array([exposure_ms for _, exposure_ms in self._times])
 
     def run(self, frames: Iterable[Frame], stop: Callable[[], bool], *, replayed: bool) -> None:
         """Push frames until they end, the goal is reached, or somebody asks for the end.
 
-        Parameters
-        ----------
-        frames
-            From a camera, or from a recording.
-        stop
-            Asked after every frame; ends the capture if it returns True.
-        replayed
-            Whether the frames come from a recording: they then wait for the background, and none is dropped.
+        ``stop`` is asked after every frame, and ends the capture if it returns True. Frames ``replayed`` from a
+        recording wait for the background, and none is dropped.
         """
         for frame in frames:
             self._show(frame)
-            self.times.append(frame)
-            self._live.push(frame)
+            self._times.append((frame.stamp_s, frame.exposure_ms))
+            self.live.push(frame)
             if replayed:
-                self._live.wait(WAITING_FRAMES)
-            done = self._ends and self._live.status.instruction.kind == "done"
+                self.live.wait(WAITING_FRAMES)
+            done = self._ends and self.live.status.instruction.kind == "done"
             if stop() or self._finish.is_set() or done:
                 break
 
@@ -177,47 +135,35 @@ class Capture:
             self._shown = frame
         elif self._looked.is_set():
             self._looked.clear()
-            self._shown = _read(frame)
-
-    def end(self, stage: Stage, message: str) -> None:
-        """Say how it ended."""
-        self.stage, self.message = stage, message
+            try:
+                self._shown = in_memory(frame)
+            except FrameError:
+                self._shown = None
 
     def finish(self) -> None:
         """Ask for the end of the capture."""
         self._finish.set()
 
     @property
-    def status(self) -> LiveStatus:
-        """Where the calibrator stands."""
-        return self._live.status
-
-    @property
-    def preview(self) -> Preview | None:
-        """What is known, some tenths of a second old; None before anything is."""
-        return self._live.preview
-
-    @property
     def bars(self) -> Bars:
         """How full the bars are."""
-        return Bars.of(self._live.preview, self._live.status.instruction, self._goal)
+        return Bars.of(self.live.preview, self.live.status.instruction, self.live.goal)
 
     def view(self) -> dict[str, Any]:
         """Return all that the page shows beside the picture, as JSON-compatible values."""
-        status, preview = self._live.status, self._live.preview
-        now = status.instruction
+        status, preview = self.live.status, self.live.preview
         return {
             "stage": self.stage,
             "message": self.message,
             "out": self._out,
-            "goal": self._goal,
+            "goal": self.live.goal,
             "seconds": round(time.monotonic() - self._begun_s, 1),
             "frames": status.frames,
             "dropped": status.dropped,
             "unusable": status.unusable,
             "notes": list(status.notes),
-            "instruction": asdict(now),
-            "bars": asdict(Bars.of(preview, now, self._goal)),
+            "instruction": asdict(status.instruction),
+            "bars": asdict(Bars.of(preview, status.instruction, self.live.goal)),
             **({} if preview is None else _seen(preview)),
         }
 
@@ -242,15 +188,7 @@ class Capture:
 
 
 def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:
-    """Yield the frames of a recording at the times of their stamps.
-
-    Parameters
-    ----------
-    frames
-        The recording.
-    pace
-        How many times as fast as it was filmed; 0 for as fast as frames are taken.
-    """
+    """Yield the frames of a recording at the times of their stamps, so many times as fast; 0 for no waiting."""
     begun_s, first_s = time.monotonic(), None
     for frame in frames:
         first_s = frame.stamp_s if first_s is None else first_s
@@ -258,15 +196,6 @@ def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:
             due_s = begun_s + (frame.stamp_s - first_s) / pace
             time.sleep(max(0.0, due_s - time.monotonic()))
         yield frame
-
-
-def _read(frame: Frame) -> Frame | None:
-    """Return a frame with its image in memory, for any thread; None if it cannot be read."""
-    try:
-        image = frame.image
-    except FrameError:
-        return None
-    return replace(frame, load=lambda: image, threads=True)
 
 
 def _seen(preview: Preview) -> dict[str, Any]:

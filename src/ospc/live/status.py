@@ -1,12 +1,26 @@
-"""Where a live calibration stands."""
+"""Where a live calibration stands: the latest estimate, what to film next, and when to estimate again."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, replace
 
+from ospc.calibrator import OnlineCalibrator
 from ospc.engine_state import Epoch
-from ospc.live.advice import Instruction
+from ospc.errors import counted
+from ospc.live.advice import Adviser, Instruction
 from ospc.methods.method import Progress
+from ospc.methods.preview import Preview
+from ospc.photometry.calibration import Calibration
+
+FIRST_ESTIMATE, ESTIMATE_GROWTH = 48, 2
+"""Frames processed before the first estimate that nobody asked for, and how many times as many before each next."""
+
+CONFIRMING = 12
+"""Frames processed before the next estimate where the information so far says that the goal may be reached."""
+
+MOST_NOTES = 20
+"""Latest notes that are kept."""
 
 
 @dataclass(frozen=True)
@@ -21,14 +35,11 @@ class LiveStatus:
         Frames that the background has processed.
     dropped
         Frames that should have been processed, but too many images were waiting.
-    unusable
-        Frames that could not be used.
-    reasons
-        Why frames could not be used, the latest last.
-    converged
-        Whether response and vignette were identifiable at the latest estimate.
-    converged_after
-        Frames pushed when they first were; None before.
+    unusable, reasons
+        Frames that could not be used, and why, the latest last.
+    converged, converged_after
+        Whether response and vignette were identifiable at the latest estimate, and the frames pushed when they first
+        were; None before.
     notes
         When they became known, and whether and how the camera changed since.
     epochs
@@ -55,3 +66,53 @@ class LiveStatus:
     def advice(self) -> str:
         """What to film next, as text: one instruction at a time, until it says that it is done."""
         return self.instruction.text
+
+
+class Findings:
+    """What the background finds out about a run; only it calls the methods, and anybody may read the attributes."""
+
+    def __init__(self, engine: OnlineCalibrator, goal: float) -> None:
+        self._engine = engine
+        self.adviser = Adviser(goal)
+        self.preview: Preview | None = None
+        self.latest: Calibration | None = None
+        self.converged_after: int | None = None
+        self.notes: tuple[str, ...] = ()
+        self._confirmed: Calibration | None = None  # the latest, unless the camera has changed since
+        self._estimated_after, self._next_estimate = 0, FIRST_ESTIMATE
+        self._known_epochs = 1
+
+    def estimate(self, pushed: int) -> Calibration:
+        """Estimate completely, after so many frames were pushed."""
+        found = self._engine.calibration()
+        if found.converged and (self.latest is None or not self.latest.converged):
+            self._note(f"response and vignette are known after {counted(pushed, 'frame')}")
+            self.converged_after = self.converged_after or pushed
+        self.latest = self._confirmed = found
+        self._estimated_after = self._engine.processed
+        return found
+
+    def follow(self, pushed: int) -> None:
+        """Notice a change of the camera after a frame was processed, and estimate if it is time to."""
+        epochs, processed = self._engine.epochs, self._engine.processed
+        if len(epochs) > self._known_epochs:
+            change, self._known_epochs = epochs[-2].change, len(epochs)
+            if change is not None:
+                self._note(change.text)
+            self._next_estimate, self._confirmed = processed + FIRST_ESTIMATE, None
+            if self.latest is not None:
+                self.latest = replace(self.latest, converged=False)
+        if processed >= self._next_estimate:
+            self._next_estimate = ESTIMATE_GROWTH * processed
+            self.estimate(pushed)
+
+    def advise(self, pushed: int) -> None:
+        """Choose what to film next, by quick estimates."""
+        self.preview = self._engine.preview()
+        now = self.adviser.look(self.preview, time.monotonic(), self._confirmed)
+        due = self._engine.processed >= self._estimated_after + CONFIRMING
+        if due and now.kind != "done" and self.adviser.expects_end:
+            self.estimate(pushed)  # quick figures leave out what only a complete estimate finds
+
+    def _note(self, text: str) -> None:
+        self.notes = (*self.notes, text)[-MOST_NOTES:]

@@ -9,7 +9,6 @@ import secrets
 import socket
 import threading
 from importlib.resources import files
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from ospc.errors import SettingError, needs_extra
@@ -51,21 +50,8 @@ class PageServer:
     """A page that shows a capture; use it in a ``with`` statement.
 
     Only requests from this machine that name the token and this address are answered: others get 403, which keeps
-    other users and web pages out.
-
-    Parameters
-    ----------
-    capture
-        What to show.
-    port
-        TCP port; 0 for any that is free.
-
-    Raises
-    ------
-    MissingExtraError
-        Without the package ``websockets``.
-    SettingError
-        If the port is in use.
+    other users and web pages out. Port 0 stands for any that is free; one in use is a SettingError, and without the
+    package ``websockets`` it is a MissingExtraError.
     """
 
     def __init__(self, capture: Capture, port: int = 0) -> None:
@@ -104,9 +90,7 @@ class PageServer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Tell pages how it ended, and stop."""
         self._stopped.set()
         for page in tuple(self._pages):
