@@ -10,7 +10,6 @@ from pathlib import Path
 
 from ospc.batch.store import Row, Store
 from ospc.errors import OspcError, counted
-from ospc.formats.files import write_bytes
 from ospc.output import OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference
@@ -59,12 +58,11 @@ def merged_cameras(
     by_name: dict[str, list[Row]] = {}
     for row in rows:
         by_name.setdefault(row.camera, []).append(row)
-    cameras, differs = [], {}
-    for number, (name, own) in enumerate(by_name.items()):
-        camera = _merged(name, own, store, folder)
-        cameras.append(camera)
-        differs.update({(name, difference.name): difference.text for difference in camera.differing})
-        progress(number + 1, len(by_name))
+    cameras = []
+    for name, own in by_name.items():
+        cameras.append(_merged(name, own, store, folder))
+        progress(len(cameras), len(by_name))
+    differs = {(camera.name, found.name): found.text for camera in cameras for found in camera.differing}
     return cameras, [
         replace(row, differs=differs.get((row.camera, row.recording), "")) if row.status == "done" else row
         for row in rows
@@ -74,11 +72,8 @@ def merged_cameras(
 def folder_name(camera: str) -> str:
     """Return a name for a camera's folder: its own if that is safe, else its safe characters and a hash."""
     safe = _UNSAFE.sub("_", camera).strip("._")[:_LONGEST]
-    return (
-        camera
-        if safe == camera
-        else f"{safe or 'camera'}-{sha256(camera.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}"
-    )
+    digest = sha256(camera.encode("utf-8", "surrogatepass")).hexdigest()
+    return camera if safe == camera else f"{safe or 'camera'}-{digest[:8]}"
 
 
 def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camera:
@@ -89,10 +84,8 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
         # Recordings in different folders may have the same name; their paths are unique.
         pool = Pool.of(replace(summary, name=row.recording) for row, summary in found if summary is not None)
         if not len(pool):
-            return replace(
-                camera,
-                error="nothing could be learned from its recordings" if done else "no recording was calibrated",
-            )
+            why = "nothing could be learned from its recordings" if done else "no recording was calibrated"
+            return replace(camera, error=why)
         merged = merge(pool)
         place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
         calibration = replace(merged.calibration, source=merged.calibration.source | {"name": name})
@@ -127,20 +120,12 @@ p { margin: .3rem 0; } .bad strong { color: var(--bad); }
 """
 
 
-def write_overview(cameras: Sequence[Camera], rows: Sequence[Row], path: Path) -> Path:
-    """Write the page, whole or not at all, and return the path."""
-    return write_bytes(path, page(cameras, rows).encode("utf-8", "replace"))
-
-
 def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
     """Return the page as HTML; it needs neither network nor scripts."""
     done = sum(row.status == "done" for row in rows)
     title = f"{done} of {counted(len(rows), 'recording')} of {counted(len(cameras), 'camera')} calibrated"
-    failed = [
-        (row.recording, row.camera, f"{row.error} (tried {counted(row.attempts, 'time')})")
-        for row in rows
-        if row.status == "failed"
-    ]
+    failures = [row for row in rows if row.status == "failed"]
+    failed = [(r.recording, r.camera, f"{r.error} (tried {counted(r.attempts, 'time')})") for r in failures]
     left = sum(row.status == "not done" for row in rows)
     differing = [(d.name, camera.name, d.text) for camera in cameras for d in camera.differing]
     return document(

@@ -57,13 +57,12 @@ class Cluster:
 
 @dataclass
 class _Run:
-    """One run over tasks; those handed out are pending, by their future."""
+    """One run over tasks; those handed out are pending, with the workers that may do them where not all may."""
 
     distributed: Any
     client: Any
     cluster: Cluster
-    pending: dict[Any, Task] = field(default_factory=dict)
-    _allowed: dict[Any, frozenset[str]] = field(default_factory=dict)
+    pending: dict[Any, tuple[Task, frozenset[str]]] = field(default_factory=dict)
     _checked: set[str] = field(default_factory=set)
 
     def answers(self, waiting: Iterator[Task]) -> Generator[Answer, None, None]:
@@ -81,8 +80,7 @@ class _Run:
                 self._rescue(threads)
                 continue
             for future in set(found.done):
-                task = self.pending.pop(future)
-                self._allowed.pop(future, None)
+                task, _ = self.pending.pop(future)
                 yield self._answer(future, task)
 
     def _workers(self) -> dict[str, int]:
@@ -113,8 +111,7 @@ class _Run:
         new = workers - self._checked
         if not new:
             return
-        answers = self.client.run(_version, workers=sorted(new), on_error="return")
-        for worker, found in answers.items():
+        for worker, found in self.client.run(_version, workers=sorted(new), on_error="return").items():
             if isinstance(found, Exception):
                 if worker not in self._asked():
                     continue  # it was lost a moment ago
@@ -133,9 +130,7 @@ class _Run:
             restricted = bool(can) and len(can) < len(threads)
             where = {"workers": sorted(can), "allow_other_workers": False} if restricted else {}
             future = self.client.submit(work, task, key=f"ospc-{uuid4()}", pure=False, **where)
-            self.pending[future] = task
-            if restricted:
-                self._allowed[future] = can
+            self.pending[future] = task, can if restricted else frozenset()
 
     def _readable(self, tasks: list[Task]) -> dict[str, set[int]]:
         """Return the numbers of the tasks whose recordings each worker can read."""
@@ -152,10 +147,9 @@ class _Run:
 
     def _rescue(self, threads: dict[str, int]) -> None:
         """Hand out again the tasks that no worker is left for."""
-        lost = [future for future, allowed in self._allowed.items() if not allowed & set(threads)]
-        tasks = [self.pending.pop(future) for future in lost]
+        lost = [future for future, (_, may) in self.pending.items() if may and may.isdisjoint(threads)]
+        tasks = [self.pending.pop(future)[0] for future in lost]
         for future in lost:
-            del self._allowed[future]
             future.cancel()
         self._hand_out(tasks, threads)
 

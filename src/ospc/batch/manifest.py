@@ -5,20 +5,18 @@ from __future__ import annotations
 import csv
 import glob
 import io
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ospc.batch.object_store import matches
+from ospc.batch.object_store import is_address, matches
 from ospc.errors import FormatError, RecordingError, SettingError, needs_extra, said_by
 from ospc.exposures.findings import LagChoice, lag_choice
 from ospc.recording.kinds import kinds, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, with_overrides
 
-_URL = re.compile(r"[a-z][a-z0-9+.-]*://")
 _OWN = ("kind", "correct_lag")
 _READING = tuple(declared_options())
 
@@ -76,11 +74,6 @@ class Entry:
         return self
 
 
-def is_address(text: str) -> bool:
-    """Tell whether a text is an object-store address instead of a path."""
-    return _URL.match(text) is not None
-
-
 def options_of(text: str) -> tuple[tuple[str, str], ...]:
     """Return the options in a text such as ``rounds=4 kind=euroc``."""
     found = {}
@@ -90,11 +83,6 @@ def options_of(text: str) -> tuple[tuple[str, str], ...]:
             raise SettingError(f"option {part!r} is not NAME=VALUE, such as rounds=4")
         found[name] = value
     return tuple(found.items())
-
-
-def absolute(recording: str, folder: Path) -> str:
-    """Return the absolute path of a recording, relative ones taken from a folder; an address as it is."""
-    return recording if is_address(recording) else str((folder / recording).absolute())
 
 
 _MOST_BYTES = 1_000_000_000
@@ -212,7 +200,9 @@ def _of_table(place: Path) -> Iterator[Entry]:
             options = options_of(row.get("options") or "")
         except SettingError as error:
             raise SettingError(f"{place}, row {number}: {error}") from None
-        yield Entry(absolute(recording, folder), (row.get("camera") or "").strip() or "camera", options)
+        if not is_address(recording):
+            recording = str((folder / recording).absolute())
+        yield Entry(recording, (row.get("camera") or "").strip() or "camera", options)
 
 
 def _of_csv(place: Path) -> list[dict[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +24,8 @@ _MOST_FILES = 2_000_000
 _LONGEST_REASON = 200
 """Most characters of a store's own error message that are repeated."""
 
+_URL = re.compile(r"[a-z][a-z0-9+.-]*://")
+
 
 def matches(pattern: str) -> list[str]:
     """Return the addresses that match a pattern."""
@@ -31,16 +34,28 @@ def matches(pattern: str) -> list[str]:
         return sorted(store.unstrip_protocol(name) for name in store.glob(root))
 
 
+def is_address(text: str) -> bool:
+    """Tell whether a text is an object-store address instead of a path."""
+    return _URL.match(text) is not None
+
+
 @contextmanager
 def local_copy(address: str) -> Iterator[Path]:
-    """Give a copy of a recording on this machine, removed afterwards."""
+    """Give a recording on this machine: itself, or of one in an object store a copy, removed afterwards."""
+    if not is_address(address):
+        yield Path(address)
+        return
     store, root = _store(address)
     top = PurePosixPath(root.rstrip("/"))
     with tempfile.TemporaryDirectory(prefix="ospc-") as folder:
         place = Path(folder) / (top.name or "recording")
         with _one_error(address):
             files = store.find(root, detail=True)
-            _check_amount(address, files)
+            if not files:
+                raise RecordingError(f"{address}: there is no such file or folder; check the address")
+            size = sum(int(detail.get("size") or 0) for detail in files.values())
+            if len(files) > _MOST_FILES or size > _MOST_BYTES:
+                raise RecordingError(f"{address}: {len(files)} files of {size} bytes are too many for one recording")
             for source in files:
                 target = place.joinpath(*_parts_below(top, source, address))
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -82,11 +97,3 @@ def _parts_below(top: PurePosixPath, source: str, address: str) -> tuple[str, ..
         if name in ("", ".", "..") or set(name) & set("/\\\0"):
             raise RecordingError(f"{address}: holds a file whose name {name!r} leads out of the recording")
     return below
-
-
-def _check_amount(address: str, files: dict[str, Any]) -> None:
-    if not files:
-        raise RecordingError(f"{address}: there is no such file or folder; check the address")
-    size = sum(int(detail.get("size") or 0) for detail in files.values())
-    if len(files) > _MOST_FILES or size > _MOST_BYTES:
-        raise RecordingError(f"{address}: {len(files)} files of {size} bytes are too many for one recording")

@@ -8,13 +8,13 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ospc.batch.cameras import Camera, merged_cameras, write_overview
+from ospc.batch.cameras import Camera, merged_cameras, page
 from ospc.batch.manifest import Entry
 from ospc.batch.store import CSV_NAME, PARQUET_NAME, Row, Store, write_csv, write_parquet
-from ospc.batch.work import Answer, Runner, Task
+from ospc.batch.work import Answer, Runner, Task, Work
 from ospc.errors import MissingExtraError, OspcError, SettingError
 from ospc.folders import check_usable
-from ospc.formats.files import json_object, write_text
+from ospc.formats.files import json_object, write_bytes, write_text
 from ospc.photometry.calibration import Calibration
 from ospc.versions import versions
 
@@ -103,47 +103,46 @@ class _Batch:
     runner: Runner
     show: _Show
 
-    @property
-    def store(self) -> Store:
-        return Store(self.folder / _RECORDINGS)
+    def __post_init__(self) -> None:
+        self.store = Store(self.folder / _RECORDINGS)
 
     def recognise(self) -> None:
         """Find out which recordings an earlier run has done."""
-        known = self.store.keys()
-        if not known:
-            return
-        tasks = (Task(number, entry, "identify") for number, entry in enumerate(self.entries))
-        with closing(self.runner.run(tasks)) as answers:
-            for count, answer in enumerate(answers, start=1):
-                row = replace(self.rows[answer.number], key=answer.key)
-                is_done = answer.key in known and self.store.has(answer.key)
-                self.rows[answer.number] = replace(row, status="done") if is_done else row
-                self.show(Stage("recognising", count, len(self.entries)))
+        if any(self.store.folder.glob("??/*.ospc")):
+
+            def recognised(row: Row, answer: Answer) -> Row:
+                return replace(row, key=answer.key, status="done" if self.store.has(answer.key) else "not done")
+
+            self._work("identify", "recognising", recognised)
 
     def calibrate(self, attempt: int) -> None:
         """Calibrate the recordings that are not done."""
-        left = [number for number, row in enumerate(self.rows) if row.status != "done"]
-        name = "calibrating" if attempt == 1 else f"trying again ({attempt - 1})"
-        failed = 0
-        tasks = (Task(number, self.entries[number]) for number in left)
-        with closing(self.runner.run(tasks)) as answers:
-            for count, answer in enumerate(answers, start=1):
-                self._record(answer, attempt)
-                failed += bool(answer.error)
-                self.show(Stage(name, count, len(left), failed))
 
-    def _record(self, answer: Answer, attempt: int) -> None:
-        if not answer.error:
-            self.store.put(answer.key, answer.result)
-        self.rows[answer.number] = replace(
-            self.rows[answer.number],
-            status="failed" if answer.error else "done",
-            error=answer.error.removeprefix(f"{self.rows[answer.number].recording}: "),
-            attempts=attempt,
-            seconds=round(answer.seconds, 3),
-            worker=answer.worker,
-            key=answer.key,
-        )
+        def recorded(row: Row, answer: Answer) -> Row:
+            if not answer.error:
+                self.store.put(answer.key, answer.result)
+            return replace(
+                row,
+                status="failed" if answer.error else "done",
+                error=answer.error.removeprefix(f"{row.recording}: "),
+                attempts=attempt,
+                seconds=round(answer.seconds, 3),
+                worker=answer.worker,
+                key=answer.key,
+            )
+
+        self._work("calibrate", "calibrating" if attempt == 1 else f"trying again ({attempt - 1})", recorded)
+
+    def _work(self, what: Work, name: str, taken: Callable[[Row, Answer], Row]) -> None:
+        """Have a piece of work on all recordings done that are not done."""
+        left = [number for number, row in enumerate(self.rows) if row.status != "done"]
+        failed = 0
+        with closing(self.runner.run(Task(number, self.entries[number], what) for number in left)) as answers:
+            for count, answer in enumerate(answers, start=1):
+                row = taken(self.rows[answer.number], answer)
+                self.rows[answer.number] = row
+                failed += row.status == "failed"
+                self.show(Stage(name, count, len(left), failed))
 
     def written(self, *, interrupted: bool) -> Outcome:
         """Merge what is done, and write everything that users read."""
@@ -164,7 +163,7 @@ class _Batch:
         except MissingExtraError as error:
             (place / PARQUET_NAME).unlink(missing_ok=True)  # that of an earlier run would contradict the CSV
             notes.append(f"no {PARQUET_NAME}: {error}")
-        files.append(write_overview(cameras, rows, place / PAGE_NAME))
+        files.append(write_bytes(place / PAGE_NAME, page(cameras, rows).encode("utf-8", "replace")))
         content = {
             "schema": SCHEMA,
             "recordings": len(rows),

@@ -44,10 +44,6 @@ class Store:
 
     folder: Path
 
-    def keys(self) -> set[str]:
-        """Return the keys of all results in the folder."""
-        return {place.stem for place in self.folder.glob("??/*.ospc")}
-
     def put(self, key: str, data: bytes) -> Path:
         """Keep a result, whole or not at all, and return its path; it may come over a network, and is checked."""
         name = f"the result of {key[:12]}…"
@@ -97,32 +93,11 @@ Status = Literal["done", "failed", "not done"]
 class Row:
     """The outcome of one recording.
 
-    Attributes
-    ----------
-    recording, camera
-        As in the manifest.
-    status
-        Whether it was calibrated.
-    error
-        Why not, in one sentence.
-    attempts
-        How often it was tried; 0 where an earlier run had done it.
-    seconds
-        Duration of the last attempt.
-    worker
-        Host and process that did it.
-    key
-        Name of its result, made from content and settings.
-    frames, skipped, pairs, samples
-        What the result rests on.
-    response, vignette
-        Whether each was determined: identifiable, marginal or not identifiable.
-    response_sigma, vignette_sigma
-        Largest standard deviation of g, and that of V at the corner; None where unknown.
-    differs
-        How it differs from the other recordings of its camera; empty where it does not.
-    notes
-        What was found about its exposures, and why frames were skipped.
+    ``recording`` and ``camera`` are those of the manifest. ``error`` says in one sentence why it was not calibrated,
+    ``attempts`` how often it was tried, 0 where an earlier run had done it. ``seconds`` and ``worker`` (host and
+    process) are of the last attempt. ``key`` names its result. ``response`` and ``vignette`` are states of verdicts,
+    and the sigmas the largest standard deviation of g and that of V at the corner. ``differs`` says how it differs
+    from the other recordings of its camera, and ``notes`` what was found about its exposures and skipped frames.
     """
 
     recording: str
@@ -145,9 +120,8 @@ class Row:
     notes: str = ""
 
 
-_COLUMNS = ("schema", *(entry.name for entry in fields(Row)))
-_INTEGERS = ("attempts", "frames", "skipped", "pairs", "samples")
-_FLOATS = ("seconds", "response_sigma", "vignette_sigma")
+_COLUMNS = {"schema": "str"} | {str(entry.name): str(entry.type) for entry in fields(Row)}
+"""Names of the columns, and types of their values."""
 
 
 def write_csv(rows: Sequence[Row], path: Path) -> Path:
@@ -163,8 +137,8 @@ def write_parquet(rows: Sequence[Row], path: Path) -> Path:
     with needs_extra("writing Parquet tables", "parquet"):
         import pyarrow as arrow
         from pyarrow import parquet
-    kinds = {name: arrow.int64() for name in _INTEGERS} | {name: arrow.float64() for name in _FLOATS}
-    schema = arrow.schema([(name, kinds.get(name, arrow.string())) for name in _COLUMNS])
+    kinds = {"int": arrow.int64(), "float": arrow.float64(), "float | None": arrow.float64()}
+    schema = arrow.schema([(name, kinds.get(kind, arrow.string())) for name, kind in _COLUMNS.items()])
     packed = io.BytesIO()
     parquet.write_table(arrow.Table.from_pylist([_values(row) for row in rows], schema), packed)
     return write_bytes(path, packed.getvalue())

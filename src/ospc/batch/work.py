@@ -8,18 +8,17 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Generator, Iterable, Iterator
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Generator, Iterable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from itertools import islice
 from multiprocessing.connection import Connection, wait
-from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypeAlias
 
 import ospc
-from ospc.batch.manifest import Entry, is_address
+from ospc.batch.manifest import Entry
 from ospc.batch.object_store import local_copy
 from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator, drive
@@ -32,13 +31,16 @@ _MOST_FILES = 2_000_000
 """Files of a recording whose names and sizes are part of its key; far more than any has."""
 
 
+Work: TypeAlias = Literal["identify", "calibrate"]
+
+
 @dataclass(frozen=True)
 class Task:
     """A piece of work on one recording: only to identify it, or to calibrate it. Numbers are unique."""
 
     number: int
     entry: Entry
-    what: Literal["identify", "calibrate"] = "calibrate"
+    what: Work = "calibrate"
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def work(task: Task) -> Answer:
     begun_s = time.monotonic()
     answer = Answer(task.number)
     try:
-        with one_library_thread(), _here(task.entry.recording) as place:
+        with one_library_thread(), local_copy(task.entry.recording) as place:
             recording = open_recording(place, task.entry.kind, task.entry.reading)
             source = identity(recording) | {"name": Path(task.entry.recording.rstrip("/")).name}
             key = _key(place, source, task.entry)
@@ -107,22 +109,11 @@ def _files(place: Path) -> str:
     if place.is_file():
         return str(place.stat().st_size)
     total = sha256()
-    for name, size in sorted(islice(_listed(place), _MOST_FILES)):
+    files = (Path(parent) / name for parent, _, names in os.walk(place) for name in names)
+    sizes = ((file.relative_to(place).as_posix(), file.stat().st_size) for file in islice(files, _MOST_FILES))
+    for name, size in sorted(sizes):
         total.update(f"{name}\0{size}\n".encode("utf-8", "surrogatepass"))
     return total.hexdigest()
-
-
-def _listed(folder: Path) -> Iterator[tuple[str, int]]:
-    for parent, folders, names in os.walk(folder):
-        folders.sort()
-        for name in names:
-            file = Path(parent) / name
-            yield file.relative_to(folder).as_posix(), file.stat().st_size
-
-
-def _here(recording: str) -> AbstractContextManager[Path]:
-    """Give the recording as a path on this machine."""
-    return local_copy(recording) if is_address(recording) else nullcontext(Path(recording))
 
 
 _PATIENCE_S = 5
@@ -145,13 +136,6 @@ class ThisProcess:
         yield from map(work, tasks)
 
 
-@dataclass
-class _Worker:
-    process: SpawnProcess
-    connection: Connection
-    task: Task | None = None
-
-
 @dataclass(frozen=True)
 class Processes:
     """Does tasks in processes of this machine; one that dies takes only its own task with it."""
@@ -160,48 +144,60 @@ class Processes:
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Give the answers as they come."""
-        waiting, workers = iter(tasks), list[_Worker]()
+        waiting, idle, busy = iter(tasks), list[_Worker](), list[_Worker]()
         try:
             while True:
-                self._hand_out(waiting, workers)
-                busy = [worker for worker in workers if worker.task is not None]
+                while len(busy) < self.count and (task := next(waiting, None)) is not None:
+                    busy.append(idle.pop() if idle else _Worker())
+                    busy[-1].give(task)
                 if not busy:
                     return
                 ready = wait([worker.connection for worker in busy])
-                for worker in busy:
-                    if worker.connection in ready:
-                        yield _answer_of(worker)
-                        if not worker.process.is_alive():
-                            workers.remove(worker)
+                for worker in [worker for worker in busy if worker.connection in ready]:
+                    answer = worker.answer()
+                    busy.remove(worker)
+                    if worker.process.is_alive():
+                        idle.append(worker)
+                    yield answer
         finally:
-            for worker in workers:
-                _end(worker)
-
-    def _hand_out(self, waiting: Iterator[Task], workers: list[_Worker]) -> None:
-        """Give every idle worker a task, and start workers as long as there are tasks for them."""
-        while True:
-            idle = next((worker for worker in workers if worker.task is None), None)
-            if idle is None and len(workers) >= self.count:
-                return
-            task = next(waiting, None)
-            if task is None:
-                return
-            if idle is None:
-                idle = _started()
-                workers.append(idle)
-            idle.task = task
-            with suppress(OSError):  # a worker that died meanwhile is noticed when its answer is awaited
-                idle.connection.send(task)
+            for worker in (*idle, *busy):
+                worker.end(at_once=worker in busy)
 
 
-def _started() -> _Worker:
-    # A fresh interpreter, because libraries with threads do not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there,), daemon=True)
-    process.start()
-    there.close()
-    return _Worker(process, here)
+class _Worker:
+    """A process that does one task after the other."""
+
+    def __init__(self) -> None:
+        # A fresh interpreter, because libraries with threads do not survive a fork.
+        context = multiprocessing.get_context("spawn")
+        self.connection, there = context.Pipe()
+        self.process = context.Process(target=_serve, args=(there,), daemon=True)
+        self.process.start()
+        there.close()
+        self._number = 0
+
+    def give(self, task: Task) -> None:
+        self._number = task.number
+        with suppress(OSError):  # a process that died meanwhile is noticed when its answer is awaited
+            self.connection.send(task)
+
+    def answer(self) -> Answer:
+        try:
+            answer: Answer = self.connection.recv()
+        except (EOFError, OSError):
+            self.process.join()
+            why = f"the process that worked on it died ({_death(self.process.exitcode)})"
+            return Answer(self._number, error=why)
+        return answer
+
+    def end(self, *, at_once: bool) -> None:
+        self.connection.close()
+        if at_once:
+            self.process.terminate()
+        self.process.join(_PATIENCE_S)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
 
 
 def _serve(connection: Connection) -> None:
@@ -213,17 +209,6 @@ def _serve(connection: Connection) -> None:
             connection.send(work(connection.recv()))
 
 
-def _answer_of(worker: _Worker) -> Answer:
-    task, worker.task = worker.task, None
-    assert task is not None
-    try:
-        answer: Answer = worker.connection.recv()
-    except (EOFError, OSError):
-        worker.process.join()
-        return Answer(task.number, error=f"the process that worked on it died ({_death(worker.process.exitcode)})")
-    return answer
-
-
 def _death(exitcode: int | None) -> str:
     if exitcode is None or exitcode >= 0:
         return f"exit code {exitcode}"
@@ -231,16 +216,6 @@ def _death(exitcode: int | None) -> str:
         name = signal.Signals(-exitcode).name
         return f"{name}, perhaps for lack of memory" if name == "SIGKILL" else name
     return f"signal {-exitcode}"
-
-
-def _end(worker: _Worker) -> None:
-    worker.connection.close()
-    if worker.task is not None:
-        worker.process.terminate()
-    worker.process.join(_PATIENCE_S)
-    if worker.process.is_alive():
-        worker.process.kill()
-        worker.process.join()
 
 
 def cores() -> int:
