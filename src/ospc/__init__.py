@@ -26,44 +26,28 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "Calibration": "ospc.photometry.calibration",
-    "Frame": "ospc.recording",
-    "LiveCalibrator": "ospc.live",
-    "Observations": "ospc.observations",
-    "OnlineCalibrator": "ospc.calibrator",
-    "OspcError": "ospc.errors",
-    "Recording": "ospc.recording",
-    "Response": "ospc.photometry.response",
-    "Vignette": "ospc.photometry.vignette",
-    "calibrate": "ospc.calibrator",
-    "fit": "ospc.estimation.fitting",
-    "open_recording": "ospc.recording",
-    "simulate": "ospc.simulation",
+    "ospc.calibrator": ("OnlineCalibrator", "calibrate"),
+    "ospc.errors": ("OspcError",),
+    "ospc.estimation.fitting": ("fit",),
+    "ospc.live": ("LiveCalibrator",),
+    "ospc.observations": ("Observations",),
+    "ospc.photometry.calibration": ("Calibration",),
+    "ospc.photometry.response": ("Response",),
+    "ospc.photometry.vignette": ("Vignette",),
+    "ospc.recording": ("Frame", "Recording", "open_recording"),
+    "ospc.simulation": ("simulate",),
 }
+_MODULES = {name: module for module, names in _HOME.items() for name in names}
 
-__all__ = [
-    "Calibration",
-    "Frame",
-    "LiveCalibrator",
-    "Observations",
-    "OnlineCalibrator",
-    "OspcError",
-    "Recording",
-    "Response",
-    "Vignette",
-    "__version__",
-    "calibrate",
-    "fit",
-    "open_recording",
-    "simulate",
-]
+__all__ = ["__version__"]
+__all__.extend(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
     """Load a public name when it is first asked for."""
-    if name not in _HOME:
+    if name not in _MODULES:
         raise AttributeError(f"module 'ospc' has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
+    value = getattr(import_module(_MODULES[name]), name)
     globals()[name] = value
     return value
 

@@ -24,12 +24,8 @@ UNREADABLE = (
 _MESSAGE_CHARACTERS = 1500
 """Characters of a message before its middle is left out: libraries quote as much of a file as there is."""
 
-_SHOWN_CHARACTERS = 40
-"""Characters of a quotation before it is cut."""
-
-_SHOWN_ITEMS = 3
-"""Items of a list that a message names."""
-
+_SHOWN_CHARACTERS, _SHOWN_ITEMS = 40, 3
+"""Characters of a quotation before it is cut, and items of a list that a message names."""
 
 _NO_MEMORY = ("std::bad_alloc", "Failed to allocate", "failed to map segment", "Cannot allocate memory")
 """What the libraries below, and the loader, say where memory ends."""
@@ -38,11 +34,8 @@ _NO_MEMORY = ("std::bad_alloc", "Failed to allocate", "failed to map segment", "
 class OspcError(Exception):
     """Root of all errors raised by the library.
 
-    Parameters
-    ----------
-    message
-        One sentence. What it quotes of a file or a name is escaped, so that it stays on one line and no terminal
-        obeys it; of a very long one the middle is left out.
+    The message is one sentence. What it quotes of a file or a name is escaped, so that it stays on one line and no
+    terminal obeys it; of a very long one the middle is left out.
     """
 
     def __init__(self, message: str = "") -> None:
@@ -76,20 +69,13 @@ class NotObservableError(OspcError):
 
 
 class MissingExtraError(OspcError):
-    """An optional dependency is needed for what was asked.
+    """An optional dependency, which an extra of this package brings, is needed for what was asked.
 
-    Parameters
-    ----------
-    feature
-        What the user asked for, as the subject of a sentence.
-    extra
-        Name of the extra of this package that brings the dependency.
+    ``feature`` is what the user asked for, as the subject of a sentence.
     """
 
     def __init__(self, feature: str, extra: str) -> None:
         super().__init__(f"{feature} needs an optional dependency: pip install 'ospc[{extra}]'")
-        self.feature = feature
-        self.extra = extra
 
 
 @contextmanager

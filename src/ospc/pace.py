@@ -8,15 +8,7 @@ from contextlib import contextmanager
 
 
 class Pace:
-    """Says when to look again: not too often, and so that looking takes a small share of the time.
-
-    Parameters
-    ----------
-    least_s
-        Shortest time between looks.
-    share
-        Largest share of all time that looking may take.
-    """
+    """Says when to look again: not before ``least_s``, and so that looking takes at most a ``share`` of the time."""
 
     def __init__(self, least_s: float, share: float) -> None:
         self._least_s, self._share = least_s, share
@@ -25,7 +17,7 @@ class Pace:
     @property
     def due(self) -> bool:
         """Whether it is time."""
-        return time.monotonic() >= self._next_s
+        return self.remaining_s == 0
 
     @property
     def remaining_s(self) -> float:
