@@ -158,10 +158,7 @@ class OnlineCalibrator(Engine):
     def recall(self, frame: Frame) -> None:
         """Process a frame again that new ones were being compared with.
 
-        Raises
-        ------
-        FrameError
-            If its image cannot be read any more, or has another size.
+        FrameError if its image cannot be read any more, or has another size.
         """
         if self._method is not None and self._exposures.evidence is not None:
             shown = replace(frame, load=partial(of_size, frame, self._size))
@@ -184,13 +181,8 @@ def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
 def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Iterator[Frame]:
     """Give the frames of a recording that a calibrator was not pushed yet, after showing it those it wants again.
 
-    The calibrator is new, or was loaded from a state of a run over the same recording. All frames of the recording
-    are given, from the first on.
-
-    Raises
-    ------
-    FrameError
-        If a frame that had been read before cannot be read any more.
+    The calibrator is new, or was loaded from a state of a run over the same recording. FrameError if a frame that had
+    been read before cannot be read any more.
     """
     wanted, done = calibrator.wanted, calibrator.frames
     for number, frame in enumerate(recording):
@@ -203,10 +195,9 @@ def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Itera
 def drive(
     calibrator: OnlineCalibrator, frames: Iterable[Frame], after_frame: Callable[[Frame, bool], None] | None = None
 ) -> None:
-    """Push all frames :func:`remaining`, decoded ahead by another thread.
+    """Push all frames :func:`remaining`, decoded ahead by another thread: the only loop over frames.
 
-    This is the only loop over frames: commands, batches and :func:`calibrate` all use it. ``after_frame`` is called
-    after every frame with the frame and whether it could be used; it ends the run early by raising.
+    ``after_frame`` is called after each frame with it and whether it could be used; it ends the run early by raising.
     """
     foresight = calibrator.foresight
     with one_library_thread():

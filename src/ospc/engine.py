@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.arrays import BoolArray, Image, ImageSize
+from ospc.arrays import Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.second_thread import SecondThread
 from ospc.engine_state import Epoch
@@ -129,7 +129,7 @@ class Engine:
     def note(self, exposure_ms: float, name: str, unusable: str = "") -> bool:
         """Take note of a frame without its image, and return whether it could have been used for all that is known.
 
-        ``unusable`` says why its image cannot be used; it is empty where nobody looked at it.
+        ``unusable`` says why its image cannot be used, where somebody looked at it.
         """
         with self._lock:
             self._exposures.table.append(exposure_ms)
@@ -160,8 +160,14 @@ class Engine:
                 f"{frame.name}: its largest grey value is {frame.max_grey}, but that of the first frame "
                 f"{self._max_grey}; calibrate each bit depth on its own"
             )
-        if frame.mask is not None:
-            _check_mask(frame.mask, size, frame.name)
+        if frame.mask is not None and size_of(frame.mask) != size:
+            width, height = size_of(frame.mask)
+            raise FrameError(
+                f"{frame.name}: its mask has {width}×{height} pixels, but the frames have {size[0]}×{size[1]}; make "
+                "them equal"
+            )
+        if frame.mask is not None and not frame.mask.any():
+            raise FrameError(f"{frame.name}: its mask leaves no pixel; True is where pixels may be used")
         return checked
 
     def _process(self, frame: Frame) -> None:
@@ -242,13 +248,7 @@ class Engine:
     # The result of the frames so far.
 
     def calibration(self) -> Calibration:
-        """Return what is known now; pushing may go on afterwards.
-
-        Raises
-        ------
-        OspcError
-            If no frame could be read so far.
-        """
+        """Return what is known now; pushing may go on afterwards. OspcError if no frame could be read so far."""
         with self._lock:
             if self._method is None:
                 why = f": {self._reasons[-1]}" if self._reasons else ""
@@ -351,16 +351,6 @@ class Engine:
 def _check_exposure(exposure_ms: float, name: str) -> None:
     if not (np.isfinite(exposure_ms) and exposure_ms > 0):
         raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
-
-
-def _check_mask(mask: BoolArray, size: ImageSize, name: str) -> None:
-    height, width = mask.shape
-    if (width, height) != size:
-        raise FrameError(
-            f"{name}: its mask has {width}×{height} pixels, but the frames have {size[0]}×{size[1]}; make them equal"
-        )
-    if not mask.any():
-        raise FrameError(f"{name}: its mask leaves no pixel; True is where pixels may be used")
 
 
 def of_size(frame: Frame, size: ImageSize) -> Image:

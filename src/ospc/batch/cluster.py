@@ -100,12 +100,11 @@ class _Run:
 
     def _asked(self) -> dict[str, int]:
         try:
-            found: dict[str, int] = self.client.nthreads()
+            return dict(self.client.nthreads())
         except (OSError, TimeoutError, self.distributed.comm.CommClosedError) as error:
             raise SettingError(
                 f"{self.cluster.address}: the scheduler is lost ({error}); run the command again to go on"
             ) from None
-        return found
 
     def _check_versions(self, workers: set[str]) -> None:
         new = workers - self._checked
@@ -121,8 +120,6 @@ class _Run:
             self._checked.add(worker)
 
     def _hand_out(self, tasks: list[Task], threads: dict[str, int]) -> None:
-        if not tasks:
-            return
         readable = self._readable(tasks)
         for task in tasks:
             can = frozenset(worker for worker, numbers in readable.items() if task.number in numbers)
@@ -134,16 +131,12 @@ class _Run:
 
     def _readable(self, tasks: list[Task]) -> dict[str, set[int]]:
         """Return the numbers of the tasks whose recordings each worker can read."""
-        paths = {task.number: task.entry.recording for task in tasks if not task.entry.is_remote}
-        everything = {task.number for task in tasks}
+        remote = {task.number for task in tasks if task.entry.is_remote}
+        paths = {task.number: task.entry.recording for task in tasks if task.number not in remote}
         if not paths:
             return {}
-        answers = self.client.run(_readable_of, paths, on_error="return")
-        return {
-            worker: set(numbers) | (everything - set(paths))
-            for worker, numbers in answers.items()
-            if not isinstance(numbers, Exception)
-        }
+        answers = self.client.run(_readable_of, paths, on_error="return").items()
+        return {worker: remote.union(found) for worker, found in answers if not isinstance(found, Exception)}
 
     def _rescue(self, threads: dict[str, int]) -> None:
         """Hand out again the tasks that no worker is left for."""

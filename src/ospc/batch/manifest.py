@@ -100,32 +100,22 @@ def read_manifest(
 ) -> list[Entry]:
     """Return the recordings that a manifest names; none is opened.
 
-    Parameters
-    ----------
-    manifest
-        One of
+    The manifest is one of
 
-        - a ``.csv`` or ``.parquet`` table with the columns ``recording`` (a path, relative to the table's folder, or
-          an object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the last two may be
-          missing, and other columns are ignored;
-        - a folder: every recording in it, up to four folders deep; the folder that holds a recording names its
-          camera;
-        - a pattern such as ``recordings/*/cam0``, cameras as before; also of object-store addresses.
-    camera
-        Name of the camera of all recordings, in place of what the manifest says.
-    left_out
-        Called with each folder below the given one that holds no recording, and why.
+    - a ``.csv`` or ``.parquet`` table with the columns ``recording`` (a path, relative to the table's folder, or an
+      object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the last two may be
+      missing, and other columns are ignored;
+    - a folder: every recording in it, up to four folders deep; the folder that holds a recording names its camera;
+    - a pattern such as ``recordings/*/cam0``, cameras as before; also of object-store addresses.
+
+    ``camera`` takes the place of the cameras that it names. ``left_out`` is called with each folder below the given
+    one that holds no recording, and why.
 
     Raises
     ------
-    RecordingError
-        If there is no such manifest, or no recording in it.
-    FormatError
-        If a table cannot be read or has no column ``recording``.
-    SettingError
-        If an option is unknown or has a wrong value.
-    MissingExtraError
-        If a Parquet table or an object store needs an optional dependency.
+    OspcError
+        If there is no such manifest, no recording in it, a table cannot be read or has no column ``recording``, an
+        option is unknown or has a wrong value, or an optional dependency is missing.
     """
     place = Path(manifest)
     if is_address(manifest):

@@ -108,11 +108,11 @@ class _Batch:
 
     def recognise(self) -> None:
         """Find out which recordings an earlier run has done."""
+
+        def recognised(row: Row, answer: Answer) -> Row:
+            return replace(row, key=answer.key, status="done" if self.store.has(answer.key) else "not done")
+
         if any(self.store.folder.glob("??/*.ospc")):
-
-            def recognised(row: Row, answer: Answer) -> Row:
-                return replace(row, key=answer.key, status="done" if self.store.has(answer.key) else "not done")
-
             self._work("identify", "recognising", recognised)
 
     def calibrate(self, attempt: int) -> None:

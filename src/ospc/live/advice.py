@@ -279,5 +279,4 @@ def _least_seen_corner(preview: Preview) -> tuple[int, int]:
         return (1, -1)
     places = preview.observations.position
     outer = places[np.hypot(*places.T) > _OUTER_RADIUS]
-    counts = {corner: int(np.sum((outer * corner > 0).all(axis=1))) for corner in _CORNERS}
-    return min(counts, key=lambda corner: counts[corner])
+    return min(_CORNERS, key=lambda corner: int(np.sum((outer * corner > 0).all(axis=1))))

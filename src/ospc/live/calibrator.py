@@ -158,20 +158,7 @@ class LiveCalibrator:
         """Where it stands."""
         self._check_process()
         with self._changed:
-            status, found = self._engine.status, self._found
-            return LiveStatus(
-                self._frames,
-                self._engine.processed,
-                self._dropped,
-                self._unusable,
-                status.skipped,
-                found.latest is not None and found.latest.converged,
-                found.converged_after,
-                found.notes,
-                self._engine.epochs,
-                status.progress,
-                found.adviser.instruction,
-            )
+            return self._found.status(self._frames, self._dropped, self._unusable)
 
     @property
     def preview(self) -> Preview | None:
@@ -189,10 +176,7 @@ class LiveCalibrator:
         return self._engine.first_reasons
 
     def save_state(self, path: str | Path) -> Path:
-        """Write all that is known to a file, as ``OnlineCalibrator.save_state`` does with its summary.
-
-        OspcError if the file cannot be written, or a frame was processed in part only.
-        """
+        """Write all that is known to a file, as ``OnlineCalibrator.save_state`` does with its summary."""
         self._check_process()
         return self._engine.save_state(path, complete=True)
 

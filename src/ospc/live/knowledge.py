@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
@@ -39,10 +40,8 @@ class Knowledge:
 
     Attributes
     ----------
-    fit
-        The fit that the parameters are linearised at.
-    covariance
-        Covariance of the parameters by all observations so far, shape (p, p).
+    fit, covariance
+        The fit that the parameters are linearised at, and their covariance by all observations so far, shape (p, p).
     wanted
         A row for every grey level and radius: the derivative of g or V there, shape (n, p).
     information_scale
@@ -123,10 +122,8 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
     wanted = _wanted(fit, sum(measured_greys(observations)) / 2, _radii(preview.usable_radius))
     disagreement = np.maximum(_variance(wanted, fit.covariance - fit.chance), 0)
     sigma = np.sqrt(_variance(wanted, covariance) + disagreement)
-    greys = len(_GREYS)
-    return Knowledge(
-        fit, covariance, wanted, scale, _root_mean_square(sigma[:greys]), _root_mean_square(sigma[greys:])
-    )
+    of_response, of_vignette = (_root_mean_square(part) for part in np.split(sigma, [len(_GREYS)]))
+    return Knowledge(fit, covariance, wanted, scale, of_response, of_vignette)
 
 
 def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[float | None, float | None]:
@@ -134,12 +131,12 @@ def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[flo
 
     None stands for a part that is not known at all. Radii beyond the usable part of the image do not count.
     """
-    response, sigma = calibration.response, calibration.vignette_sigma
-    spread = None if response is None else response.inverse_sigma
-    of_response = None
-    if response is not None and spread is not None:
-        of_response = _root_mean_square(np.interp(_GREYS, response.levels, spread))
-    return of_response, None if sigma is None else _root_mean_square(sigma[: len(_radii(usable_radius))])
+    response, of_response, of_vignette = calibration.response, None, None
+    if response is not None and response.inverse_sigma is not None:
+        of_response = _root_mean_square(np.interp(_GREYS, response.levels, response.inverse_sigma))
+    if calibration.vignette_sigma is not None:
+        of_vignette = _root_mean_square(calibration.vignette_sigma[: len(_radii(usable_radius))])
+    return of_response, of_vignette
 
 
 def _covariance(fit: Fit, some: ExposedObservations, step: int) -> tuple[FloatArray, float]:
@@ -161,10 +158,7 @@ def _wanted(fit: Fit, reference: float, radii: FloatArray) -> FloatArray:
     places = radii[:, None] * _DIAGONAL
     value = np.exp(vignette.log_value(fit.vignette_parameters, places))
     fall = value[:, None] * vignette.jacobian(fit.vignette_parameters, places)
-    wanted = np.zeros((len(response) + len(fall), len(basis) + len(vignette)))
-    wanted[: len(response), : len(basis)] = response
-    wanted[len(response) :, len(basis) :] = fall
-    return wanted
+    return np.asarray(block_diag(response, fall))
 
 
 def _variance(rows: FloatArray, covariance: FloatArray) -> FloatArray:

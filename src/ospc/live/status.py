@@ -73,21 +73,38 @@ class Findings:
 
     def __init__(self, engine: OnlineCalibrator, goal: float) -> None:
         self._engine = engine
-        self.adviser = Adviser(goal)
+        self._adviser = Adviser(goal)
         self.preview: Preview | None = None
         self.latest: Calibration | None = None
-        self.converged_after: int | None = None
-        self.notes: tuple[str, ...] = ()
+        self._converged_after: int | None = None
+        self._notes: tuple[str, ...] = ()
         self._confirmed: Calibration | None = None  # the latest, unless the camera has changed since
         self._estimated_after, self._next_estimate = 0, FIRST_ESTIMATE
         self._known_epochs = 1
+
+    def status(self, pushed: int, dropped: int, unusable: int) -> LiveStatus:
+        """Return where the run stands, after so many frames."""
+        status = self._engine.status
+        return LiveStatus(
+            frames=pushed,
+            processed=self._engine.processed,
+            dropped=dropped,
+            unusable=unusable,
+            reasons=status.skipped,
+            converged=self.latest is not None and self.latest.converged,
+            converged_after=self._converged_after,
+            notes=self._notes,
+            epochs=self._engine.epochs,
+            progress=status.progress,
+            instruction=self._adviser.instruction,
+        )
 
     def estimate(self, pushed: int) -> Calibration:
         """Estimate completely, after so many frames were pushed."""
         found = self._engine.calibration()
         if found.converged and (self.latest is None or not self.latest.converged):
             self._note(f"response and vignette are known after {counted(pushed, 'frame')}")
-            self.converged_after = self.converged_after or pushed
+            self._converged_after = self._converged_after or pushed
         self.latest = self._confirmed = found
         self._estimated_after = self._engine.processed
         return found
@@ -109,10 +126,10 @@ class Findings:
     def advise(self, pushed: int) -> None:
         """Choose what to film next, by quick estimates."""
         self.preview = self._engine.preview()
-        now = self.adviser.look(self.preview, time.monotonic(), self._confirmed)
+        now = self._adviser.look(self.preview, time.monotonic(), self._confirmed)
         due = self._engine.processed >= self._estimated_after + CONFIRMING
-        if due and now.kind != "done" and self.adviser.expects_end:
+        if due and now.kind != "done" and self._adviser.expects_end:
             self.estimate(pushed)  # quick figures leave out what only a complete estimate finds
 
     def _note(self, text: str) -> None:
-        self.notes = (*self.notes, text)[-MOST_NOTES:]
+        self._notes = (*self._notes, text)[-MOST_NOTES:]
