@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.engine import Engine
@@ -344,10 +345,11 @@ def ask_together(monkeypatch):
 
 
 def test_all_that_ask_together_are_answered_even_if_the_next_estimate_fails(ask_together, monkeypatch):
-    estimates = iter(["estimated"])
+    known = calibration()
+    estimates = iter([known])
     with LiveCalibrator() as live:
-        monkeypatch.setattr(live._found, "estimate", lambda _pushed: next(estimates))
-        assert ask_together(live, 3) == ["estimated"] * 3
+        monkeypatch.setattr(live._engine, "calibration", lambda: next(estimates))
+        assert ask_together(live, 3) == [known] * 3
 
 
 def test_all_that_ask_learn_why_the_background_failed(ask_together, monkeypatch):

@@ -153,7 +153,7 @@ class Processes:
                 if not busy:
                     return
                 ready = wait([worker.connection for worker in busy])
-                for worker in [worker for worker in busy if worker.connection in ready]:
+                for worker in [each for each in busy if each.connection in ready]:
                     answer = worker.answer()
                     busy.remove(worker)
                     if worker.process.is_alive():

@@ -85,12 +85,12 @@ class LiveCalibrator:
         self.goal = goal
         self._process = os.getpid()
         self._changed = threading.Condition()
-        self._queue: deque[tuple[Callable[[], bool], int]] = deque()  # work on a frame, and the bytes it holds
+        self._queue: deque[tuple[Callable[[], bool], int]] = deque()  # work, and the bytes of the image it holds
         self._waiting_bytes = 0
-        self._asked: list[tuple[int, Future[Calibration]]] = []
+        self._asked: list[Future[Calibration]] = []
         self._closed = False
         self._failure: BaseException | None = None
-        self._frames = self._taken = self._dropped = self._unusable = 0
+        self._frames = self._dropped = self._unusable = 0
         self._found = Findings(self._engine, goal)
         self._pace = Pace(LOOK_S, LOOK_SHARE)
         self._unseen = False  # whether anything was taken since the last look
@@ -114,9 +114,7 @@ class LiveCalibrator:
                     work = partial(work, str(error))
             self._frames += 1
             self._dropped += wanted and full
-            self._queue.append((work, size))
-            self._waiting_bytes += size
-            self._changed.notify_all()
+            self._enqueue(work, size)
             return kept
 
     def follow(self, source: Iterable[Item]) -> None:
@@ -149,8 +147,8 @@ class LiveCalibrator:
         """
         answer: Future[Calibration] = Future()
         with self._running():
-            self._asked.append((self._frames, answer))
-            self._changed.notify_all()
+            self._asked.append(answer)
+            self._enqueue(partial(self._answer, answer))
         return answer.result()
 
     @property
@@ -218,6 +216,11 @@ class LiveCalibrator:
         if self._closed:
             raise OspcError("this live calibrator was closed; make a new one")
 
+    def _enqueue(self, work: Callable[[], bool], size: int = 0) -> None:
+        self._queue.append((work, size))
+        self._waiting_bytes += size
+        self._changed.notify_all()
+
     # The background.
 
     def _work(self) -> None:
@@ -227,12 +230,11 @@ class LiveCalibrator:
                     self._take()
                 if self._unseen and self._pace.due:
                     self._advise()
-                self._answer()
         except BaseException as error:
             with self._changed:
                 self._failure = error
                 # Whoever waits has to learn of it.
-                for _, answer in self._asked:
+                for answer in self._asked:
                     answer.set_exception(_failed(error))
                 self._changed.notify_all()
 
@@ -240,7 +242,7 @@ class LiveCalibrator:
         """Wait until there is something to do; return whether there is, and not the end."""
         with self._changed:
             until_look_s = self._pace.remaining_s if self._unseen else None
-            self._changed.wait_for(lambda: self._queue or self._asked or self._closed, until_look_s)
+            self._changed.wait_for(lambda: self._queue or self._closed, until_look_s)
             return not self._closed or bool(self._asked)
 
     def _take(self) -> None:
@@ -249,7 +251,6 @@ class LiveCalibrator:
         with self._changed:
             self._unusable += not used
             self._unseen = True
-            self._taken += 1
             self._queue.popleft()
             self._waiting_bytes -= size
             self._changed.notify_all()
@@ -262,22 +263,15 @@ class LiveCalibrator:
                 self._unseen = False
                 self._changed.notify_all()
 
-    def _answer(self) -> None:
-        """Give one estimate to all that have asked for the frames so far, or the reason why there is none."""
-        with self._changed:
-            asked = [answer for frames, answer in self._asked if frames <= self._taken]
-        if not asked:
-            return
+    def _answer(self, answer: Future[Calibration]) -> bool:
+        """Answer one that asked what is known from the frames taken so far, with a reason where nothing is."""
         try:
-            found = self._found.estimate(self._frames)
+            answer.set_result(self._found.estimate(self._frames))
         except OspcError as error:
-            for answer in asked:
-                answer.set_exception(error)
-        else:
-            for answer in asked:
-                answer.set_result(found)
+            answer.set_exception(error)
         with self._changed:
-            del self._asked[: len(asked)]
+            self._asked.remove(answer)
+        return True
 
 
 def in_memory(frame: Frame) -> Frame:

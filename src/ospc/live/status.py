@@ -79,7 +79,8 @@ class Findings:
         self._converged_after: int | None = None
         self._notes: tuple[str, ...] = ()
         self._confirmed: Calibration | None = None  # the latest, unless the camera has changed since
-        self._estimated_after, self._next_estimate = 0, FIRST_ESTIMATE
+        self._estimated_after = self._estimated_frames = 0
+        self._next_estimate = FIRST_ESTIMATE
         self._known_epochs = 1
 
     def status(self, pushed: int, dropped: int, unusable: int) -> LiveStatus:
@@ -100,13 +101,15 @@ class Findings:
         )
 
     def estimate(self, pushed: int) -> Calibration:
-        """Estimate completely, after so many frames were pushed."""
+        """Return a complete estimate after so many frames were pushed, made once for all that ask together."""
+        if self.latest is not None and self._estimated_frames == self._engine.frames:
+            return self.latest
         found = self._engine.calibration()
         if found.converged and (self.latest is None or not self.latest.converged):
             self._note(f"response and vignette are known after {counted(pushed, 'frame')}")
             self._converged_after = self._converged_after or pushed
         self.latest = self._confirmed = found
-        self._estimated_after = self._engine.processed
+        self._estimated_after, self._estimated_frames = self._engine.processed, self._engine.frames
         return found
 
     def follow(self, pushed: int) -> None:
