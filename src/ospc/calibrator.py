@@ -65,15 +65,9 @@ class OnlineCalibrator(Engine):
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
         """Write everything that is known to a file, whole or not at all, and return its path.
 
-        Nothing here is changed by it: the result is the same whether states are saved or not.
-
-        Parameters
-        ----------
-        path
-            Where to; an earlier file is replaced.
-        complete
-            Whether to add the summary that ``ospc merge`` needs. It costs a fit, unless :meth:`calibration` was asked
-            for since the last frame.
+        Nothing here is changed by it: the result is the same whether states are saved or not. With ``complete``, the
+        summary is added that ``ospc merge`` needs; it costs a fit, unless :meth:`calibration` was asked for since the
+        last frame.
 
         Raises
         ------

@@ -18,14 +18,9 @@ Kind = Literal["begin", "slower", "move", "bright", "dark", "vary", "exposures",
 _CHOSEN = ("move", "bright", "dark", "vary")
 """Kinds between which the gain decides."""
 
-HOLD_S = 3.0
-"""Time for which an instruction stays, in seconds, unless it is urgent: nobody follows what changes faster."""
-
-PATIENCE_S = 12.0
-"""Time after which an instruction that brings nothing gives way to the next best one, in seconds."""
-
-SET_ASIDE_S = 20.0
-"""Time for which it is then left out, in seconds."""
+HOLD_S, PATIENCE_S, SET_ASIDE_S = 3.0, 12.0, 20.0
+"""Times in seconds: for which an instruction stays unless it is urgent, since nobody follows what changes faster;
+after which one that brings nothing gives way to the next best one; and for which it is then left out."""
 
 FEWEST_PAIRS = 64
 """Pairs of frames before anything counts as done: the first were registered without knowing the vignette, and their
@@ -143,10 +138,8 @@ class Adviser:
 
     Attributes
     ----------
-    instruction
-        The instruction of the moment.
-    expects_end
-        Whether, by the quick figures, a complete estimate would find the goal reached.
+    instruction, expects_end
+        The instruction of the moment, and whether by quick figures a complete estimate would find the goal reached.
     """
 
     def __init__(self, goal: float = GOAL) -> None:
@@ -159,16 +152,9 @@ class Adviser:
         self._found: deque[tuple[int, int]] = deque()
 
     def look(self, preview: Preview | None, time_s: float, known: Calibration | None = None) -> Instruction:
-        """Take note of where a run stands, and return the instruction of the moment.
+        """Take note of what the engine knows at a time in seconds from any origin, and return the instruction then.
 
-        Parameters
-        ----------
-        preview
-            What the engine knows at the moment.
-        time_s
-            When that is, in seconds from any origin.
-        known
-            The latest complete estimate: only that can say that the goal is reached.
+        Only the latest complete estimate, ``known``, can say that the goal is reached.
         """
         self.expects_end = False
         urgent = self._urgent(preview, known)

@@ -264,7 +264,7 @@ class LiveCalibrator:
                 self._changed.notify_all()
 
     def _answer(self, answer: Future[Calibration]) -> bool:
-        """Answer one that asked what is known from the frames taken so far, with a reason where nothing is."""
+        """Answer one who asked what is known from the frames taken so far, with a reason where nothing is."""
         try:
             answer.set_result(self._found.estimate(self._frames))
         except OspcError as error:

@@ -37,11 +37,9 @@ calling it a gap."""
 _GREYS, _RADII = slice(1, -2), slice(0, -1)
 """Classes that can be covered: in those left out, nearly everything is clipped, or lies outside the image."""
 
-_WIDE_RANGE, _NOTHING_KNOWN = 8.0, 0.2
-"""Ratio of the extreme exposures that fills its bar, and standard deviation with which that of certainty is empty."""
-
-_UNCONFIRMED = 0.97
-"""Most that the bar of certainty shows before a complete estimate has confirmed what quick ones say."""
+_WIDE_RANGE, _NOTHING_KNOWN, _UNCONFIRMED = 8.0, 0.2, 0.97
+"""Ratio of the extreme exposures that fills its bar, standard deviation with which that of certainty is empty, and
+the most that it shows before a complete estimate has confirmed what quick ones say."""
 
 _COLUMNS, _ROWS = 16, 12
 """Cells of the image whose observations are counted for what is drawn over the picture."""
