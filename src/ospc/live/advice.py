@@ -126,6 +126,7 @@ _DARKER = Instruction(
     "response",
     exposure=-1,
 )
+"""Grey levels are added when one of them is chosen; the exposure is to become longer (1) or shorter (-1)."""
 
 
 class Adviser:
