@@ -16,9 +16,8 @@ from ospc.library_threads import one_library_thread
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording, open_recording
-from ospc.recording.ahead import decoded_ahead
 from ospc.recording.recording import identity
-from ospc.recording.stream import Item, frames_of
+from ospc.recording.stream import Item, decoded_ahead, frames_of
 from ospc.settings import DefaultSettings, Settings, as_dict, preset, with_overrides
 from ospc.state.run import load_run, save_run
 from ospc.state_rules import check_run

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.errors import FrameError
-from ospc.recording.ahead import decoded_ahead
 from ospc.recording.frame import Frame
+from ospc.recording.stream import decoded_ahead
 
 
 class Counted:

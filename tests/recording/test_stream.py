@@ -22,8 +22,6 @@ from image_samples import grey
 from ospc.calibrator import calibrate
 from ospc.errors import ExposureError, FrameError, MissingExtraError, RecordingError, SettingError
 from ospc.recording import ArrayRecording, open_recording
-from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.live import open_camera
 from ospc.recording.live.depthai import DepthAiCamera
 from ospc.recording.live.opencv_capture import OpenCvCamera
@@ -117,29 +115,33 @@ class Capture:
         self.released = True
 
 
+def opencv_camera(capture: Any, **stated: str) -> OpenCvCamera:
+    return OpenCvCamera(capture, "camera 0", ReadingOptions.of(stated))
+
+
 class TestOpenCv:
     def test_units_are_those_of_the_driver(self) -> None:
         states = [(10.0, 3.0), (20.0, 3.0)]
-        with OpenCvCamera(0, capture=(capture := Capture("V4L2", states)), channel=Channel.GREEN) as camera:
+        with opencv_camera(capture := Capture("V4L2", states), channel="green") as camera:
             found = list(camera)
         assert [frame.exposure_ms for frame in found] == pytest.approx([1, 2])
         np.testing.assert_array_equal(found[1].image, grey(1, SIZE) // 2)
         assert found[1].stamp_s > found[0].stamp_s
         assert capture.released
         assert "100us" in camera.notes[0]
-        camera = OpenCvCamera(0, capture=Capture("DSHOW", [(-6.0, 0), (-7.0, 0)], channels=1))
+        camera = opencv_camera(Capture("DSHOW", [(-6.0, 0), (-7.0, 0)], channels=1))
         assert [frame.exposure_ms for frame in camera] == pytest.approx([1000 / 64, 1000 / 128])
 
     def test_what_the_driver_does_not_say_has_to_be_stated(self) -> None:
         capture = Capture("GSTREAMER", [(2.0, 6.0205999)])
         with pytest.raises(SettingError, match="GSTREAMER does not say in which unit"):
-            OpenCvCamera(0, capture=capture)
+            opencv_camera(capture)
         assert capture.released
-        camera = OpenCvCamera(0, exposure_unit=ExposureUnit.MS, gain_unit=GainUnit.DB, capture=capture)
+        camera = opencv_camera(capture, exposure_unit="ms", gain_unit="db")
         assert next(iter(camera)).exposure_ms == pytest.approx(4)
 
     def test_a_gain_of_unknown_unit_must_not_change(self) -> None:
-        found = iter(OpenCvCamera(0, capture=Capture("V4L2", [(10.0, 3.0), (10.0, 4.0)])))
+        found = iter(opencv_camera(Capture("V4L2", [(10.0, 3.0), (10.0, 4.0)])))
         next(found)
         with pytest.raises(ExposureError, match="gain changed from 3 to 4"):
             next(found)
@@ -147,14 +149,14 @@ class TestOpenCv:
     @pytest.mark.parametrize("exposure", [0.0, float("nan"), -1.0])
     def test_a_driver_without_exposures_is_said(self, exposure: float) -> None:
         with pytest.raises(ExposureError, match="gives no exposure"):
-            next(iter(OpenCvCamera(0, capture=Capture("V4L2", [(exposure, 0.0)]))))
+            next(iter(opencv_camera(Capture("V4L2", [(exposure, 0.0)]))))
 
     def test_opencvs_own_capture_fits(self, tmp_path: Path) -> None:
         path = str(tmp_path / "a.avi")
         writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"MJPG"), 10.0, SIZE)
         writer.write(np.full((*SIZE[::-1], 3), 90, np.uint8))
         writer.release()
-        camera = OpenCvCamera(0, exposure_unit=ExposureUnit.MS, capture=cv2.VideoCapture(path))
+        camera = opencv_camera(cv2.VideoCapture(path), exposure_unit="ms")
         with pytest.raises(ExposureError, match="gives no exposure"):
             next(iter(camera))
         camera.close()
@@ -239,7 +241,7 @@ class TestRealSense:
         sensor.open(profile)
         sensor.start(queue)
         send(rs, sensor, profile, 3)
-        with RealSenseCamera(lambda: queue.wait_for_frame(200), stop=sensor.stop) as camera:
+        with RealSenseCamera(lambda: queue.wait_for_frame(200), "software", stop=sensor.stop) as camera:
             coming = iter(camera)
             found = list(islice(coming, 3))
             with pytest.raises(RecordingError, match="stopped giving frames"):
@@ -261,7 +263,7 @@ class TestRealSense:
             )
 
         waiting = iter([frame(e=8000), frame(e=8000, g=248), frame(g=16)])
-        camera = RealSenseCamera(lambda: next(waiting))
+        camera = RealSenseCamera(lambda: next(waiting), "made up")
         found = iter(camera)
         first = next(found)
         assert (first.exposure_ms, first.stamp_s) == (8.0, 2.5)
@@ -269,7 +271,7 @@ class TestRealSense:
         assert next(found).exposure_ms == pytest.approx(8 * 248 / 16)
         with pytest.raises(ExposureError, match="gives no exposures with its frames"):
             next(found)
-        assert list(RealSenseCamera(lambda: None)) == []
+        assert list(RealSenseCamera(lambda: None, "ended")) == []
 
     def test_a_recording_that_is_not_there(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.setitem(sys.modules, "pyrealsense2", SimpleNamespace(config=lambda: None))
@@ -344,7 +346,7 @@ class TestDepthAi:
             raise RuntimeError("X_LINK_ERROR\nlost")
 
         with pytest.raises(RecordingError, match=r"stopped giving frames \(X_LINK_ERROR lost\)"):
-            next(iter(DepthAiCamera(fail)))
+            next(iter(DepthAiCamera(fail, "lost")))
         monkeypatch.setitem(
             sys.modules, "depthai", SimpleNamespace(**vars(Oak([], 100).module()) | {"Pipeline": fail})
         )

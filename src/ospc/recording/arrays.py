@@ -62,7 +62,10 @@ class ArrayRecording(StoredRecording):
     ) -> None:
         if len(images) == 0:
             raise RecordingError(f"{name}: holds no images; give at least one")
-        first = _first(images, name)
+        try:
+            first = check_image(np.asarray(images[0]), f"{name}[0]")
+        except FrameError as error:
+            raise RecordingError(f"{error}; convert the images to grey with shape (frames, height, width)") from None
         notes: tuple[str, ...] = ()
         if max_grey is None:
             # Arrays are used unchanged, so the empty bits of left-aligned data stay where they are.
@@ -101,14 +104,6 @@ class ArrayRecording(StoredRecording):
         image = check_image(np.asarray(self._images[index]), name)
         check_size(size_of(image), self.size, name)
         return image
-
-
-def _first(images: npt.NDArray[np.generic] | Sequence[Image], name: str) -> Image:
-    first: Image = np.asarray(images[0])
-    try:
-        return check_image(first, f"{name}[0]")
-    except FrameError as error:
-        raise RecordingError(f"{error}; convert the images to grey with shape (frames, height, width)") from None
 
 
 def _column(values: npt.ArrayLike, count: int, what: str, name: str) -> FloatArray:

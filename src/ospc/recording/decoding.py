@@ -29,12 +29,8 @@ def decode_grey(data: bytes, name: str) -> Image:
 def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> StoredImage:
     """Decode the content of an image file, called ``name`` in messages, to one channel; by default to luma.
 
-    The name tells HEIC and raw photographs, the content all others.
-
-    Raises
-    ------
-    FrameError
-        If it is not an image, truncated, damaged, too large, or does not have 8 or 16 bits.
+    The name tells HEIC and raw photographs, the content all others. FrameError if it is not an image, truncated,
+    damaged, too large, or does not have 8 or 16 bits.
     """
     optional = format_of(name)
     if optional is not None:

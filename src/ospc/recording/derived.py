@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 from typing import Self
 
@@ -17,21 +16,15 @@ from ospc.formats.files import read_bytes
 from ospc.recording.decoding import decode_grey
 from ospc.recording.frame import Frame, checked_mask, size_of
 from ospc.recording.image_source import MAX_FILE_BYTES
-from ospc.recording.recording import HasStoredBytes, Recording, StoredRecording
+from ospc.recording.recording import Recording, StoredRecording, stored_bytes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DerivedRecording(StoredRecording):
     """Some frames of another recording, with exposures and a mask of its own; the images are unchanged.
 
-    Attributes
-    ----------
-    inner
-        The other recording.
-    frames
-        Indices of the frames that are kept, increasing, shape (frames,).
-    mask
-        True where pixels may be used, shape (height, width); None to keep the masks of the inner recording.
+    ``frames`` are the indices of those that are kept, increasing, shape (frames,). ``mask`` is True where pixels may be
+    used, shape (height, width); None to keep the masks of the inner recording.
     """
 
     inner: Recording
@@ -70,11 +63,7 @@ class DerivedRecording(StoredRecording):
 
     def stored_bytes(self, index: int) -> bytes:
         """Return the stored form of a frame's image and the mask: with another mask it is another recording."""
-        inner_index = int(self.frames[index])
-        if isinstance(self.inner, HasStoredBytes):
-            data = self.inner.stored_bytes(inner_index)
-        else:
-            data = next(islice(self.inner, inner_index, None)).image.tobytes()
+        data = stored_bytes(self.inner, int(self.frames[index]))
         return data if self.mask is None else data + np.packbits(self.mask).tobytes()
 
 
@@ -82,18 +71,8 @@ def with_exposure_lag(recording: Recording, lag: int) -> Recording:
     """Return a recording with every exposure moved to the frame it was taken with.
 
     It is shorter by abs(lag) frames, those whose exposure is not listed; the recording itself if the lag is 0.
-
-    Parameters
-    ----------
-    recording
-        The recording.
-    lag
-        Number of frames by which the metadata come late: the exposure listed for frame i belongs to frame i − lag.
-
-    Raises
-    ------
-    SettingError
-        If no frames are left.
+    ``lag`` is the number of frames by which the metadata come late: the exposure listed for frame i belongs to frame
+    i − lag. SettingError if no frames are left.
     """
     if lag == 0:
         return recording
@@ -141,10 +120,7 @@ class Region:
 def read_mask(path: Path, size: ImageSize) -> BoolArray:
     """Read a mask, True where pixels may be used, from an image of the given size whose black pixels are not used.
 
-    Raises
-    ------
-    SettingError
-        If it cannot be read or has another size.
+    SettingError if it cannot be read or has another size.
     """
     try:
         image = decode_grey(read_bytes(path, MAX_FILE_BYTES, FrameError), str(path))
@@ -161,15 +137,9 @@ def read_mask(path: Path, size: ImageSize) -> BoolArray:
 def masked(recording: Recording, mask: BoolArray | None = None, region: Region | None = None) -> Recording:
     """Return a recording whose frames say which of their pixels may be used.
 
-    The images are unchanged, so their size and the centre of the vignette stay the same.
-
-    Parameters
-    ----------
-    recording
-        The recording; it is returned itself if nothing is masked.
-    mask, region
-        True where pixels may be used, shape (height, width), or the image of a mask; pixels outside the region are
-        not used either.
+    The images are unchanged, so their size and the centre of the vignette stay the same; without a mask and a region,
+    the recording itself is returned. ``mask`` is True where pixels may be used, shape (height, width), or the image of a
+    mask; pixels outside the region are not used either.
 
     Raises
     ------

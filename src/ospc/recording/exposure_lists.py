@@ -82,12 +82,8 @@ def read_list(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
 def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Read the ``times.txt`` of a TUM dataset: ``id stamp[s] exposure[ms]`` per line.
 
-    Raises
-    ------
-    RecordingError
-        If it cannot be read or a line breaks the format; the message names the line.
-    ExposureError
-        If exposures are missing or not positive.
+    RecordingError if it cannot be read or a line breaks the format; ExposureError if exposures are missing or not
+    positive.
     """
     return parse_times(read_text(path), str(path), options)
 
@@ -124,13 +120,8 @@ def parse_image_list(text: str, source: str) -> FrameTable:
     """Parse the ``image_list.txt`` of a static exposure series.
 
     Columns are ``file exposure[s] 1/exposure[1/s]``, optionally followed by f-stop, gain and neutral density.
-
-    Raises
-    ------
-    RecordingError
-        If a line breaks the format; the message names it.
-    ExposureError
-        If exposures are missing or invalid, or other settings than the exposure time vary.
+    RecordingError if a line breaks the format; ExposureError if exposures are missing or invalid, or other settings
+    than the exposure time vary.
     """
     rows = _uncommented(text, source)
     settings: list[float] | None = None
@@ -160,21 +151,8 @@ def parse_columns(text: str, source: str, options: ReadingOptions = DEFAULT) -> 
 
     Fields are separated by commas, semicolons, tabs or spaces. The header is the first line, or the last comment
     line before the data; without a header, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
-    ``exposure[ms]``.
-
-    Parameters
-    ----------
-    text, source
-        Content of the file, and its name in messages.
-    options
-        What the user states about units.
-
-    Raises
-    ------
-    RecordingError
-        If a line breaks the format; the message names it.
-    ExposureError
-        If exposures are missing, ambiguous or not positive.
+    ``exposure[ms]``. RecordingError if a line breaks the format; ExposureError if exposures are missing, ambiguous or
+    not positive.
     """
     return _table(_layout(text, source), source, options)
 

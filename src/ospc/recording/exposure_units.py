@@ -86,19 +86,8 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
     Ratios of exposures, and so response and vignette, are the same in all units but log2 s, which is recognised by
     its negative values.
 
-    Parameters
-    ----------
-    exposures
-        The numbers.
-    interval_ms
-        Median time between frames; None if it is unknown.
-    source
-        Name of the exposures in messages.
-
-    Raises
-    ------
-    ExposureError
-        If they are plausible in no unit.
+    ``interval_ms`` is the median time between frames, None if it is unknown. ExposureError, which begins with
+    ``source``, if they are plausible in no unit.
     """
     numbers = np.asarray(exposures, dtype=np.float64)
     finite = numbers[np.isfinite(numbers)]
@@ -158,22 +147,10 @@ class Gain:
 
 @dataclass(frozen=True)
 class Columns:
-    """Meaning of the columns.
+    """Number of columns, and the index of each by its meaning, None if there is none.
 
-    Attributes
-    ----------
-    count
-        Number of columns.
-    image, stamp, exposure
-        Index of the column, None if there is none.
-    gains
-        Columns of gains by which the exposure is multiplied.
-    unit
-        Unit of the exposure; None if the header does not state it.
-    to_s
-        Seconds per unit of the time stamp.
-    notes
-        What was assumed.
+    ``unit`` is that of the exposure, None if the header does not state it; ``to_s`` are the seconds per unit of the
+    time stamp; ``notes`` say what was assumed.
     """
 
     count: int
@@ -189,11 +166,8 @@ class Columns:
 def name_columns(header: Sequence[str], place: str) -> Columns:
     """Infer the meaning of columns from their names.
 
-    Raises
-    ------
-    ExposureError
-        If several columns could hold the exposures, their time stamps, or the names of the images; the message begins
-        with ``place``.
+    ExposureError, which begins with ``place``, if several could hold the exposures, their time stamps, or the names
+    of the images.
     """
     parsed = [_word_and_unit(name) for name in header]
     exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
@@ -201,7 +175,10 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         return Columns(len(header))
     stamp = _only(header, parsed, _STAMP_WORDS, place)
     image = _only(header, parsed, _IMAGE_WORDS, place)
-    gains = tuple(Gain(i, header[i], _gain_unit(*parsed[i])) for i in _among(parsed, _GAIN_WORDS))
+    gain_units = [
+        GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR for word, unit in parsed
+    ]
+    gains = tuple(Gain(i, header[i], gain_units[i]) for i in _among(parsed, _GAIN_WORDS))
     to_s = 1.0 if stamp is None else _STAMP_UNITS_S.get(parsed[stamp][1], 1.0)
     said = ", ".join(f"{quoted(gain.name)} ({gain.unit.value})" for gain in gains)
     notes = (f"exposures are multiplied by the gain in {said}",) if gains else ()
@@ -235,9 +212,3 @@ def _only(
             f"{place}: the columns {names} have the same meaning; keep one of them and name it '{good}'"
         )
     return found[0] if found else None
-
-
-def _gain_unit(word: str, unit: str) -> GainUnit:
-    if word == "iso":
-        return GainUnit.ISO
-    return GainUnit.DB if unit == "db" else GainUnit.LINEAR

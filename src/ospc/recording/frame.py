@@ -14,8 +14,7 @@ from ospc.errors import FrameError
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that would need more, counting all stored channels, are refused before decoding."""
 
-
-MOST_GREY = 65535
+_MOST_GREY = 65535
 """Largest grey value of 16 bits."""
 
 
@@ -42,7 +41,7 @@ class Frame:
     max_grey
         Largest grey value the sensor delivers: 255 for 8 bits, 4095 for 12 bits; at most 65535.
     verify
-        Checks that the image file is present and complete, without decoding it; raises
+        Checks that the image file is present and complete, without decoding it, and raises
         :class:`~ospc.errors.FrameError` if it is not. None if only decoding can tell.
     mask
         True where pixels may be used, shape (height, width); None for all pixels. One of uint8 is taken as the image
@@ -90,12 +89,8 @@ class Frame:
         """Make a frame from an image in memory, shape (height, width), uint8 or uint16.
 
         The other parameters are the attributes of a frame; ``max_grey`` is by default that of the data type. Larger
-        values of 16 bits count as saturated.
-
-        Raises
-        ------
-        FrameError
-            If the array is not a grey image of 8 or 16 bits, or ``max_grey`` does not fit it.
+        values of 16 bits count as saturated. FrameError if the array is not a grey image of 8 or 16 bits, or
+        ``max_grey`` does not fit it.
         """
         name = f"frame {index}"
         checked = check_image(np.asarray(image), name)
@@ -113,10 +108,7 @@ class Frame:
     def image(self) -> Image:
         """Grey image, shape (height, width), uint8 or uint16; (height, width, 3) if :attr:`colour` allows it.
 
-        Raises
-        ------
-        FrameError
-            If the image cannot be read.
+        FrameError if it cannot be read.
         """
         # Not functools.cached_property: in Python 3.11, its lock is shared by all frames, and threads would deadlock.
         if "_decoded" not in self.__dict__:
@@ -145,8 +137,8 @@ def check_image(image: Image, name: str, *, colour: bool = False) -> Image:
 def checked_max_grey(max_grey: int, name: str) -> int:
     """Return the largest grey value as int; FrameError if it is no whole number, or none that 16 bits hold."""
     whole = isinstance(max_grey, int | np.integer) and not isinstance(max_grey, bool)
-    if not whole or not 1 <= max_grey <= MOST_GREY:
-        raise FrameError(f"{name}: max_grey is {max_grey!r}; give a whole number from 1 to {MOST_GREY}")
+    if not whole or not 1 <= max_grey <= _MOST_GREY:
+        raise FrameError(f"{name}: max_grey is {max_grey!r}; give a whole number from 1 to {_MOST_GREY}")
     return int(max_grey)
 
 

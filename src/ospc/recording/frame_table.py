@@ -30,18 +30,16 @@ Where = Callable[[Sequence[int]], str]
 
 @dataclass(frozen=True, eq=False)
 class FrameTable:
-    """A checked list of frames.
+    """A checked list of frames; ``source`` is the file, for messages.
 
     Attributes
     ----------
-    source
-        The file, for messages.
     ids
         Names of the images in the list; empty if they are not named.
     stamps_s
-        Time stamps in seconds, strictly increasing, shape (frames,).
+        Strictly increasing, shape (frames,).
     exposures_ms
-        Exposures in milliseconds, finite and positive, shape (frames,).
+        Finite and positive, shape (frames,).
     notes
         What was inferred.
     stamped
@@ -72,12 +70,8 @@ def make_table(
 ) -> FrameTable:
     """Check a list of frames in temporal order; stamps too large for seconds are converted from the unit that fits.
 
-    Parameters
-    ----------
-    source, ids, stamps_s, exposures_ms, notes, stamped
-        As in :class:`FrameTable`.
-    lines
-        Line of every frame in the file, for messages; by default they are counted from 1.
+    The parameters are the attributes of a :class:`FrameTable`, and the line of every frame in the file, for messages;
+    by default, lines are counted from 1.
 
     Raises
     ------
@@ -164,38 +158,25 @@ def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
 
 
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the name of the image of every row of a table, and notes.
+    """Return the name of the image of every row of a table, and notes; RecordingError if they do not correspond.
 
     An image belongs to the row with its name, its name without suffix, or its number. If rows and images are both
-    numbered without gaps, but from different numbers, they correspond by order.
-
-    Parameters
-    ----------
-    table
-        The frames.
-    names
-        File names of the images, sorted.
-    place
-        Where the images are, for messages.
-
-    Raises
-    ------
-    RecordingError
-        If rows and images do not correspond.
+    numbered without gaps, but from different numbers, they correspond by order. ``names`` are the sorted names of the
+    files in ``place``.
     """
     as_many = len(table) == len(names)
     if not table.ids and as_many:
         return tuple(names), (f"{table.source}: names no images; they are matched in the order of their names",)
     detail = ""
     if table.ids:
-        by_key = _by_key(names, place)
+        by_key, stems = _by_key(names, place), [PurePosixPath(name).stem for name in names]
         found = [by_key.get(image) or by_key.get(_number(image)) for image in table.ids]
         missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
         unused = sorted(set(names) - set(found), key=by_name)
         if as_many and not missing and not unused:
             return tuple(name for name in found if name is not None), ()
         none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
-        if as_many and (none_match or _counted(table.ids, names)):
+        if as_many and (none_match or all(_consecutive(texts) for texts in (table.ids, stems))):
             return tuple(names), (f"{table.source}: its ids are not names of images; they are matched by order",)
         detail = f"; no image for {listed(missing)}" if missing else ""
         detail += f"; no line for {listed(unused)}" if unused else ""
@@ -225,13 +206,8 @@ def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
     return keys
 
 
-def _counted(ids: Sequence[str], names: Sequence[str]) -> bool:
-    """Tell whether rows and images are both numbered without gaps."""
-    stems = [PurePosixPath(name).stem for name in names]
-    return all(_consecutive(texts) for texts in (ids, stems))
-
-
 def _consecutive(texts: Sequence[str]) -> bool:
+    """Tell whether texts are numbers without gaps."""
     if not all(_INTEGER.fullmatch(text) for text in texts):
         return False
     numbers = [int(text) for text in texts]

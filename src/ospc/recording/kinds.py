@@ -38,15 +38,12 @@ class Kind(Protocol):
     @property
     def name(self) -> str:
         """Name as ``--kind`` takes it."""
-        ...
 
     def recognises(self, path: Path) -> bool:
         """Tell from the content, quickly, whether the path is of this kind."""
-        ...
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> Recording:
         """Open the path; RecordingError, or ExposureError, if it cannot be read as this kind."""
-        ...
 
 
 def kinds() -> Iterator[Kind]:
@@ -61,10 +58,8 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
 
     Parameters
     ----------
-    path
-        Folder or file.
-    kind
-        Name of the kind; None to recognise it from the content.
+    path, kind
+        Folder or file, and name of the kind; None to recognise it from the content.
     options
         What the content does not state, or states wrongly: units, topics, channel.
 
@@ -79,14 +74,9 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
         If the path does not exist, is of no known kind, or its parts do not match.
     """
     place = Path(path)
-    known = list(kinds())
     try:
-        if not place.exists():
-            raise RecordingError(f"{place}: there is no such file or folder; check the path")
-        if kind is None:
-            chosen = next((k for k in known if k.recognises(place)), None)
-        else:
-            chosen = next((k for k in known if k.name == kind), None)
+        _check_exists(place)
+        chosen = _chosen(place, kind)
     except OSError as error:
         raise RecordingError(f"{place}: cannot be read ({error.strerror}); check the path and its rights") from None
     if chosen is not None:
@@ -98,16 +88,22 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
             # Its pictures look like images, and its times.txt like a list of exposures.
             raise RecordingError(f"{place}: is a calibration; name a recording in its place") from None
     if kind is not None:
-        names = ", ".join(k.name for k in known)
+        names = ", ".join(k.name for k in kinds())
         raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")
-    raise RecordingError(f"{place}: {why_unread(place) or f'{_reason(place)}; {_EXPECTED}'}")
+    reason = "a file of this kind is not a recording"
+    if place.is_dir():
+        reason = "holds no images" if any(place.iterdir()) else "the folder is empty"
+    raise RecordingError(f"{place}: {why_unread(place) or f'{reason}; {_EXPECTED}'}")
 
 
-def _reason(place: Path) -> str:
-    """Say why no kind recognised the path."""
-    if not place.is_dir():
-        return "a file of this kind is not a recording"
-    return "holds no images" if any(place.iterdir()) else "the folder is empty"
+def _check_exists(place: Path) -> None:
+    if not place.exists():
+        raise RecordingError(f"{place}: there is no such file or folder; check the path")
+
+
+def _chosen(place: Path, kind: str | None) -> Kind | None:
+    """Return the kind of that name, or the first that recognises the path; None if there is none."""
+    return next((k for k in kinds() if (k.recognises(place) if kind is None else k.name == kind)), None)
 
 
 _MAX_CAMERAS = 64
@@ -127,20 +123,13 @@ class RigKind(Protocol):
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
         """Return the path and the options that open each camera, by its name; RecordingError if that fails."""
-        ...
 
 
 def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> dict[str, Opener]:
     """Return a function for each camera of a rig that opens its recording, by the name of the camera.
 
-    Cameras are opened one by one, so that the others can be read if one has no exposures.
-
-    Parameters
-    ----------
-    path
-        Folder or file; a single camera counts as a rig of one.
-    kind, options
-        As for :func:`~ospc.recording.kinds.open_recording`.
+    Cameras are opened one by one, so that the others can be read if one has no exposures. The parameters are those of
+    :func:`~ospc.recording.kinds.open_recording`; a single camera counts as a rig of one.
 
     Returns
     -------
@@ -153,8 +142,7 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
         If there is nothing at the path, or it holds too many cameras.
     """
     place = Path(path)
-    if not place.exists():
-        raise RecordingError(f"{place}: there is no such file or folder; check the path")
+    _check_exists(place)
     found = _cameras(place, kind, options)
     if len(found) > _MAX_CAMERAS:
         raise RecordingError(
@@ -172,7 +160,7 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
 
 
 def _cameras(place: Path, kind: str | None, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-    chosen = next((k for k in kinds() if (k.recognises(place) if kind is None else k.name == kind)), None)
+    chosen = _chosen(place, kind)
     single = {place.stem: (place, options)}
     if chosen is not None and chosen.recognises(place):
         return chosen.cameras(place, options) if isinstance(chosen, RigKind) else single

@@ -21,18 +21,8 @@ from ospc.recording.exposure_units import ExposureUnit, GainUnit
 class Option:
     """How a user states an option as text.
 
-    Attributes
-    ----------
-    help
-        What it is, in a sentence.
-    parse
-        Turns a text into the value.
-    choices
-        The only texts it takes; any if empty.
-    metavar
-        Placeholder for the value in help texts.
-    aliases
-        Further flags of the command line.
+    ``parse`` turns a text into the value; ``choices`` are the only texts it takes, any if empty; ``metavar`` stands
+    for the value in help texts; ``aliases`` are further flags of the command line.
     """
 
     help: str
@@ -100,10 +90,7 @@ class ReadingOptions:
     def of(cls, texts: Mapping[str, str | None]) -> ReadingOptions:
         """Return the options stated as text, by the names of the fields; None for what is not stated.
 
-        Raises
-        ------
-        SettingError
-            If an option does not take the text.
+        SettingError if an option does not take the text.
         """
         declared = declared_options()
         values: dict[str, Any] = {}

@@ -31,16 +31,9 @@ _TAKEN = {
 
 @dataclass(frozen=True)
 class BitDepth:
-    """Bits of a sensor and their position in the stored word.
+    """Bits of a sensor, and their position in the stored word of 8 or 16 bits.
 
-    Attributes
-    ----------
-    bits
-        Bits that the sensor delivers.
-    shift
-        Empty bits below them; 0 if the values are right-aligned.
-    stored_bits
-        Bits of the stored word, 8 or 16.
+    ``shift`` are the empty bits below them; 0 if the values are right-aligned.
     """
 
     bits: int
@@ -84,17 +77,7 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
 
 @dataclass(frozen=True)
 class StoredImage:
-    """One channel of an image, as stored.
-
-    Attributes
-    ----------
-    pixels
-        The grey values.
-    colour
-        Whether the image was in colour.
-    mosaic, depth
-        Its Bayer mosaic and bit depth, if the file states them.
-    """
+    """One channel of an image as stored, whether it was in colour, and its mosaic and bit depth if the file says."""
 
     pixels: Image
     colour: bool = False
@@ -106,14 +89,8 @@ class StoredImage:
 class PixelLayout:
     """What all images of a recording have in common.
 
-    Attributes
-    ----------
-    stored_size
-        Width and height of the stored images.
-    depth
-        Bit depth of the grey values.
-    mosaic, channel
-        The Bayer mosaic, None if all pixels are used, and which of its channels is used.
+    ``stored_size`` are width and height of the stored images; ``mosaic`` is None if all pixels are used, otherwise
+    those of a channel are.
     """
 
     stored_size: ImageSize
@@ -161,16 +138,9 @@ def find_layout(
 ) -> tuple[PixelLayout, list[str]]:
     """Infer the layout from a few images; return it with notes for the user.
 
-    Parameters
-    ----------
-    read
-        Returns the image of a frame by its index; raises FrameError if that fails.
-    exposures_ms
-        Exposure of every frame, shape (frames,).
-    place, options
-        Where the images are, for messages, and what the user states about them.
-    take_green
-        Whether to take the green pixels of images that look like a Bayer mosaic; otherwise a note says so.
+    ``read`` returns the image of a frame by its index, and raises FrameError if that fails; ``place`` is where the
+    images are, for messages. With ``take_green``, the green pixels are taken of images that look like a Bayer mosaic;
+    otherwise a note says so.
 
     Raises
     ------

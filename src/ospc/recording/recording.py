@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from hashlib import sha256
+from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, Self, runtime_checkable
 
@@ -27,66 +28,58 @@ class Recording(Protocol):
     @property
     def path(self) -> Path:
         """Path it was opened from."""
-        ...
 
     @property
     def kind(self) -> str:
         """Name of the kind of recording, as ``--kind`` takes it."""
-        ...
 
     @property
     def size(self) -> ImageSize:
         """Width and height of the frames in pixels."""
-        ...
 
     @property
     def max_grey(self) -> int:
         """Largest grey value the sensor delivers."""
-        ...
 
     @property
     def exposures_ms(self) -> FloatArray:
         """Exposure time in milliseconds times linear gain of every frame, shape (frames,)."""
-        ...
 
     @property
     def stamps_s(self) -> FloatArray:
         """Time stamp of every frame in seconds, shape (frames,)."""
-        ...
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know about how it was read: units that were inferred, lines that were ignored."""
-        ...
 
     def __len__(self) -> int:
         """Return the number of frames, unreadable ones included."""
-        ...
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames in order, not yet decoded."""
-        ...
 
 
 @runtime_checkable
-class HasStoredBytes(Protocol):
-    """A recording that returns its images as they are stored, which is cheaper than decoding them."""
+class _HasStoredBytes(Protocol):
+    def stored_bytes(self, index: int) -> bytes: ...
 
-    def stored_bytes(self, index: int) -> bytes:
-        """Return the stored form of a frame's image; FrameError if it cannot be read."""
-        ...
+
+def stored_bytes(recording: Recording, index: int) -> bytes:
+    """Return what identifies the image of a frame: its stored form, cheaper than decoding, or else its pixels.
+
+    FrameError if it cannot be read.
+    """
+    if isinstance(recording, _HasStoredBytes):
+        return recording.stored_bytes(index)
+    return next(islice(recording, index, None)).image.tobytes()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StoredRecording(ABC):
     """A recording whose images are decoded when they are asked for: the base class of this package's readers.
 
-    Attributes
-    ----------
-    path, kind, size, max_grey, exposures_ms, stamps_s, notes
-        As in :class:`Recording`.
-    channel
-        Channel taken from colour images; the default one if None, and the colour images as they are if ``ALL``.
+    ``channel`` is taken from colour images: the default one if None, and the colour images as they are if ``ALL``.
     """
 
     path: Path
@@ -163,20 +156,10 @@ def _images_sha256(recording: Recording, indices: list[int]) -> str:
     """Hash a few images; an unreadable one counts as empty."""
     channel = getattr(recording, "channel", None)
     total = sha256(b"" if channel is None else channel.value.encode())
-    if isinstance(recording, HasStoredBytes):
-        for index in indices:
-            try:
-                stored = recording.stored_bytes(index)
-            except FrameError:
-                stored = b""
-            total.update(sha256(stored).digest())
-        return total.hexdigest()
-    wanted = set(indices)
-    for frame in recording:
-        if frame.index in wanted:
-            try:
-                pixels = frame.image.tobytes()
-            except FrameError:
-                pixels = b""
-            total.update(sha256(pixels).digest())
+    for index in indices:
+        try:
+            stored = stored_bytes(recording, index)
+        except FrameError:
+            stored = b""
+        total.update(sha256(stored).digest())
     return total.hexdigest()

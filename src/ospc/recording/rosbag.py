@@ -17,7 +17,7 @@ from ospc.recording.bags.carriers import Carrier, carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import ImageStream, read_stamp_ns
 from ospc.recording.bags.matching import Times, match
-from ospc.recording.bags.messages import DamagedMessageError
+from ospc.recording.bags.messages import NS_PER_S, DamagedMessageError
 from ospc.recording.bags.topics import exposure_topic, image_topic, image_topics, own_exposure_topic
 from ospc.recording.exposure_units import GainUnit, infer_unit
 from ospc.recording.frame import Frame
@@ -26,8 +26,8 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, find_layout
 from ospc.recording.recording import StoredRecording
 
-_NS_PER_S, _NS_PER_MS = 1e9, 1e6
-"""Nanoseconds, the unit of stamps in bags, in a second and in a millisecond."""
+_NS_PER_MS = 1e6
+"""Nanoseconds, the unit of stamps in bags, in a millisecond."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,7 @@ class Rosbag:
         return is_bag(path)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> BagRecording:
-        """Open the bag and read it once, for time stamps and exposures.
-
-        Raises
-        ------
-        ExposureError
-            If the exposures are missing, or their topic, field or unit has to be stated.
-        MissingExtraError
-            If the optional dependency for bags is not installed.
-        """
+        """Open the bag and read it once, for time stamps and exposures."""
         bag = Bag.at(path)
         topic, notes = image_topic(bag, options)
         try:
@@ -103,17 +95,7 @@ class Rosbag:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BagRecording(StoredRecording):
-    """Images of one topic of a bag.
-
-    Attributes
-    ----------
-    images
-        The messages of the topic.
-    layout
-        What the images have in common.
-    numbers
-        Number of the message of every frame, shape (frames,).
-    """
+    """Images of one topic of a bag; ``numbers`` are those of the messages of the frames, shape (frames,)."""
 
     images: ImageStream = field(repr=False)
     layout: PixelLayout
@@ -164,43 +146,35 @@ def _read_through(
     image_times, exposure_times = array("q"), array("q")  # a time stamp and a time of recording for each message
     readings = array("d")  # an exposure and a gain for each message
     topic = carrying or images
+    names = {images.name, topic.name}
     try:
-        read = carrier.readings(carrying) if carrying is not None and carrier is not None else None
-        for message in bag.messages({images.name, topic.name}):
+        read = carrier.readings(topic) if carrier is not None else None
+        for message in bag.messages(names):
             if message.topic == images.name:
                 topic = images
-                image_times.extend((_stamp_ns(message.data, images), message.log_ns))
+                image_times.extend((read_stamp_ns(message.data, images), message.log_ns))
             if carrying is not None and read is not None and message.topic == carrying.name:
                 topic = carrying
-                reading = read(message.data)
-                if reading is not None:
-                    exposure_times.extend((reading.stamp_ns or 0, message.log_ns))
-                    readings.extend((reading.exposure, reading.gain))
+                if (reading := read(message.data)) is not None:
+                    exposure, gain, stamp_ns = reading
+                    exposure_times.extend((stamp_ns, message.log_ns))
+                    readings.extend((exposure, gain))
     except (DamagedMessageError, OverflowError) as error:
-        raise RecordingError(f"{bag.path}: a message of {escaped(topic.name)} cannot be read: {error}") from None
+        raise RecordingError(f"{bag.path}: a message of {topic.name} cannot be read: {error}") from None
     if not image_times:
-        raise RecordingError(f"{bag.path}: {escaped(images.name)} holds no images; choose another with --image-topic")
+        raise RecordingError(f"{bag.path}: {images.name} holds no images; choose another with --image-topic")
     values, gains = np.array(readings, dtype=np.float64).reshape(-1, 2).T
     return _Contents(_times(image_times), _times(exposure_times), values, gains)
 
 
 def _times(pairs: array[int]) -> Times:
-    stamp_ns, log_ns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy()
-    return Times(stamp_ns, log_ns)
-
-
-def _stamp_ns(data: bytes, topic: Topic) -> int:
-    try:
-        return max(0, read_stamp_ns(data, topic.type, topic.encoding))
-    except DamagedMessageError:
-        # The error is raised when the image is read.
-        return 0
+    return Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy())
 
 
 def _without_exposures(images: Times, path: str) -> tuple[IntArray, FrameTable]:
     """Return the numbers of the messages that are frames, and a table of these."""
     numbers, stamps_ns, notes = _increasing(images, np.arange(len(images.log_ns)), path)
-    table = unlisted(path, stamps_ns / _NS_PER_S, stamped=True)
+    table = unlisted(path, stamps_ns / NS_PER_S, stamped=True)
     return numbers, replace(table, notes=(*table.notes, *notes))
 
 
@@ -217,7 +191,7 @@ def _with_exposures(found: _Contents, carrier: Carrier, path: str, source: str) 
         lambda frames: f"{source}, image {listed(frames)}",
         "state the unit or the gain, or ignore it with --gain-unit none",
     )
-    stamps_s = stamps_ns / _NS_PER_S
+    stamps_s = stamps_ns / NS_PER_S
     stamps_s.setflags(write=False)
     return numbers, FrameTable(source, (), stamps_s, exposures_ms, (*unit_notes, *match_notes, *stamp_notes))
 

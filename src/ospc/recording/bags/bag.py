@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +20,9 @@ _MAX_FILES = 10_000
 _HEAD_BYTES = 16
 """Read to recognise the format of a file."""
 
+_OPENERS = {MCAP_START: McapFile, ROS1_START: Ros1File, SQLITE_START: Sqlite3File}
+"""Class of the files that begin with each magic number."""
+
 
 @dataclass(frozen=True)
 class Bag:
@@ -30,15 +33,7 @@ class Bag:
 
     @classmethod
     def at(cls, path: Path) -> Bag:
-        """Open a file or folder.
-
-        Raises
-        ------
-        RecordingError
-            If it is not a bag, or damaged.
-        MissingExtraError
-            If the optional dependency for its format is not installed.
-        """
+        """Open a file or folder; RecordingError if it is not a bag, or damaged."""
         if not path.is_dir():
             return cls(path, (_file(path),))
         paths = _files_of(path)
@@ -94,16 +89,12 @@ def _files_of(folder: Path) -> list[Path]:
     return paths
 
 
-def _opener(path: Path) -> type[Ros1File | Sqlite3File | McapFile] | None:
+def _opener(path: Path) -> Callable[[Path], BagFile] | None:
     if not path.is_file():
         return None
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
-    if head.startswith(MCAP_START):
-        return McapFile
-    if head.startswith(ROS1_START):
-        return Ros1File
-    return Sqlite3File if head == SQLITE_START else None
+    return next((opener for start, opener in _OPENERS.items() if head.startswith(start)), None)
 
 
 def _file(path: Path) -> BagFile:

@@ -9,33 +9,29 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ospc.errors import ExposureError, escaped, quoted
+from ospc.errors import ExposureError, quoted
 from ospc.recording.bags.container import Topic
-from ospc.recording.bags.messages import DamagedMessageError, MessageType, is_field, shown, value_at
+from ospc.recording.bags.messages import (
+    NS_PER_S,
+    DamagedMessageError,
+    MessageType,
+    is_field,
+    shown,
+    stamp_ns_of,
+    value_at,
+)
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
 from ospc.recording.options import ReadingOptions
 
 _MAX_TEXT_CHARACTERS = 100_000
 """Longer metadata texts are ignored; those of RealSense cameras have about 1000 characters."""
 
-_NANOSECONDS = 10**9
-"""Nanoseconds per second."""
-
-
-class Reading(NamedTuple):
-    """The exposure and gain (1 for none) in a message, in the units of the carrier, and its time stamp if any."""
-
-    exposure: float
-    gain: float
-    stamp_ns: int | None
-
-
 _Extract = Callable[[Any], tuple[float, float] | None]
-"""Returns the exposure and gain in a message, each in its unit; None if it holds none."""
+"""Returns the exposure and gain (1 for none) in a message, each in its unit; None if it holds none."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +42,9 @@ class Carrier:
     ----------
     extract
         Returns the exposure and gain in a message.
-    unit
-        Unit of the exposures; None to infer it from the numbers.
-    gain_unit
-        Unit of the gains; None if only the maker of the camera knows it.
+    unit, gain_unit
+        Their units; None to infer that of exposures from the numbers, and if only the maker of the camera knows that
+        of the gain.
     summary
         Fields and units, for the user.
     """
@@ -59,15 +54,18 @@ class Carrier:
     gain_unit: GainUnit | None
     summary: str
 
-    def readings(self, topic: Topic) -> Callable[[bytes], Reading | None]:
-        """Return a function that reads serialised messages; DamagedMessageError if the bag does not define them."""
-        kind = MessageType(topic.type, topic.encoding, topic.definition, idl=topic.idl)
+    def readings(self, topic: Topic) -> Callable[[bytes], tuple[float, float, int] | None]:
+        """Return a function that reads exposure, gain and time stamp in ns, 0 for none, of serialised messages.
 
-        def read(data: bytes) -> Reading | None:
+        DamagedMessageError if the bag does not define them.
+        """
+        kind = _type_of(topic)
+
+        def read(data: bytes) -> tuple[float, float, int] | None:
             message = kind.decode(data)
             try:
                 found = self.extract(message)
-                return None if found is None else Reading(*found, _stamp_ns(message))
+                return None if found is None else (*found, stamp_ns_of(message))
             except (AttributeError, TypeError, ValueError, OverflowError):
                 # The bag may define a type of a known name in another way.
                 raise DamagedMessageError(f"messages of type {quoted(topic.type)} have unexpected fields") from None
@@ -75,10 +73,8 @@ class Carrier:
         return read
 
 
-def _stamp_ns(message: Any) -> int | None:
-    header = getattr(message, "header", None) or getattr(getattr(message, "camera_info", None), "header", None)
-    stamp = getattr(header, "stamp", None)
-    return int(getattr(stamp, "sec", 0)) * _NANOSECONDS + int(getattr(stamp, "nanosec", 0)) or None
+def _type_of(topic: Topic) -> MessageType:
+    return MessageType(topic.type, topic.encoding, topic.definition, idl=topic.idl)
 
 
 def _number(value: Any, field: str) -> float:
@@ -88,7 +84,7 @@ def _number(value: Any, field: str) -> float:
             raise DamagedMessageError(f"{field} has {len(value)} values; choose one, as in {field}[0]")
         value = value[0]
     if hasattr(value, "sec") and hasattr(value, "nanosec"):
-        return float(value.sec) + float(value.nanosec) / _NANOSECONDS
+        return float(value.sec) + float(value.nanosec) / NS_PER_S
     try:
         return float(value)
     except (TypeError, ValueError):
@@ -140,43 +136,30 @@ def _diagnostics(message: Any) -> tuple[float, float] | None:
     return None
 
 
-_KNOWN: dict[str, Carrier] = {
-    "ExtendedCameraInfo": Carrier(
-        _fields("exposure_time", "gain"), ExposureUnit.US, None, "exposure_time in µs, gain in the camera's unit"
-    ),
-    "ImageMetaData": Carrier(
-        _fields("exposure_time", "gain"), ExposureUnit.US, GainUnit.DB, "exposure_time in µs, gain in dB"
-    ),
-    "ExposureSequence": Carrier(
-        _fields("shutter", "gain"), ExposureUnit.MS, GainUnit.DB, "shutter in ms, gain in dB"
-    ),
+_US, _MS, _LINEAR, _DB = ExposureUnit.US, ExposureUnit.MS, GainUnit.LINEAR, GainUnit.DB
+_TIME_AND_GAIN = _fields("exposure_time", "gain")
+_KNOWN = {
+    "ExtendedCameraInfo": Carrier(_TIME_AND_GAIN, _US, None, "exposure_time in µs, gain in the camera's unit"),
+    "ImageMetaData": Carrier(_TIME_AND_GAIN, _US, _DB, "exposure_time in µs, gain in dB"),
+    "ExposureSequence": Carrier(_fields("shutter", "gain"), _MS, _DB, "shutter in ms, gain in dB"),
     "Metadata": Carrier(
-        _realsense,
-        ExposureUnit.US,
-        GainUnit.LINEAR,
-        f"actual_exposure in µs, gain_level / {REALSENSE_UNIT_GAIN} as linear gain",
+        _realsense, _US, _LINEAR, f"actual_exposure in µs, gain_level / {REALSENSE_UNIT_GAIN} as linear gain"
     ),
     "DiagnosticArray": Carrier(
-        _diagnostics,
-        ExposureUnit.US,
-        GainUnit.LINEAR,
-        "ExposureTime in µs, AnalogueGain × DigitalGain as linear gain",
+        _diagnostics, _US, _LINEAR, "ExposureTime in µs, AnalogueGain × DigitalGain as linear gain"
     ),
 }
 """By the last part of the type, which is the same in all versions of the drivers."""
 
 _TEXT = "std_msgs/msg/String"
 _REALSENSE_RECORDER = Carrier(
-    _realsense_text,
-    ExposureUnit.US,
-    GainUnit.LINEAR,
-    f"Actual Exposure in µs, Gain Level / {REALSENSE_UNIT_GAIN} as linear gain",
+    _realsense_text, _US, _LINEAR, f"Actual Exposure in µs, Gain Level / {REALSENSE_UNIT_GAIN} as linear gain"
 )
 
 _NUMBERS = tuple(
     f"std_msgs/msg/{name}" for name in ("Float32", "Float64", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 )
-_NUMBER = Carrier(_fields("data", None), None, GainUnit.LINEAR, "its numbers")
+_NUMBER = Carrier(_fields("data", None), None, _LINEAR, "its numbers")
 _EXPOSURE_WORDS = ("exposure", "shutter")
 """A topic of plain numbers carries exposures if its name contains one of these."""
 
@@ -197,15 +180,6 @@ def _known(topic: Topic) -> Carrier | None:
     return _KNOWN.get(topic.type.rpartition("/")[2])
 
 
-def _choice(topic: Topic) -> str:
-    """Return the fields that an exposure may be in, as the end of a message."""
-    try:
-        numbers = MessageType(topic.type, topic.encoding, topic.definition, idl=topic.idl).numbers()
-    except DamagedMessageError:
-        return ""
-    return f": {shown(numbers)}" if numbers else ""
-
-
 def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
     """Return how the messages of a topic carry exposures; the user's statements take precedence.
 
@@ -219,11 +193,15 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
                     f"{quoted(field)} is not the name of a field, such as exposure_time or info.shutter[0]"
                 )
         extract = _fields(options.exposure_field, options.gain_field)
-        carrier = Carrier(extract, None, GainUnit.LINEAR, f"the field {options.exposure_field}")
+        carrier = Carrier(extract, None, _LINEAR, f"the field {options.exposure_field}")
     if carrier is None:
+        try:
+            numbers = shown(_type_of(topic).numbers())
+        except DamagedMessageError:
+            numbers = ""
         raise ExposureError(
-            f"{escaped(topic.name)} has type {escaped(topic.type)}; state which of its fields is the exposure with "
-            f"--exposure-field{_choice(topic)}"
+            f"{topic.name} has type {topic.type}; state which of its fields is the exposure with "
+            f"--exposure-field{numbers and f': {numbers}'}"
         )
     return replace(
         carrier, unit=options.exposure_unit or carrier.unit, gain_unit=options.gain_unit or carrier.gain_unit

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
-from ospc.errors import OspcError, RecordingError, escaped, needs_extra, quoted, said_by
+from ospc.errors import OspcError, RecordingError, needs_extra, quoted, said_by
 
 MAX_CHUNK_BYTES = 256 * 2**20
 """Larger chunks and messages are refused, before and after decompression."""
@@ -28,18 +28,10 @@ Encoding = Literal["ros1", "cdr"]
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag.
+    """A topic of a bag: name and type such as ``/camera/image_raw`` and ``sensor_msgs/msg/Image``, as in ROS 2.
 
-    Attributes
-    ----------
-    name, type
-        Such as ``/camera/image_raw`` and ``sensor_msgs/msg/Image``; types are in the notation of ROS 2.
-    messages
-        Number of messages; None if the bag does not state it.
-    encoding
-        Serialisation of the messages.
-    definition, idl
-        Definition of the type, empty if the bag does not include it, and whether it is in IDL.
+    ``messages`` is None if the bag does not state their number; ``definition`` is that of the type, empty if the bag
+    does not include it, and ``idl`` whether it is in IDL.
     """
 
     name: str
@@ -61,12 +53,7 @@ class Message(NamedTuple):
 class BagFile(ABC):
     """One file of a bag, and its topics.
 
-    Raises
-    ------
-    RecordingError
-        If it is damaged or ends early.
-    MissingExtraError
-        If the optional dependency for bags is not installed.
+    RecordingError if it is damaged or ends early; MissingExtraError without the optional dependency for bags.
     """
 
     _ADVICE: ClassVar[str]
@@ -108,28 +95,20 @@ class BagFile(ABC):
         except OspcError:
             raise
         except OSError as error:
-            reason = error.strerror
-            raise RecordingError(f"{self.path}: cannot be read ({reason}); check the file and its rights") from None
+            raise RecordingError(
+                f"{self.path}: cannot be read ({error.strerror}); check the file and its rights"
+            ) from None
         except Exception as error:
-            said = escaped(said_by(error, _QUOTED_CHARACTERS))
+            said = said_by(error, _QUOTED_CHARACTERS)
             why = f" ({said})" if said else ""
             raise RecordingError(f"{self.path}: the bag is damaged or ends early{why}; {self._ADVICE}") from None
-
-
-ZSTD_START = b"\x28\xb5\x2f\xfd"
-"""Magic number of a Zstandard frame (RFC 8878)."""
 
 
 def expand(data: bytes, compression: str, size: int | None = None) -> bytes:
     """Decompress ``zstd``, ``lz4``, ``bz2``, or ``none``, to exactly ``size`` bytes if it is stated.
 
-    Raises
-    ------
-    RecordingError
-        If another number comes out, or more than :data:`~ospc.recording.bags.container.MAX_CHUNK_BYTES`, or the
-        compression is unknown.
-    MissingExtraError
-        If the optional dependency for bags is not installed.
+    RecordingError if another number comes out, or more than
+    :data:`~ospc.recording.bags.container.MAX_CHUNK_BYTES`, or the compression is unknown.
     """
     limit = MAX_CHUNK_BYTES if size is None else size
     if limit > MAX_CHUNK_BYTES:

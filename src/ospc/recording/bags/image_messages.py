@@ -20,7 +20,7 @@ from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError, escaped, quoted
 from ospc.recording.bags.bag import Bag
 from ospc.recording.bags.container import Encoding, Message, Topic
-from ospc.recording.bags.messages import DamagedMessageError, MessageType
+from ospc.recording.bags.messages import DamagedMessageError, MessageType, stamp_ns_of
 from ospc.recording.channel import Channel, Mosaic
 from ospc.recording.decoding import decode_stored
 from ospc.recording.pixel_layout import StoredImage
@@ -38,46 +38,39 @@ class _Layout:
     order: tuple[int, ...] = ()
 
 
+_GREY8, _GREY16 = _Layout(1, 8), _Layout(1, 16)
 _ENCODINGS = {
-    "mono8": _Layout(1, 8),
-    "8UC1": _Layout(1, 8),
-    "mono16": _Layout(1, 16),
-    "16UC1": _Layout(1, 16),
+    **dict.fromkeys(("mono8", "8UC1", "nv21", "nv24"), _GREY8),
+    **dict.fromkeys(("mono16", "16UC1"), _GREY16),
+    **dict.fromkeys(("bgr8", "8UC3"), _Layout(3, 8, (0, 1, 2))),
+    **dict.fromkeys(("bgr16", "16UC3"), _Layout(3, 16, (0, 1, 2))),
+    **dict.fromkeys(("yuv422", "uyvy"), _Layout(2, 8, (1,))),
+    **dict.fromkeys(("yuv422_yuy2", "yuyv"), _Layout(2, 8, (0,))),
     "rgb8": _Layout(3, 8, (2, 1, 0)),
-    "bgr8": _Layout(3, 8, (0, 1, 2)),
-    "8UC3": _Layout(3, 8, (0, 1, 2)),
+    "rgb16": _Layout(3, 16, (2, 1, 0)),
     "rgba8": _Layout(4, 8, (2, 1, 0)),
     "bgra8": _Layout(4, 8, (0, 1, 2)),
-    "rgb16": _Layout(3, 16, (2, 1, 0)),
-    "bgr16": _Layout(3, 16, (0, 1, 2)),
-    "16UC3": _Layout(3, 16, (0, 1, 2)),
     "rgba16": _Layout(4, 16, (2, 1, 0)),
     "bgra16": _Layout(4, 16, (0, 1, 2)),
-    "yuv422": _Layout(2, 8, (1,)),
-    "uyvy": _Layout(2, 8, (1,)),
-    "yuv422_yuy2": _Layout(2, 8, (0,)),
-    "yuyv": _Layout(2, 8, (0,)),
-    "nv21": _Layout(1, 8),
-    "nv24": _Layout(1, 8),
-} | {f"bayer_{pattern}{bits}": _Layout(1, bits) for pattern in Mosaic.PATTERNS for bits in (8, 16)}
+    **{f"bayer_{pattern}8": _GREY8 for pattern in Mosaic.PATTERNS},
+    **{f"bayer_{pattern}16": _GREY16 for pattern in Mosaic.PATTERNS},
+}
 """Layout of every encoding of ROS that is read."""
 
 
-def read_stamp_ns(data: bytes, kind: str, encoding: Encoding) -> int:
-    """Return the time stamp of an image message in nanoseconds, as :func:`read_image`; 0 if the camera gave none."""
-    stamp = _type(kind, encoding).decode(data).header.stamp
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+def read_stamp_ns(data: bytes, topic: Topic) -> int:
+    """Return the time stamp of an image message in nanoseconds; 0 if the camera gave none, or it is damaged."""
+    try:
+        return max(0, stamp_ns_of(_type(topic.type, topic.encoding).decode(data)))
+    except DamagedMessageError:
+        return 0  # the error is raised when the image is read
 
 
 def read_image(data: bytes, kind: str, encoding: Encoding, name: str, channel: Channel | None = None) -> StoredImage:
     """Read a message of one of the :data:`IMAGE_TYPES`; the image is called ``name`` in messages to the user.
 
-    Raises
-    ------
-    FrameError
-        If it holds no image, or one that is damaged or not a photograph.
-    DamagedMessageError
-        If it is not a message of this type.
+    FrameError if it holds no image, or one that is damaged or not a photograph; DamagedMessageError if it is not a
+    message of this type.
     """
     message = _type(kind, encoding).decode(data)
     return image_of(message, name, channel) if kind == RAW else _compressed(message, name, channel)
@@ -102,7 +95,11 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
             f"{name}: its {len(message.data)} bytes do not hold {width}x{height} pixels of {quoted(encoding)}; "
             f"leave it out"
         )
-    pixels = _pixels(message.data, (height, row_bytes), step, layout, swapped=bool(message.is_bigendian))
+    # The padding at the ends of rows is left out.
+    rows = np.lib.stride_tricks.as_strided(message.data, (height, row_bytes), (step, 1), writeable=False)
+    pixels: Image = np.ascontiguousarray(rows)
+    if layout.bits == 16:
+        pixels = pixels.view(">u2" if message.is_bigendian else "<u2").astype(np.uint16)
     if len(layout.order) == 3:
         ordered = np.ascontiguousarray(pixels.reshape(height, width, layout.channels)[:, :, list(layout.order)])
         return StoredImage((channel or Channel.LUMINANCE).of(ordered), colour=True)
@@ -112,16 +109,6 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
         luma = pixels.reshape(height, width, layout.channels)[:, :, layout.order[0] if layout.order else 0]
         return StoredImage(np.ascontiguousarray(luma), colour=True)
     return StoredImage(pixels, mosaic=Mosaic(encoding[6:10]) if encoding.startswith("bayer_") else None)
-
-
-def _pixels(
-    data: npt.NDArray[np.uint8], shape: tuple[int, int], step: int, layout: _Layout, *, swapped: bool
-) -> Image:
-    """Return the values of all rows without the padding at their ends."""
-    pixels: Image = np.ascontiguousarray(np.lib.stride_tricks.as_strided(data, shape, (step, 1), writeable=False))
-    if layout.bits == 16:
-        return pixels.view(">u2" if swapped else "<u2").astype(np.uint16)
-    return pixels
 
 
 def _compressed(message: Any, name: str, channel: Channel | None) -> StoredImage:
@@ -156,7 +143,11 @@ class ImageStream:
 
     def __init__(self, bag: Bag, topic: Topic, log_ns: npt.NDArray[np.int64], channel: Channel | None) -> None:
         self._bag, self._topic, self._log_ns, self._channel = bag, topic, log_ns, channel
-        self._rank = _ranks(log_ns)
+        # How many earlier messages were recorded at the same time as each.
+        order = np.argsort(log_ns, kind="stable")
+        _, start, count = np.unique(log_ns[order], return_index=True, return_counts=True)
+        self._rank = np.empty(len(log_ns), np.int64)
+        self._rank[order] = np.arange(len(log_ns)) - np.repeat(start, count)
         self._lock = threading.Lock()
         self._messages: Iterator[Message] | None = None
         self._passed: Counter[int] = Counter()
@@ -208,12 +199,3 @@ class ImageStream:
                     return message.data
         self._messages = None
         return None
-
-
-def _ranks(log_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return for each message how many earlier ones were recorded at the same time."""
-    order = np.argsort(log_ns, kind="stable")
-    _, start, count = np.unique(log_ns[order], return_index=True, return_counts=True)
-    rank = np.empty(len(log_ns), np.int64)
-    rank[order] = np.arange(len(log_ns)) - np.repeat(start, count)
-    return rank

@@ -19,38 +19,20 @@ _ONLY_IMAGE_TOLERANCE_NS = 5e8
 
 @dataclass(frozen=True)
 class Times:
-    """When messages were sent and recorded.
-
-    Attributes
-    ----------
-    stamp_ns
-        Time stamps in the messages in nanoseconds, 0 for none, shape (messages,).
-    log_ns
-        When they were recorded, in nanoseconds, shape (messages,).
-    """
+    """When messages were sent, 0 if they do not say, and when they were recorded, each of shape (messages,)."""
 
     stamp_ns: npt.NDArray[np.int64]
     log_ns: npt.NDArray[np.int64]
-
-    @property
-    def stamped(self) -> bool:
-        """Whether all messages have a time stamp of their own."""
-        return bool(np.all(self.stamp_ns > 0))
 
 
 def match(images: Times, exposures: Times, source: str) -> tuple[IntArray, list[str]]:
     """Return the index of the exposure of every image, -1 for none, shape (images,), and notes for the user.
 
     Time stamps of the camera take precedence; if they are missing or come from different clocks, the times at which
-    the messages were recorded are used.
-
-    Raises
-    ------
-    ExposureError
-        If most images have no exposure; the message begins with ``source``.
+    the messages were recorded are used. ExposureError if most images have no exposure.
     """
     ways = [("time of recording", images.log_ns, exposures.log_ns)]
-    if images.stamped and exposures.stamped:
+    if np.all(images.stamp_ns > 0) and np.all(exposures.stamp_ns > 0):
         ways.insert(0, ("time stamp", images.stamp_ns, exposures.stamp_ns))
     for what, wanted, offered in ways:
         found, tolerance_ns = _nearest(wanted, offered)

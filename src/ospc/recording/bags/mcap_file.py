@@ -14,19 +14,21 @@ from io import BytesIO
 from typing import Any, BinaryIO
 
 from ospc.errors import RecordingError, needs_extra
-from ospc.recording.bags.container import (
-    MAX_CHUNK_BYTES,
-    MAX_TOPICS,
-    BagFile,
-    Encoding,
-    Message,
-    Topic,
-    expand,
-)
+from ospc.recording.bags.container import MAX_CHUNK_BYTES, MAX_TOPICS, BagFile, Encoding, Message, Topic, expand
 
 MCAP_START = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 8, 11, 15
 """Opcodes of the records that are used (MCAP specification, version 0)."""
+
+_CLASSES = {
+    _FOOTER: "Footer",
+    _SCHEMA: "Schema",
+    _CHANNEL: "Channel",
+    _CHUNK: "Chunk",
+    _CHUNK_INDEX: "ChunkIndex",
+    _STATISTICS: "Statistics",
+}
+"""Classes of mcap that parse their content; that of messages is not copied."""
 
 _DIRECTORY = (_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS)
 _END_BYTES = 1 + 8 + 8 + 8 + 4 + len(MCAP_START)
@@ -47,17 +49,15 @@ class _Directory:
     counts: dict[int, int] | None = None
 
     def add(self, opcode: int, content: bytes) -> None:
+        record = _parsed(opcode, content)
         if opcode == _SCHEMA:
-            schema = _parsed("Schema", content)
-            self.schemas[schema.id] = schema
+            self.schemas[record.id] = record
         elif opcode == _CHANNEL:
-            channel = _parsed("Channel", content)
-            self.channels[channel.id] = channel
+            self.channels[record.id] = record
         elif opcode == _CHUNK_INDEX:
-            chunk = _parsed("ChunkIndex", content)
-            self.chunks.append((chunk.chunk_start_offset, chunk.message_end_time))
-        elif opcode == _STATISTICS:
-            self.counts = _parsed("Statistics", content).channel_message_counts
+            self.chunks.append((record.chunk_start_offset, record.message_end_time))
+        else:
+            self.counts = record.channel_message_counts
         if len(self.schemas) + len(self.channels) > MAX_TOPICS:
             raise RecordingError(f"has more than the {MAX_TOPICS} topics allowed")
 
@@ -98,12 +98,11 @@ class McapFile(BagFile):
         yield from _messages(reader, self._directory, names, start)
 
 
-def _parsed(record: str, content: bytes) -> Any:
-    """Parse the content of a record with the class of that name in mcap."""
+def _parsed(opcode: int, content: bytes) -> Any:
     with needs_extra("reading bags in the MCAP format", "ros"):
         from mcap import records
         from mcap.data_stream import ReadDataStream
-    return getattr(records, record).read(ReadDataStream(BytesIO(content)))
+    return getattr(records, _CLASSES[opcode]).read(ReadDataStream(BytesIO(content)))
 
 
 def _read_directory(file: BinaryIO) -> _Directory:
@@ -113,7 +112,7 @@ def _read_directory(file: BinaryIO) -> _Directory:
     end = file.read()
     if not end.endswith(MCAP_START) or end[0] != _FOOTER:
         raise RecordingError("the bag ends early: its end is missing")
-    start = _parsed("Footer", end[9:]).summary_start
+    start = _parsed(_FOOTER, end[9:]).summary_start
     directory = _Directory()
     if 0 < start < size:
         file.seek(start)
@@ -130,7 +129,7 @@ def _messages(file: BinaryIO, directory: _Directory, names: Collection[str], sta
     wanted = directory.channels_of(names)
     for opcode, content in _records(file, (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK)):
         if opcode == _CHUNK:
-            chunk = _parsed("Chunk", content)
+            chunk = _parsed(_CHUNK, content)
             if chunk.message_end_time < start_ns:
                 continue
             inner = BytesIO(expand(chunk.data, chunk.compression, chunk.uncompressed_size))

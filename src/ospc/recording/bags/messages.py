@@ -29,6 +29,9 @@ MAX_FIELDS = 2000
 MAX_MESSAGE_BYTES = 2**20
 """Larger messages of types that the bag defines are refused: those with exposures have a few kilobytes."""
 
+NS_PER_S = 10**9
+"""Nanoseconds per second; stamps in messages are in both."""
+
 _SHOWN_FIELDS, _SHOWN_CHARACTERS = 12, 200
 """Fields of a message that an error lists, and the characters they may take."""
 
@@ -196,6 +199,13 @@ def _fields(value: Any) -> list[str]:
     of_node = getattr(value, "get_fields_and_field_types", dict)
     names = getattr(value, "__dataclass_fields__", None) or of_node()
     return [name for name in names if not name.startswith("_")]  # the package adds fields of its own
+
+
+def stamp_ns_of(message: Any) -> int:
+    """Return the time stamp of a message, or of the camera info in it, in nanoseconds; 0 if it has none."""
+    header = getattr(message, "header", None) or getattr(getattr(message, "camera_info", None), "header", None)
+    stamp = getattr(header, "stamp", None)
+    return int(getattr(stamp, "sec", 0)) * NS_PER_S + int(getattr(stamp, "nanosec", 0))
 
 
 def is_field(text: str) -> bool:

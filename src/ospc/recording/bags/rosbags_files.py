@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+from collections import defaultdict
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -11,21 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ospc.errors import RecordingError, needs_extra
-from ospc.recording.bags.container import (
-    MAX_CHUNK_BYTES,
-    MAX_TOPICS,
-    ZSTD_START,
-    BagFile,
-    Encoding,
-    Message,
-    Topic,
-    expand,
-)
+from ospc.recording.bags.container import MAX_CHUNK_BYTES, MAX_TOPICS, BagFile, Encoding, Message, Topic, expand
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 ROS1_START, SQLITE_START = b"#ROSBAG V", b"SQLite format 3\0"
+_ZSTD_START = b"\x28\xb5\x2f\xfd"
+"""Magic number of a Zstandard frame (RFC 8878)."""
+
 _SQLITE_HEADER_BYTES = 100
 _SQLITE_LARGEST_PAGE = 65536
 """Page size that a header states as 1, since it does not fit 16 bits."""
@@ -76,48 +71,30 @@ class Ros1File(RosbagsFile):
 
     @contextmanager
     def _open(self, names: Collection[str]) -> Iterator[Any]:
-        with _sparing_reader()(self.path, frozenset(names)) as reader:
-            # The decompressors of the package have no limit.
+        with needs_extra("reading bags", "ros"):
+            from rosbags.rosbag1.reader import IndexData, Reader, decompressors
+
+        class SparingReader(Reader):
+            """Keeps the index of some topics only: that of an IMU can be larger than its messages."""
+
+            def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+                found: defaultdict[int, list[IndexData]] = defaultdict(list)
+                super().read_index_data(pos, found)
+                wanted = {connection.id for connection in self.connections if connection.topic in names}
+                for key in wanted & found.keys():
+                    indexes[key].extend(found[key])
+
+        # The decompressors of the package have no limit.
+        limited = {function: partial(expand, compression=name) for name, function in decompressors.items()}
+        with SparingReader(self.path) as reader:
             reader.chunks = {
-                place: chunk._replace(decompressor=partial(expand, compression=_compression(chunk)))
+                place: chunk._replace(decompressor=limited[chunk.decompressor])
                 for place, chunk in reader.chunks.items()
             }
             yield reader
 
     def _count(self, reader: Any, connection: Connection) -> int:
         return sum(info.connection_counts.get(connection.id, 0) for info in reader.chunk_infos)
-
-
-def _sparing_reader() -> Any:
-    """Return a reader that keeps the index of some topics only: that of an IMU can be larger than its messages."""
-    with needs_extra("reading bags", "ros"):
-        from rosbags.rosbag1.reader import IndexData, Reader
-
-    class SparingReader(Reader):
-        def __init__(self, path: Path, names: Collection[str]) -> None:
-            super().__init__(path)
-            self._names = names
-
-        def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-            found: dict[int, list[IndexData]] = {}
-            wanted = {c.id for c in self.connections if c.topic in self._names}
-
-            class Found(dict[int, list[IndexData]]):
-                def __missing__(self, key: int) -> list[IndexData]:
-                    return found.setdefault(key, [])
-
-            super().read_index_data(pos, Found())
-            for key, entries in found.items():
-                if key in wanted:
-                    indexes[key].extend(entries)
-
-    return SparingReader
-
-
-def _compression(chunk: Any) -> str:
-    from rosbags.rosbag1.reader import decompressors
-
-    return next(name for name, function in decompressors.items() if function is chunk.decompressor)
 
 
 class Sqlite3File(RosbagsFile):
@@ -143,7 +120,7 @@ class Sqlite3File(RosbagsFile):
 
     def _expanded(self, data: bytes) -> bytes:
         # Bags may compress each message by itself; plain ones never begin like that.
-        return expand(data, "zstd") if data.startswith(ZSTD_START) else data
+        return expand(data, "zstd") if data.startswith(_ZSTD_START) else data
 
 
 def _check_length(path: Path) -> None:

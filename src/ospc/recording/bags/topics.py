@@ -20,17 +20,14 @@ def image_topic(bag: Bag, options: ReadingOptions) -> tuple[Topic, list[str]]:
     if options.image_topic is not None:
         topic = _named(bag, options.image_topic)
         if topic.type not in IMAGE_TYPES:
-            raise RecordingError(
-                f"{bag.path}: {escaped(topic.name)} has no images but {escaped(topic.type)}; see --list-topics"
-            )
+            raise RecordingError(f"{bag.path}: {topic.name} has no images but {topic.type}; see --list-topics")
         return topic, []
     found = image_topics(bag)
     if not found:
         raise RecordingError(f"{bag.path}: has no topic with images; it has {_names(bag.topics)}")
-    first, others = found[0], found[1:]
-    return first, [
-        f"{escaped(first.name)} is read; choose {listed([t.name for t in others])} with --image-topic"
-    ] if others else []
+    first, *others = found
+    names = listed([topic.name for topic in others])
+    return first, [f"{escaped(first.name)} is read; choose {names} with --image-topic"] if others else []
 
 
 def image_topics(bag: Bag) -> list[Topic]:
@@ -63,14 +60,14 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     found = [t for t in carriers if own_exposure_topic(bag, t.name, images, cameras) == t.name]
     if not found:
         raise ExposureError(
-            f"{bag.path}: no topic is known to hold the exposures of {escaped(images.name)}; state it with "
+            f"{bag.path}: no topic is known to hold the exposures of {images.name}; state it with "
             f"--exposure-topic and --exposure-field; there are {_names(bag.topics)}"
         )
     shared = [_shared(t.name, images.name) for t in found]
     best = [t for t, count in zip(found, shared, strict=True) if count == max(shared)]
     if len(best) > 1:
         raise ExposureError(
-            f"{bag.path}: several topics may hold the exposures of {escaped(images.name)} "
+            f"{bag.path}: several topics may hold the exposures of {images.name} "
             f"({listed([t.name for t in best])}); state one with --exposure-topic"
         )
     return best[0]

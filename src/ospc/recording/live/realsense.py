@@ -6,68 +6,34 @@ stereo sensors, time stamps are in ms.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from ospc.errors import ExposureError, MissingExtraError, RecordingError
-from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
-from ospc.recording.live.source import Camera, DriverFrame, quoted_driver
+from ospc.recording.live.source import Camera, DriverFrame, cannot_be_opened, said_by_driver
+from ospc.recording.options import ReadingOptions
 
 _WAITS, _WAIT_MS = 25, 200
 """Attempts to get a frame, and how long each waits: five seconds in all, as a camera needs to start."""
 
 
 class RealSenseCamera(Camera):
-    """One stream of a RealSense camera.
+    """One stream of a RealSense camera; ``wait`` is, for example, ``queue.wait_for_frame`` of pyrealsense2."""
 
-    Parameters
-    ----------
-    wait
-        Returns the next frame of pyrealsense2 or None at the end of a recording, and raises ``RuntimeError`` if none
-        arrives: ``queue.wait_for_frame``, for example.
-    name, channel, stop
-        As for every :class:`~ospc.recording.live.source.Camera`.
-    """
-
-    def __init__(
-        self,
-        wait: Callable[[], Any],
-        name: str = "RealSense",
-        *,
-        channel: Channel | None = None,
-        stop: Callable[[], object] = lambda: None,
-    ) -> None:
-        note = f"exposures are actual_exposure in µs times gain_level / {REALSENSE_UNIT_GAIN}"
-        super().__init__(name, note, ExposureUnit.US, GainUnit.LINEAR, channel=channel, stop=stop)
-        self._metadata = _module().frame_metadata_value
-        self._wait = wait
+    _note = f"exposures are actual_exposure in µs times gain_level / {REALSENSE_UNIT_GAIN}"
+    _exposure_unit, _gain_unit = ExposureUnit.US, GainUnit.LINEAR
 
     @classmethod
-    def open(
-        cls, serial: str = "", *, recording: Path | None = None, colour: bool = False, channel: Channel | None = None
-    ) -> RealSenseCamera:
-        """Open a camera or a recording of one.
+    def open(cls, which: str, options: ReadingOptions) -> Self:
+        """Open a camera by its serial number, the first one without it, or a recording made with RealSense's viewer.
 
-        Parameters
-        ----------
-        serial
-            Serial number; the first camera if empty.
-        recording
-            A file recorded with RealSense's viewer: ``.db3``, formerly ``.bag``.
-        colour, channel
-            Whether to take the colour stream instead of the first infrared stream, and its channel; luma if None.
-
-        Raises
-        ------
-        MissingExtraError
-            If pyrealsense2 is not installed.
-        RecordingError
-            If there is no such camera or recording.
+        The first infrared stream is taken, or the colour stream if a channel is stated.
         """
+        recording = Path(which) if which.endswith((".bag", ".db3")) else None
+        colour = options.channel is not None
         rs = _module()
         config = rs.config()
         if recording is not None:
@@ -75,13 +41,13 @@ class RealSenseCamera(Camera):
             if not recording.is_file():
                 raise RecordingError(f"{recording}: there is no such file; check the path")
             config.enable_device_from_file(str(recording), False)
-        elif serial:
-            config.enable_device(serial)
+        elif which:
+            config.enable_device(which)
         if colour:
             config.enable_stream(rs.stream.color, rs.format.bgr8, 0)
         else:
             config.enable_stream(rs.stream.infrared, 1, rs.format.y8, 0)
-        name = str(recording) if recording is not None else f"RealSense {serial}".strip()
+        name = which if recording is not None else f"RealSense {which}".strip()
         pipeline = rs.pipeline()
         playback = None
         try:
@@ -90,27 +56,21 @@ class RealSenseCamera(Camera):
                 playback = profile.get_device().as_playback()
                 playback.set_real_time(False)
         except RuntimeError as error:
-            raise RecordingError(f"{name}: cannot be opened ({quoted_driver(error)}); is it plugged in?") from None
+            raise cannot_be_opened(name, error) from None
 
         def wait() -> Any:
             for _ in range(_WAITS):
                 arrived, frames = pipeline.try_wait_for_frames(_WAIT_MS)
                 if arrived:
-                    return frames.get_color_frame() if colour else frames.get_infrared_frame(1)
+                    return (frames.get_color_frame() if colour else frames.get_infrared_frame(1)) or None
                 if playback is not None and playback.current_status() == rs.playback_status.stopped:
                     return None
             raise RuntimeError(f"no frame within {_WAITS * _WAIT_MS / 1000:g} s")
 
-        return cls(wait, name, channel=channel, stop=pipeline.stop)
+        return cls(wait, name, options, stop=pipeline.stop)
 
-    def _next(self) -> DriverFrame | None:
-        try:
-            frame = self._wait()
-        except RuntimeError as error:
-            raise RecordingError(f"{self.name}: stopped giving frames ({quoted_driver(error)})") from None
-        if not frame:
-            return None
-        value = self._metadata
+    def _read(self, frame: Any) -> DriverFrame:
+        value = _module().frame_metadata_value
         if not frame.supports_frame_metadata(value.actual_exposure):
             raise ExposureError(
                 f"{self.name}: gives no exposures with its frames; install the maker's kernel patches for metadata, "
@@ -131,6 +91,6 @@ def _module() -> Any:
         raise MissingExtraError("reading from RealSense cameras", "realsense") from None
     except ImportError as error:
         raise RecordingError(
-            f"pyrealsense2 is installed but cannot be loaded ({quoted_driver(error)}); install what it misses"
+            f"pyrealsense2 is installed but cannot be loaded ({said_by_driver(error)}); install what it misses"
         ) from None
     return pyrealsense2

@@ -12,6 +12,7 @@ from ospc.errors import ExposureError
 from ospc.recording.bags.carriers import carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import image_of
+from ospc.recording.bags.messages import NS_PER_S, stamp_ns_of
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame import Frame
@@ -19,9 +20,6 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 
 _WAITING = 30
 """Messages of each topic that wait for their counterpart; one is late by a few frames at most."""
-
-_NANOSECONDS = 10**9
-"""Nanoseconds per second."""
 
 
 class RosFrames:
@@ -60,52 +58,36 @@ class RosFrames:
     def image(self, message: Any) -> Frame | None:
         """Take a ``sensor_msgs/msg/Image``, and return its frame if its exposure came before it.
 
-        Raises
-        ------
-        FrameError
-            If it cannot be read.
+        FrameError if it cannot be read.
         """
         stored = image_of(message, "image", self._channel)
         channel = self._channel or Channel.GREEN
         grey = stored.pixels if stored.mosaic is None else stored.mosaic.of(stored.pixels, channel)
-        return self._paired(_remember(self._images, _stamp_ns(message), grey))
+        return self._paired(message, self._images, grey)
 
     def exposure(self, message: Any) -> Frame | None:
         """Take a message with an exposure, and return the frame of its image if that came before it.
 
-        Raises
-        ------
-        ExposureError
-            If it holds none, or one that is impossible.
+        ExposureError if it holds none, or one that is impossible.
         """
-        return self._paired(_remember(self._exposures_ms, _stamp_ns(message), self._exposure_ms(message)))
-
-    def _exposure_ms(self, message: Any) -> float:
         exposure, gain = self._extract(message) or (0.0, 1.0)
         exposure_ms = float(self._unit.to_ms(exposure) * self._gain_unit.linear(gain))
         if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
             raise ExposureError(
                 f"a message states an exposure of {exposure_ms:g} ms; switch on the driver's metadata of each frame"
             )
-        return exposure_ms
+        return self._paired(message, self._exposures_ms, exposure_ms)
 
-    def _paired(self, stamp_ns: int) -> Frame | None:
+    def _paired(self, message: Any, waiting: dict[int, Any], value: Image | float) -> Frame | None:
+        """Let a value wait for its counterpart; return the frame if that waits already."""
+        stamp_ns = stamp_ns_of(message)
+        waiting[stamp_ns] = value
+        while len(waiting) > _WAITING:
+            del waiting[next(iter(waiting))]
         if stamp_ns not in self._images or stamp_ns not in self._exposures_ms or stamp_ns <= self._last_ns:
             return None
         image, exposure_ms = self._images.pop(stamp_ns), self._exposures_ms.pop(stamp_ns)
         self._last_ns = stamp_ns
         index, self._frames = self._frames, self._frames + 1
-        stamp_s = stamp_ns / _NANOSECONDS
+        stamp_s = stamp_ns / NS_PER_S
         return Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=self._max_grey)
-
-
-def _remember(waiting: dict[int, Any], stamp_ns: int, value: Any) -> int:
-    waiting[stamp_ns] = value
-    while len(waiting) > _WAITING:
-        del waiting[next(iter(waiting))]
-    return stamp_ns
-
-
-def _stamp_ns(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)

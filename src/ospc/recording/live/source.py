@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import NamedTuple, Self
+from itertools import count
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.errors import ExposureError, SettingError, quoted, said_by
+from ospc.errors import ExposureError, RecordingError, SettingError, quoted, said_by
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS, ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
@@ -22,10 +22,7 @@ _QUOTED_CHARACTERS = 160
 
 
 class DriverFrame(NamedTuple):
-    """A frame as a driver delivers it, with exposure and gain in the driver's units.
-
-    The image has shape (height, width), or (height, width, channels) in the order blue, green, red.
-    """
+    """A frame with exposure and gain in the driver's units; a colour image has the channels blue, green, red."""
 
     image: Image
     exposure: float
@@ -38,41 +35,44 @@ class Camera(ABC):
 
     Parameters
     ----------
+    wait
+        Returns the next frame of the driver, in its own type, or None at the end; RuntimeError if it fails.
     name
         Name of the camera in messages.
-    note
-        What the user should know about its exposures.
-    exposure_unit
-        Unit of the driver's exposures.
-    gain_unit
-        Unit of the gains; None if only the maker of the camera knows it, and then the gain must stay constant.
-    channel
-        Channel taken from colour; luma if None.
+    options
+        The channel taken from colour; luma if None.
     stop
         Releases the device.
     """
 
+    _note: str
+    _exposure_unit: ExposureUnit
+    _gain_unit: GainUnit | None
+    """None if only the maker of the camera knows the unit of its gain, which then must stay constant."""
+
     def __init__(
         self,
+        wait: Callable[[], Any],
         name: str,
-        note: str,
-        exposure_unit: ExposureUnit,
-        gain_unit: GainUnit | None,
+        options: ReadingOptions = DEFAULT,
         *,
-        channel: Channel | None = None,
         stop: Callable[[], object] = lambda: None,
     ) -> None:
         self.name = name
-        self.notes = (f"{name}: {note}",)
-        self._exposure_unit = exposure_unit
-        self._gain_unit = gain_unit
-        self._first_gain: float | None = None
-        self._channel = channel or Channel.LUMINANCE
+        self.notes = (f"{name}: {self._note}",)
+        self._wait = wait
+        self._channel = options.channel or Channel.LUMINANCE
         self._stop = stop
+        self._first_gain: float | None = None
+
+    @classmethod
+    @abstractmethod
+    def open(cls, which: str, options: ReadingOptions) -> Self:
+        """Open the camera that follows the colon in the text of :func:`open_camera`; errors as there."""
 
     @abstractmethod
-    def _next(self) -> DriverFrame | None:
-        """Return the next frame, None at the end."""
+    def _read(self, frame: Any) -> DriverFrame:
+        """Return what a frame of the driver holds."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the next frames as they arrive, numbered from 0.
@@ -84,11 +84,16 @@ class Camera(ABC):
         ExposureError
             If it delivers no exposure with a frame, or changes a gain of unknown unit.
         """
-        index = 0
-        while (found := self._next()) is not None:
+        for index in count():
+            try:
+                waited = self._wait()
+            except RuntimeError as error:
+                raise RecordingError(f"{self.name}: stopped giving frames ({said_by_driver(error)})") from None
+            if waited is None:
+                return
+            found = self._read(waited)
             exposure_ms = self._exposure_ms(found.exposure, found.gain)
             yield Frame.of_array(self._grey(found.image), exposure_ms, index=index, stamp_s=found.stamp_s)
-            index += 1
 
     def close(self) -> None:
         """Release the device."""
@@ -124,9 +129,14 @@ class Camera(ABC):
         return exposure_ms
 
 
-def quoted_driver(error: BaseException) -> str:
+def said_by_driver(error: BaseException) -> str:
     """Return the message of a driver, shortened, for quoting."""
     return said_by(error, _QUOTED_CHARACTERS)
+
+
+def cannot_be_opened(name: str, error: RuntimeError) -> RecordingError:
+    """Return the error for a camera whose driver refuses."""
+    return RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?")
 
 
 _NUMBER = re.compile(r"\d{1,4}", re.ASCII)
@@ -164,22 +174,16 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
     ...         calibrator.push(frame)
     """
     kind, _, which = text.partition(":")
-    channel = options.channel
-    colour = channel is not None
     if kind == "opencv" and _NUMBER.fullmatch(which or "0"):
         from ospc.recording.live.opencv_capture import OpenCvCamera
 
-        return OpenCvCamera(
-            int(which or 0), exposure_unit=options.exposure_unit, gain_unit=options.gain_unit, channel=channel
-        )
+        return OpenCvCamera.open(which, options)
     if kind == "realsense":
         from ospc.recording.live.realsense import RealSenseCamera
 
-        if which.endswith((".bag", ".db3")):
-            return RealSenseCamera.open(recording=Path(which), colour=colour, channel=channel)
-        return RealSenseCamera.open(which, colour=colour, channel=channel)
+        return RealSenseCamera.open(which, options)
     if kind == "depthai":
         from ospc.recording.live.depthai import DepthAiCamera
 
-        return DepthAiCamera.open(which or ("colour" if colour else "left"), channel=channel)
+        return DepthAiCamera.open(which, options)
     raise SettingError(f"{quoted(text)} is not a camera; {_EXPECTED}")
