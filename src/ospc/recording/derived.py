@@ -23,8 +23,8 @@ from ospc.recording.recording import Recording, StoredRecording, stored_bytes
 class DerivedRecording(StoredRecording):
     """Some frames of another recording, with exposures and a mask of its own; the images are unchanged.
 
-    ``frames`` are the indices of those that are kept, increasing, shape (frames,). ``mask`` is True where pixels may be
-    used, shape (height, width); None to keep the masks of the inner recording.
+    ``frames`` are the indices of those that are kept, increasing, shape (frames,). ``mask`` is True where pixels may
+    be used, shape (height, width); None to keep the masks of the inner recording.
     """
 
     inner: Recording
@@ -137,8 +137,8 @@ def read_mask(path: Path, size: ImageSize) -> BoolArray:
 def masked(recording: Recording, mask: BoolArray | None = None, region: Region | None = None) -> Recording:
     """Return a recording whose frames say which of their pixels may be used.
 
-    The images are unchanged, so their size and the centre of the vignette stay the same; without a mask and a region,
-    the recording itself is returned. ``mask`` is True where pixels may be used, shape (height, width), or the image of a
+    The images are unchanged, so their size and the centre of the vignette stay the same; without mask and region, the
+    recording itself is returned. ``mask`` is True where pixels may be used, shape (height, width), or the image of a
     mask; pixels outside the region are not used either.
 
     Raises

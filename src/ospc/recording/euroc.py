@@ -6,7 +6,6 @@ dataset, or from a list of exposures beside ``data.csv``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import RecordingError
@@ -20,35 +19,33 @@ _FIRST_CAMERA = ("mav0/cam0", "cam0", ".")
 """Where the first camera is if the path is the recording, its ``mav0``, or the camera itself."""
 
 
-@dataclass(frozen=True)
-class Euroc:
-    """The kind of recording with ``data.csv`` and ``data/`` for each camera of ``mav0``."""
-
-    name: str = "euroc"
+class _Euroc:
+    name = "euroc"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path is such a recording, its ``mav0``, or one camera of it."""
         return _camera(path) is not None
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        """Open the camera at the path, otherwise the first one."""
         camera = _camera(path)
         if camera is None:
             raise RecordingError(f"{path}: a {self.name} recording has mav0/cam0 with {_INDEX} and {_IMAGES}/")
         others = [other for other in _cameras_beside(camera) if other.name != camera.name]
         notes = [f"{camera.name} is read; open {others[0]} for that camera"] if others and camera != path else []
+        # The path may be '.' or 'cam0': only the full path shows what is beside it.
+        full = camera.resolve()
+        beside = full.parent.parent / "dso" / full.name / "times.txt"
+        lists = lists_in(camera) + ([beside] if beside.is_file() else [])
         advice = "put exposures.csv with a header 'timestamp_ns,exposure_ms' there"
         return open_sequence(
             path,
             self.name,
             FolderImages.of(camera / _IMAGES),
-            lambda: read_list(only_list(_lists_of(camera), camera, advice), options),
+            lambda: read_list(only_list(lists, camera, advice), options),
             notes,
             options=options,
         )
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-        """Return all cameras of ``mav0``, or the one camera at the path."""
         camera = _camera(path)
         if camera is None or camera == path:
             return {path.resolve().name: (path, options)}
@@ -68,11 +65,4 @@ def _cameras_beside(camera: Path) -> list[Path]:
     return sorted((p.parent for p in camera.parent.glob(f"cam*/{_INDEX}")), key=lambda p: by_name(p.name))
 
 
-def _lists_of(camera: Path) -> list[Path]:
-    # The path may be '.' or 'cam0': only the full path shows what is beside it.
-    full = camera.resolve()
-    beside = full.parent.parent / "dso" / full.name / "times.txt"
-    return lists_in(camera) + ([beside] if beside.is_file() else [])
-
-
-KIND = Euroc()
+KIND = _Euroc()

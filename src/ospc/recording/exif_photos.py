@@ -6,7 +6,6 @@ with. EXIF rounds all three, times to the nominal 1/60 of a 1/64, so ratios are 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import ExposureError, FrameError, RecordingError, listed
@@ -27,14 +26,10 @@ _FORMULA = "exposure is time × ISO/100 / f-number², from EXIF, in ms; EXIF rou
 _LIST_INSTEAD = "add exposures.csv with a header 'file,exposure_s'"
 
 
-@dataclass(frozen=True)
-class ExifPhotos:
-    """The kind of recording that is a folder of photographs with EXIF and no list of exposures."""
-
-    name: str = "exif_photos"
+class _ExifPhotos:
+    name = "exif_photos"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path is a folder of images without a list of exposures, the first of which has EXIF."""
         if not path.is_dir():
             return False
         names = FolderImages.of(path).names
@@ -43,29 +38,14 @@ class ExifPhotos:
         return format_of(names[0]) is not None or _SIGNATURE in _head(path / names[0])
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        """Open the folder; frames are in the order the photographs were taken.
-
-        Raises
-        ------
-        MissingExtraError
-            If an optional dependency that reads EXIF or the photographs is not installed.
-        """
         if not path.is_dir():
             raise RecordingError(f"{path}: an {self.name} recording is a folder of photographs with EXIF")
         source = FolderImages.of(path)
         return open_sequence(path, self.name, source, lambda: _table(path, source.names), options=options)
 
 
-@dataclass(frozen=True)
-class _Photo:
-    """A photograph: its name, its exposure, and how it was taken."""
-
-    name: str
-    exposure_ms: float
-    shot: Shot
-
-
-def _photo(path: Path) -> _Photo:
+def _photo(path: Path) -> tuple[float, Shot]:
+    """Return the exposure of a photograph in ms, and how it was taken."""
     optional = format_of(path)
     if optional is None:
         shot = shot_of_exif(_head(path))
@@ -82,7 +62,7 @@ def _photo(path: Path) -> _Photo:
             f"{path}: its EXIF gives an impossible exposure of {exposure_ms:g} ms; remove the photograph, or "
             f"{_LIST_INSTEAD}"
         )
-    return _Photo(path.name, exposure_ms, shot)
+    return exposure_ms, shot
 
 
 def _head(path: Path) -> bytes:
@@ -96,33 +76,27 @@ def _head(path: Path) -> bytes:
 def _table(path: Path, names: tuple[str, ...]) -> FrameTable:
     """Order the photographs by the time they were taken, or by name if several share a second."""
     photos = [_photo(path / name) for name in names]
-    notes = _notes(path, photos)
-    stamps = [photo.shot.taken for photo in photos if photo.shot.taken is not None]
-    if len(stamps) < len(photos) or len(set(stamps)) < len(stamps):
-        seconds = [float(index) for index in range(len(photos))]
+    shots = [shot for _, shot in photos]
+    notes = _notes(path, names, shots)
+    stamps = [shot.taken for shot in shots if shot.taken is not None]
+    if len(set(stamps)) < len(shots):
+        seconds = [float(index) for index in range(len(shots))]
         notes.append(f"{path}: frames are in the order of their names, one per second")
     else:
         first = min(stamps)
         seconds = [(taken - first).total_seconds() for taken in stamps]
         notes.append(f"{path}: time stamps count from the first photograph")
-    order = sorted(range(len(photos)), key=seconds.__getitem__)
-    return make_table(
-        str(path),
-        [photos[i].name for i in order],
-        [seconds[i] for i in order],
-        [photos[i].exposure_ms for i in order],
-        notes,
-    )
+    rows = sorted(zip(seconds, names, (exposure_ms for exposure_ms, _ in photos), strict=True))
+    stamps_s, ordered, exposures_ms = zip(*rows, strict=True)
+    return make_table(str(path), ordered, stamps_s, exposures_ms, notes)
 
 
-def _notes(path: Path, photos: list[_Photo]) -> list[str]:
+def _notes(path: Path, photos: tuple[str, ...], shots: list[Shot]) -> list[str]:
     """Return notes on the formula and on values that are missing or change; refuse inconsistent ones."""
     notes = [f"{path}: {_FORMULA}"]
-    without = {
-        "ISO": [p.name for p in photos if p.shot.iso is None],
-        "f-number": [p.name for p in photos if p.shot.f_number is None],
-    }
-    for what, names in without.items():
+    values = {"ISO": [shot.iso for shot in shots], "f-number": [shot.f_number for shot in shots]}
+    for what, stated in values.items():
+        names = [name for name, value in zip(photos, stated, strict=True) if value is None]
         if 0 < len(names) < len(photos):
             raise ExposureError(
                 f"{path}: EXIF states the {what} of some photographs but not of {listed(names)}; "
@@ -130,12 +104,12 @@ def _notes(path: Path, photos: list[_Photo]) -> list[str]:
             )
         if names:
             notes.append(f"{path}: EXIF states no {what}; it is taken as the same in all photographs")
-    if len({p.shot.f_number for p in photos}) > 1:
+    if len(set(values["f-number"])) > 1:
         notes.append(f"{path}: the f-number changes, and the vignette with it; keep it fixed")
-    models = sorted({p.shot.model for p in photos})
+    models = sorted({shot.model for shot in shots})
     if len(models) > 1:
         raise RecordingError(f"{path}: photographs of several cameras ({listed(models)}); keep those of one")
     return notes
 
 
-KIND = ExifPhotos()
+KIND = _ExifPhotos()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ospc.errors import RecordingError
@@ -24,18 +23,13 @@ _LEAST_FOLDERS = 2
 """A single folder with a number for a name is probably not named by exposure."""
 
 
-@dataclass(frozen=True)
-class ExposureFolders:
-    """The kind of recording with one folder of images for each exposure."""
-
-    name: str = "exposure_folders"
+class _ExposureFolders:
+    name = "exposure_folders"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path holds several folders of images whose names are exposures."""
         return len(_folders(path)) >= _LEAST_FOLDERS
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        """Open all folders as one recording, in the order of the time stamps."""
         folders = _folders(path)
         if not folders:
             raise RecordingError(
@@ -63,20 +57,20 @@ def _folders(path: Path) -> list[tuple[FolderImages, float]]:
 
 
 def _table(path: Path, exposures_ms: dict[str, float]) -> FrameTable:
-    stamps: dict[str, float] = {}
+    """Return the images of all folders in the order of their time stamps."""
     named: dict[float, str] = {}
     for name in exposures_ms:
         stem = PurePosixPath(name).stem
         if not is_number(stem) or not math.isfinite(float(stem)):
             raise RecordingError(f"{path / name}: images must be named by their time stamp; rename or remove it")
-        stamps[name] = float(stem)
-        other = named.setdefault(stamps[name], name)
+        other = named.setdefault(float(stem), name)
         if other != name:
             raise RecordingError(
                 f"{path / name}: has the time stamp of {other}; images must be named by their own time stamp"
             )
-    order = sorted(stamps, key=stamps.__getitem__)
-    return make_table(str(path), order, [stamps[name] for name in order], [exposures_ms[name] for name in order])
+    stamps = sorted(named)
+    order = [named[stamp] for stamp in stamps]
+    return make_table(str(path), order, stamps, [exposures_ms[name] for name in order])
 
 
-KIND = ExposureFolders()
+KIND = _ExposureFolders()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import RecordingError
@@ -12,18 +11,13 @@ from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 
-@dataclass(frozen=True)
-class ImageFolder:
-    """The kind of recording with images and a list of exposures in one folder."""
-
-    name: str = "image_folder"
+class _ImageFolder:
+    name = "image_folder"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path is a folder with images in it."""
         return path.is_dir() and bool(FolderImages.of(path).names)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        """Open the folder."""
         if not path.is_dir():
             raise RecordingError(f"{path}: a {self.name} recording is a folder with images and a list of exposures")
         advice = (
@@ -56,4 +50,4 @@ def _times_above(folder: Path) -> list[Path]:
     return found
 
 
-KIND = ImageFolder()
+KIND = _ImageFolder()

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from ospc.arrays import Float32Array, Image
-from ospc.errors import FrameError, OspcError, SettingError, needs_extra
+from ospc.errors import FrameError, OspcError, needs_extra
 from ospc.recording.channel import Channel, Mosaic
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.pixel_layout import BitDepth, StoredImage
@@ -35,19 +35,7 @@ directories claim thousands of entries there, files that are cut off a few."""
 
 @dataclass(frozen=True)
 class Shot:
-    """How a photograph was taken; None for what its file does not state.
-
-    Attributes
-    ----------
-    time_s
-        Exposure time in seconds.
-    iso, f_number
-        ISO speed and f-number.
-    taken
-        When it was taken.
-    model
-        Name of the camera, empty if it is unknown.
-    """
+    """How a photograph was taken; None for what its file does not state, and an empty name of the camera."""
 
     time_s: float | None = None
     iso: float | None = None
@@ -58,12 +46,6 @@ class Shot:
 
 def shot_of_exif(data: bytes) -> Shot:
     """Read the EXIF of a file, or of its beginning; damaged EXIF states nothing."""
-    tags = _tags(data)
-    time_s, iso, f_number = (_positive(tags, name) for name in (_TIME, _ISO, _NUMBER))
-    return Shot(time_s, iso, f_number, _taken(tags), str(tags.get(_MODEL, "")))
-
-
-def _tags(data: bytes) -> Mapping[str, Any]:
     with needs_extra("reading exposures from photographs", "exif"):
         import exifread
     logger = logging.getLogger("exifread")
@@ -74,8 +56,9 @@ def _tags(data: bytes) -> Mapping[str, Any]:
         tags: Mapping[str, Any] = exifread.process_file(_BoundedReads(data), details=False)
     except Exception:
         # The parser raises undocumented errors for damaged EXIF.
-        return {}
-    return tags
+        return Shot()
+    time_s, iso, f_number = (_positive(tags, name) for name in (_TIME, _ISO, _NUMBER))
+    return Shot(time_s, iso, f_number, _taken(tags), str(tags.get(_MODEL, "")))
 
 
 class _BoundedReads(BytesIO):
@@ -141,63 +124,50 @@ class Heic(ImageFormat):
 
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
         """Decode to one channel, by default to luma; more than 8 bits are left-aligned in 16."""
-        photo = _opened_heic(data, name)
+        photo = self._opened(data, name)
         check_decoded_size(photo.size, len(photo.mode.partition(";")[0]), 16 if ";" in photo.mode else 8, name)
         try:
             pixels = np.asarray(photo)
         except Exception as error:
-            raise _damaged(name) from error
+            raise self._damaged(name) from error
         colour = pixels.ndim == 3 and pixels.shape[2] >= 3
         if pixels.ndim == 3:  # without transparency
             pixels = np.ascontiguousarray(pixels[:, :, :3]) if colour else pixels[:, :, 0]
         if colour:
             pixels = (channel or Channel.LUMINANCE).of(pixels)
-        return StoredImage(_on_sensor(pixels, data), colour)
+        # libheif turned the image for display, but response and vignette belong to the axes of the sensor.
+        for kind, (value,) in reversed(_TURNS.findall(data)[:2]):
+            pixels = np.rot90(pixels, -value) if kind == b"irot" else np.flip(pixels, value & 1)
+        return StoredImage(np.ascontiguousarray(pixels), colour)
 
     def shot(self, data: bytes, name: str) -> Shot:
         """Return what its EXIF says."""
-        return shot_of_exif(_exif_of(_opened_heic(data, name)).removeprefix(_EXIF))
+        return shot_of_exif(self._exif(data, name).removeprefix(_EXIF))
 
     def exif(self, data: bytes) -> bytes:
         """Return the EXIF block."""
         try:
-            return _exif_of(_opened_heic(data, ""))
+            return self._exif(data, "")
         except FrameError:
             return b""
 
+    def _exif(self, data: bytes, name: str) -> bytes:
+        block: bytes = self._opened(data, name).info.get("exif") or b""
+        return _EXIF + block.removeprefix(_EXIF) if block else b""
 
-def _opened_heic(data: bytes, name: str) -> Any:
-    """Read everything but the pixels, of the main image if there are several."""
-    with needs_extra("reading HEIC photographs", "heic"):
-        import pillow_heif
-    try:
-        file = pillow_heif.open_heif(BytesIO(data), convert_hdr_to_8bit=False, bgr_mode=True)
-        return file[file.primary_index]
-    except Exception as error:
-        # libheif's errors, and those of the EXIF inside, are of many types.
-        raise _damaged(name) from error
+    def _opened(self, data: bytes, name: str) -> Any:
+        """Read everything but the pixels, of the main image if there are several."""
+        with needs_extra("reading HEIC photographs", "heic"):
+            import pillow_heif
+        try:
+            file = pillow_heif.open_heif(BytesIO(data), convert_hdr_to_8bit=False, bgr_mode=True)
+            return file[file.primary_index]
+        except Exception as error:
+            # libheif's errors, and those of the EXIF inside, are of many types.
+            raise self._damaged(name) from error
 
-
-def _exif_of(photo: Any) -> bytes:
-    block: bytes = photo.info.get("exif") or b""
-    return _EXIF + block.removeprefix(_EXIF) if block else b""
-
-
-def _damaged(name: str) -> FrameError:
-    return FrameError(f"{name}: the HEIC image is damaged and cannot be decoded; copy or download it again")
-
-
-def _on_sensor(pixels: Image, data: bytes) -> Image:
-    """Undo how libheif turned an image for display: response and vignette belong to the axes of the sensor."""
-    for kind, (value,) in reversed(_TURNS.findall(data)[:2]):
-        if kind == b"irot":
-            pixels = np.rot90(pixels, -value)
-        elif kind == b"imir":
-            pixels = np.flip(pixels, value & 1)
-    return np.ascontiguousarray(pixels)
-
-
-HEIC = Heic()
+    def _damaged(self, name: str) -> FrameError:
+        return FrameError(f"{name}: the HEIC image is damaged and cannot be decoded; copy or download it again")
 
 
 _WHITE = 65535
@@ -235,7 +205,13 @@ class Raw(ImageFormat):
             if photo.num_colors == 1:
                 return StoredImage(_scaled(pixels, black[0], white), depth=_DEPTH)
             block = photo.raw_colors_visible[:2, :2]
-            mosaic = _mosaic(photo, "".join(colours[i] for i in block.ravel()), name)
+            pattern = "".join(colours[i] for i in block.ravel())
+            if np.shape(photo.raw_pattern) != (2, 2) or pattern not in Mosaic.PATTERNS + Mosaic.GREEN_PATTERNS:
+                raise FrameError(
+                    f"{name}: its colours are not arranged as in a Bayer mosaic; convert it to 16-bit TIFF without a "
+                    f"curve"
+                )
+            mosaic = Mosaic(pattern)
             linear = np.empty_like(pixels)
             for row, column in np.ndindex(2, 2):
                 part = pixels[row::2, column::2]
@@ -268,25 +244,13 @@ def _opened_raw(data: bytes, name: str) -> Iterator[Any]:
         raise FrameError(f"{name}: is damaged, or of an unknown camera; convert it to 16-bit TIFF") from error
 
 
-def _mosaic(photo: Any, pattern: str, name: str) -> Mosaic:
-    try:
-        return Mosaic(pattern if np.shape(photo.raw_pattern) == (2, 2) else "")
-    except SettingError:
-        raise FrameError(
-            f"{name}: its colours are not arranged as in a Bayer mosaic; convert it to 16-bit TIFF without a curve"
-        ) from None
-
-
 def _scaled(pixels: Image, black: Float32Array, white: float) -> Image:
     """Bring black to 0 and white to 65535; noise below black is cut off."""
     scaled = (pixels - black) * (_WHITE / (white - black))
     return np.rint(np.clip(scaled, 0, _WHITE, out=scaled), out=scaled).astype(np.uint16)
 
 
-RAW = Raw()
-
-
-_FORMATS: tuple[ImageFormat, ...] = (HEIC, RAW)
+_FORMATS: tuple[ImageFormat, ...] = (Heic(), Raw())
 
 
 def format_of(name: str | PurePath) -> ImageFormat | None:

@@ -22,16 +22,9 @@ from ospc.recording.recording import StoredRecording
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImageSequence(StoredRecording):
-    """Frames that are image files, in a folder or an archive.
+    """Frames that are image files, in a folder or an archive; ``names`` are those of the files, one for every frame.
 
-    Attributes
-    ----------
-    source
-        Where the image files are.
-    names
-        Name of the image file of every frame.
-    layout
-        Size and bit depth of the first readable image; frames that differ count as unreadable.
+    ``layout`` is that of the first readable image; frames that differ count as unreadable.
     """
 
     source: ImageSource = field(repr=False)
@@ -47,7 +40,7 @@ class ImageSequence(StoredRecording):
             yield self._frame(index, escaped(name), load, verify, threads=True)
 
     def close(self) -> None:
-        """Close open files; images cannot be read afterwards."""
+        """Close the archive."""
         self.source.close()
 
     def stored_bytes(self, index: int) -> bytes:
@@ -78,16 +71,12 @@ def open_sequence(
 
     Parameters
     ----------
-    path, kind
-        Path the recording is opened from, and name of its kind.
+    path, kind, notes
+        Path the recording is opened from, name of its kind, and notes so far.
     source
         The image files.
     read_table
         Reads the frames with their exposures; raises ExposureError if there are none.
-    notes
-        Notes so far.
-    options
-        What the user states about the recording.
     take_green
         Whether to take the green pixels if the images are a Bayer mosaic.
 

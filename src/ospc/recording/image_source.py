@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from ospc.errors import FrameError, RecordingError, escaped, listed, quoted
 from ospc.formats.files import read_bytes
 from ospc.recording.decoding import decode_grey
-from ospc.recording.image_formats import ImageFormat, format_of
+from ospc.recording.image_formats import format_of
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm"})
 """Suffixes of image files that need no optional library, in lower case."""
@@ -54,8 +54,7 @@ def _as_number(digits: str) -> tuple[int, str]:
 class ImageSource(ABC):
     """Image files, in a folder or archive, by name; sorted with numbers in numeric order.
 
-    ``left_out`` are photographs in other formats than these: the same ones, most often, as HEIC or raw files beside
-    JPEGs.
+    ``left_out`` are photographs in other formats: the same ones, most often, as HEIC or raw files beside JPEGs.
     """
 
     place: Path
@@ -87,23 +86,21 @@ class FolderImages(ImageSource):
         except OSError as error:
             raise RecordingError(f"{folder}: cannot be listed ({error.strerror}); check its rights") from None
         names.sort(key=by_name)
-        groups: dict[ImageFormat | None, list[str]] = {None: []}
-        for name in names:
-            groups.setdefault(format_of(name), []).append(name)
-        used = next((group for group in groups.values() if group), [])
-        return cls(folder, tuple(used), tuple(name for name in names if name not in set(used)))
+        # Images that need no optional library come first, then those in the format of the first name.
+        formats = [format_of(name) for name in names]
+        read = None if None in formats else next(iter(formats), None)
+        used = tuple(name for name, found in zip(names, formats, strict=True) if found is read)
+        left_out = tuple(name for name, found in zip(names, formats, strict=True) if found is not read)
+        return cls(folder, used, left_out)
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of an image file; FrameError if it cannot be read or is too large.
-
-        Where the whole folder is gone, such as with its disk, that is a RecordingError, which ends the run: the other
-        frames must not pass for unreadable ones.
-        """
+        """Return the bytes of an image file; FrameError if it cannot be read or is too large."""
         try:
             return read_bytes(self.place / name, MAX_FILE_BYTES, FrameError)
         except FrameError:
             if self.place.is_dir():
                 raise
+        # The whole folder is gone, such as with its disk: the other frames must not pass for unreadable ones.
         raise RecordingError(f"{self.place}: was removed meanwhile; put it back, and run the command again")
 
 
@@ -163,14 +160,12 @@ def _is_image_member(name: str) -> bool:
 
 def _check_members(members: list[zipfile.ZipInfo], path: Path) -> None:
     """Refuse hostile and ambiguous members before reading any."""
+    names = Counter(member.filename for member in members)
     for member in members:
-        problem = _problem(member)
+        problem = _problem(member) or ("appears twice" if names[member.filename] > 1 else None)
         if problem:
             raise RecordingError(f"{path}: member {quoted(member.filename)} {problem}; create the archive again")
-    repeated = [name for name, count in Counter(m.filename for m in members).items() if count > 1]
-    if repeated:
-        raise RecordingError(f"{path}: member {quoted(repeated[0])} appears twice; create the archive again")
-    folders = sorted({str(PurePosixPath(m.filename).parent) for m in members})
+    folders = sorted({str(PurePosixPath(name).parent) for name in names})
     if len(folders) > 1:
         two = f"{quoted(folders[0])} and {quoted(folders[1])}"
         raise RecordingError(f"{path}: has images in the folders {two}; keep those of one camera")
@@ -206,29 +201,18 @@ def why_unread(place: Path) -> str | None:
 
     Raises FrameError if it is a file that is called like an image but cannot be decoded.
     """
-    if place.is_file():
-        if is_image_name(place.name):
-            decode_grey(FolderImages(place.parent, (place.name,)).read(place.name), str(place))
-            return "is a single image, and a recording is many; name the folder that holds them"
-        return _conversion(place)
-    if not place.is_dir():
-        return None
-    for path in place.iterdir():
-        reason = _conversion(path)
-        if reason is not None:
-            return reason
+    if place.is_file() and is_image_name(place.name):
+        decode_grey(FolderImages(place.parent, (place.name,)).read(place.name), str(place))
+        return "is a single image, and a recording is many; name the folder that holds them"
+    for path in place.iterdir() if place.is_dir() else (place,):
+        if path.suffix.lower() in _UNREAD:
+            formats = "WebP, AVIF, JPEG XL, JPEG 2000, EXR and GIF"
+            return f"images such as {escaped(path.name)} are not read ({formats}); convert them to PNG"
     inner = _folders_with_images(place)
     if not inner:
         return None
     names = listed([path.relative_to(place) for path in inner])
     return f"holds no images itself; name one of the folders in it that do: {names}"
-
-
-def _conversion(path: Path) -> str | None:
-    if path.suffix.lower() not in _UNREAD:
-        return None
-    formats = "WebP, AVIF, JPEG XL, JPEG 2000, EXR and GIF"
-    return f"images such as {escaped(path.name)} are not read ({formats}); convert them to PNG"
 
 
 def _folders_with_images(place: Path) -> list[Path]:

@@ -30,18 +30,13 @@ _NS_PER_MS = 1e6
 """Nanoseconds, the unit of stamps in bags, in a millisecond."""
 
 
-@dataclass(frozen=True)
-class Rosbag:
-    """The kind of recording that is a bag of ROS 1 or ROS 2."""
-
-    name: str = "rosbag"
+class _Rosbag:
+    name = "rosbag"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path is a file that begins like a bag, or a folder with such files."""
         return is_bag(path)
 
-    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> BagRecording:
-        """Open the bag and read it once, for time stamps and exposures."""
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> _BagRecording:
         bag = Bag.at(path)
         topic, notes = image_topic(bag, options)
         try:
@@ -65,7 +60,7 @@ class Rosbag:
             options,
             take_green=True,
         )
-        return BagRecording(
+        return _BagRecording(
             path=path,
             kind=self.name,
             size=layout.size,
@@ -80,7 +75,6 @@ class Rosbag:
         )
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-        """Return the cameras of the bag by the names of their topics; only the stated topic if there is one."""
         bag = Bag.at(path)
         topics = image_topics(bag) if options.image_topic is None else []
         cameras = _camera_names(topics or [image_topic(bag, options)[0]])
@@ -94,21 +88,19 @@ class Rosbag:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BagRecording(StoredRecording):
-    """Images of one topic of a bag; ``numbers`` are those of the messages of the frames, shape (frames,)."""
+class _BagRecording(StoredRecording):
+    """``numbers`` are those of the messages of the frames, shape (frames,)."""
 
     images: ImageStream = field(repr=False)
     layout: PixelLayout
     numbers: IntArray = field(repr=False)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames in order, not yet decoded; they share one pass through the bag."""
-        stream = self.images.again()
+        stream = self.images.again()  # the frames share one pass through the bag
         for index, number in enumerate(self.numbers.tolist()):
             yield self._frame(index, stream.label(number), partial(self._load, stream, number))
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return the message of a frame."""
         return self.images.again().read(int(self.numbers[index]))
 
     def _load(self, stream: ImageStream, number: int) -> Image:
@@ -230,4 +222,4 @@ def _in_ms(
     return unit.to_ms(found.values) * gain_unit.linear(found.gains), notes
 
 
-KIND = Rosbag()
+KIND = _Rosbag()

@@ -5,7 +5,6 @@ The ``dso/cam0`` folders of the TUM visual-inertial dataset have the same layout
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError
@@ -18,28 +17,26 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 _FOLDER, _ARCHIVE, _TIMES = "images", "images.zip", "times.txt"
 
 
-@dataclass(frozen=True)
-class TumMono:
-    """The kind of recording with ``images/`` or ``images.zip`` beside ``times.txt``."""
-
-    name: str = "tum_mono"
+class _TumMono:
+    name = "tum_mono"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path is a folder that contains them."""
         return (path / _FOLDER).is_dir() or (path / _ARCHIVE).is_file()
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        """Open the folder."""
         if not path.is_dir():
             raise RecordingError(f"{path}: a {self.name} recording is a folder with {_FOLDER}/ and {_TIMES}")
+        times = path / _TIMES
+
+        def table() -> FrameTable:
+            if not times.is_file():
+                raise ExposureError(
+                    f"{path}: has no {_TIMES}; add it with a line 'id stamp[s] exposure[ms]' for each image"
+                )
+            return read_times(times, options)
+
         source, notes = _images(path)
-        return open_sequence(path, self.name, source, lambda: _times(path, options), notes, options=options)
-
-
-def _times(path: Path, options: ReadingOptions) -> FrameTable:
-    if not (path / _TIMES).is_file():
-        raise ExposureError(f"{path}: has no {_TIMES}; add it with a line 'id stamp[s] exposure[ms]' for each image")
-    return read_times(path / _TIMES, options)
+        return open_sequence(path, self.name, source, table, notes, options=options)
 
 
 def _images(path: Path) -> tuple[ImageSource, tuple[str, ...]]:
@@ -56,4 +53,4 @@ def _images(path: Path) -> tuple[ImageSource, tuple[str, ...]]:
     return ZipImages.of(archive), ()
 
 
-KIND = TumMono()
+KIND = _TumMono()

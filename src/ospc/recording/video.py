@@ -28,12 +28,8 @@ from ospc.recording.recording import StoredRecording
 class VideoStream:
     """Frames of a video by their number, as one channel (luma if None); an earlier frame restarts the video.
 
-    Threads may share it; their reads are serialised.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be decoded or its frames are too large.
+    Threads may share it; their reads are serialised. RecordingError if it cannot be decoded or its frames are too
+    large.
     """
 
     def __init__(self, path: Path, channel: Channel | None = None) -> None:
@@ -77,20 +73,18 @@ class VideoStream:
         grey: Image = image if image.ndim == 2 else self._channel.of(image)
         return grey
 
-    def skip(self) -> bool:
-        """Advance by one frame; return False at the end."""
+    def count(self) -> int:
+        """Return the number of frames, by playing the rest of the video."""
         with self._lock:
-            self._next += 1
-            return bool(self._capture.grab())
+            while self._capture.grab():
+                self._next += 1
+            return self._next
 
 
 def count_frames(path: Path) -> int:
     """Count the frames of a video by playing it; RecordingError if it cannot be decoded."""
-    frames = 0
     with VideoStream(path) as stream:
-        while stream.skip():
-            frames += 1
-    return frames
+        return stream.count()
 
 
 def _capture(path: Path) -> cv2.VideoCapture:
@@ -126,22 +120,17 @@ _SAMPLE_BYTES = 65536
 """Bytes of the file that identify the recording, for each sampled frame."""
 
 
-@dataclass(frozen=True)
-class Video:
-    """The kind of recording that is a video file with a list of exposures beside it."""
-
-    name: str = "video"
+class _Video:
+    name = "video"
 
     def recognises(self, path: Path) -> bool:
-        """Tell whether the path is a file that begins like an MP4, MOV, MKV, WebM or AVI file."""
         if not path.is_file():
             return False
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
         return any(head[place : place + len(text)] == text for place, text in _SIGNATURES)
 
-    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> VideoRecording:
-        """Open the file."""
+    def open(self, path: Path, options: ReadingOptions = DEFAULT) -> _VideoRecording:
         # Only the content identifies a video: a playlist could lead the decoder to other files.
         if not self.recognises(path):
             raise RecordingError(f"{path}: is not an MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
@@ -166,7 +155,7 @@ class Video:
                 f"line per frame"
             )
         stamps_s, notes = _stamps(table, fps, path, options.channel)
-        return VideoRecording(
+        return _VideoRecording(
             path=path,
             kind=self.name,
             size=size,
@@ -179,17 +168,14 @@ class Video:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class VideoRecording(StoredRecording):
-    """Frames of a video, converted to one channel of 8 bits."""
-
+class _VideoRecording(StoredRecording):
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames in order, not yet decoded; they share one decoder."""
-        stream = VideoStream(self.path, self.channel)
+        stream = VideoStream(self.path, self.channel)  # the frames share one decoder
         for index in range(len(self)):
             yield self._frame(index, f"{escaped(self.path.name)}[{index}]", partial(self._load, stream, index))
 
     def stored_bytes(self, index: int) -> bytes:
-        """Return a piece of the file, as far into it as the frame is into the video."""
+        # A piece of the file, as far into it as the frame is into the video.
         try:
             with self.path.open("rb") as file:
                 file.seek(self.path.stat().st_size * index // len(self))
@@ -205,10 +191,9 @@ class VideoRecording(StoredRecording):
 
 def _list_of(path: Path) -> Path:
     """Return the list of exposures: named like the video, or the only one with a usual name."""
-    names = (f"{path.stem}.csv", f"{path.stem}.txt", f"{path.name}.csv")
-    found = [path.with_name(name) for name in names if path.with_name(name).is_file()]
-    if not found:
-        found = [path.with_name(n) for n in ("exposures.csv", "times.txt") if path.with_name(n).is_file()]
+    own = [path.with_name(name) for name in (f"{path.stem}.csv", f"{path.stem}.txt", f"{path.name}.csv")]
+    usual = [path.with_name(name) for name in ("exposures.csv", "times.txt")]
+    found = [place for place in own if place.is_file()] or [place for place in usual if place.is_file()]
     advice = f"put {path.stem}.csv beside it, with a header 'timestamp_s,exposure_ms' and a line for each frame"
     return only_list(found, path, advice)
 
@@ -225,4 +210,4 @@ def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) 
     return stamps_s, (*notes, f"{path}: time stamps follow the frame rate of {fps:g} per second")
 
 
-KIND = Video()
+KIND = _Video()

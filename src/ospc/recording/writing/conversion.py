@@ -106,22 +106,9 @@ _STAGE_PREFIX = ".converting-"
 
 @dataclass(frozen=True)
 class Converted:
-    """What a conversion wrote.
+    """The folder, the numbers of frames written, copied and left out because they cannot be read, and notes.
 
-    Attributes
-    ----------
-    path
-        The folder.
-    frames
-        Number of images.
-    copied
-        How many of them are byte-identical copies of the files; the others were encoded again.
-    skipped
-        Number of frames left out because they cannot be read.
-    has_camera
-        Whether ``camera.txt`` was written.
-    notes
-        What the user should know.
+    ``has_camera`` tells whether ``camera.txt`` was written.
     """
 
     path: Path
@@ -150,8 +137,8 @@ def convert_recording(
 
     Parameters
     ----------
-    recording, out
-        The recording, and a folder, new or empty.
+    out
+        A folder, new or empty.
     image_format
         ``"png"`` or ``"jpg"`` (8 bit, lossy); None to copy files if possible and write PNG otherwise.
     archive

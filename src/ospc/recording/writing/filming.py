@@ -17,18 +17,9 @@ _MOST_FRAMES = 1_000_000
 
 @dataclass(frozen=True)
 class Filmed:
-    """What was recorded.
+    """The folder, its number of images, and the shortest and longest exposure.
 
-    Attributes
-    ----------
-    path
-        The folder.
-    frames
-        Number of images.
-    repeated
-        Number of frames left out because their time stamp was not later than that of the previous frame.
-    exposure_range_ms
-        Shortest and longest exposure.
+    ``repeated`` frames were left out because their time stamp was not later than that of the previous one.
     """
 
     path: Path
@@ -49,8 +40,8 @@ def film(
 
     Parameters
     ----------
-    frames, out
-        From a camera, or anywhere else; into a folder, new or empty.
+    out
+        A folder, new or empty.
     most, stop
         Number of frames after which to stop; called after every frame, and stops if it returns True.
     progress
@@ -61,9 +52,7 @@ def film(
     SettingError
         If the folder is not empty or cannot be written to.
     RecordingError
-        If no frame arrived.
-    FrameError, ExposureError
-        As the source of the frames raises them; the frames before are kept.
+        If no frame arrived; whatever the frames raise is passed on, and those before are kept.
     """
     place = Path(out)
     if place.exists() and not (place.is_dir() and not any(place.iterdir())):
