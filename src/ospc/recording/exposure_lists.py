@@ -6,7 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -36,13 +36,8 @@ _TIMES_LINE = "a line is 'id stamp[s] exposure[ms]'"
 _IMAGE_LIST_LINE = "a line is 'file exposure[s] 1/exposure'"
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """The rows of a file, split into fields, and the meaning of its columns; named if there is a header."""
-
-    columns: Columns
-    rows: list[tuple[int, list[str]]]
-    named: bool = True
+_Rows = list[tuple[int, list[str]]]
+"""The fields of every line, with its number."""
 
 
 def lists_in(folder: Path) -> list[Path]:
@@ -55,12 +50,12 @@ def lists_in(folder: Path) -> list[Path]:
 def _names_exposures(path: Path) -> bool:
     """Tell whether the header of a file, commented out or not, names a column of exposures."""
     try:
-        layout = _layout(read_text(path), str(path))
+        columns, _ = _split(read_text(path), str(path))
     except ExposureError:
         return True
     except RecordingError:
         return False
-    return layout.named and layout.columns.exposure is not None
+    return columns.named and columns.exposure is not None
 
 
 def only_list(found: Sequence[Path], place: Path, advice: str) -> Path:
@@ -104,7 +99,7 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
         if len(fields) != 3:
             raise RecordingError(f"{source}, line {line}: has {counted(len(fields), 'column')}, not 3; {_TIMES_LINE}")
     columns = Columns(3, image=0, stamp=1, exposure=2, unit=ExposureUnit.MS)
-    table = _table(_Layout(columns, rows), source, options)
+    table = _table(columns, rows, source, options)
     interval_ms = 1e3 * float(np.median(np.diff(table.stamps_s))) if len(table) > 1 else math.inf
     middle_ms = float(np.median(table.exposures_ms))
     if middle_ms <= _LONG_EXPOSURE * interval_ms:
@@ -143,7 +138,7 @@ def parse_image_list(text: str, source: str) -> FrameTable:
                 f"exposure time only, or list their exposures in a CSV file 'file,exposure_s'"
             )
     columns = Columns(2, image=0, exposure=1, unit=ExposureUnit.S, notes=("exposures are in seconds",))
-    return _table(_Layout(columns, [(line, fields[:2]) for line, fields in rows]), source, DEFAULT)
+    return _table(columns, [(line, fields[:2]) for line, fields in rows], source, DEFAULT)
 
 
 def parse_columns(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:
@@ -154,14 +149,15 @@ def parse_columns(text: str, source: str, options: ReadingOptions = DEFAULT) -> 
     ``exposure[ms]``. RecordingError if a line breaks the format; ExposureError if exposures are missing, ambiguous or
     not positive.
     """
-    return _table(_layout(text, source), source, options)
+    return _table(*_split(text, source), source, options)
 
 
-def _uncommented(text: str, source: str) -> list[tuple[int, list[str]]]:
+def _uncommented(text: str, source: str) -> _Rows:
     return [(number, line.split()) for number, line in lines_of(text, source) if not line.startswith("#")]
 
 
-def _layout(text: str, source: str) -> _Layout:
+def _split(text: str, source: str) -> tuple[Columns, _Rows]:
+    """Return the meaning of the columns and the rows."""
     lines = lines_of(text, source)
     start = next((i for i, (_, line) in enumerate(lines) if not line.startswith("#")), None)
     if start is None:
@@ -169,27 +165,28 @@ def _layout(text: str, source: str) -> _Layout:
     separator = next((s for s in (";", ",", "\t") if s in lines[start][1]), None)
     rows = [(n, _fields(line, separator, f"{source}, line {n}")) for n, line in lines[start:] if line[0] != "#"]
     if not any(is_number(field) for field in rows[0][1]):
-        return _Layout(name_columns(rows[0][1], f"{source}, line {rows[0][0]}"), rows[1:])
+        return name_columns(rows[0][1], f"{source}, line {rows[0][0]}"), rows[1:]
     if start > 0:
         number, comment = lines[start - 1]
         heading = _fields(comment.lstrip("# "), separator, f"{source}, line {number}")
         if len(heading) == len(rows[0][1]):
             columns = name_columns(heading, f"{source}, line {number}")
             if columns.exposure is not None:
-                return _Layout(columns, rows)
-    return _Layout(_unnamed(rows[0][1]), rows, named=False)
+                return columns, rows
+    return _unnamed(rows[0][1]), rows
 
 
 def _unnamed(fields: list[str]) -> Columns:
     """Infer the columns of a file without header from their number and the first row."""
     count = len(fields)
+    unnamed = Columns(count, named=False)
     if count == 3:
-        return Columns(count, image=0, stamp=1, exposure=2, notes=("columns are taken as id, stamp[s], exposure",))
+        return replace(unnamed, image=0, stamp=1, exposure=2, notes=("columns are taken as id, stamp[s], exposure",))
     if count == 2 and not is_number(fields[0]):
-        return Columns(count, image=0, exposure=1, notes=("columns are taken as file, exposure",))
+        return replace(unnamed, image=0, exposure=1, notes=("columns are taken as file, exposure",))
     if count == 1:
-        return Columns(count, exposure=0, notes=("its numbers are taken as exposures",))
-    return Columns(count)
+        return replace(unnamed, exposure=0, notes=("its numbers are taken as exposures",))
+    return unnamed
 
 
 def _fields(line: str, separator: str | None, place: str) -> list[str]:
@@ -202,15 +199,14 @@ def _fields(line: str, separator: str | None, place: str) -> list[str]:
         raise RecordingError(f"{place}: its quotes are wrong ({error}); correct the line") from None
 
 
-def _table(layout: _Layout, source: str, options: ReadingOptions) -> FrameTable:
+def _table(columns: Columns, rows: _Rows, source: str, options: ReadingOptions) -> FrameTable:
     """Turn fields into frames."""
-    columns, lines = layout.columns, [line for line, _ in layout.rows]
     if columns.exposure is None:
         raise ExposureError(
             f"{source}: it is unclear which of its {columns.count} columns holds exposures; name the columns in its "
             f"first line, such as 'file,timestamp_s,exposure_ms'"
         )
-    for line, fields in layout.rows:
+    for line, fields in rows:
         if len(fields) != columns.count:
             raise RecordingError(
                 f"{source}, line {line}: has {counted(len(fields), 'column')} where the others have "
@@ -218,39 +214,37 @@ def _table(layout: _Layout, source: str, options: ReadingOptions) -> FrameTable:
             )
 
     def numbers(column: int, what: str) -> FloatArray:
-        found = [parse_number(fields[column], what, f"{source}, line {line}") for line, fields in layout.rows]
+        found = [parse_number(fields[column], what, f"{source}, line {line}") for line, fields in rows]
         return np.array(found, dtype=np.float64)
 
     values = numbers(columns.exposure, "the exposure")
-    stamps_s = np.arange(len(lines), dtype=np.float64)
+    stamps_s = np.arange(len(rows), dtype=np.float64)
     if columns.stamp is not None:
         stamps_s = numbers(columns.stamp, "the time stamp") * columns.to_s
-    factors = np.ones(len(lines))
+    factors = np.ones(len(rows))
     with np.errstate(over="ignore", invalid="ignore"):
         unit, unit_notes = _unit(columns, values, stamps_s, source, options)
-        for gain in columns.gains:
-            gains = numbers(gain.column, f"the {gain.name}")
-            factors = factors * (options.gain_unit or gain.unit).linear(gains)
+        for column, name, gain_unit in columns.gains:
+            factors = factors * (options.gain_unit or gain_unit).linear(numbers(column, f"the {name}"))
         exposures_ms = unit.to_ms(values) * factors
     return make_table(
         source,
-        _image_names(layout, source),
+        _image_names(columns, rows, source),
         stamps_s,
         exposures_ms,
         [f"{source}: {note}" for note in (*columns.notes, *unit_notes)],
-        lines=lines,
+        lines=[line for line, _ in rows],
         stamped=columns.stamp is not None,
     )
 
 
-def _image_names(layout: _Layout, source: str) -> list[str]:
+def _image_names(columns: Columns, rows: _Rows, source: str) -> list[str]:
     """Return the name of the image of every row, or its time stamp, which may be the name."""
-    columns = layout.columns
     if columns.image is None:
-        return [] if columns.stamp is None else [fields[columns.stamp] for _, fields in layout.rows]
-    names = [PurePosixPath(fields[columns.image].replace("\\", "/")).name for _, fields in layout.rows]
+        return [] if columns.stamp is None else [fields[columns.stamp] for _, fields in rows]
+    names = [PurePosixPath(fields[columns.image].replace("\\", "/")).name for _, fields in rows]
     if "" in names:
-        line = layout.rows[names.index("")][0]
+        line = rows[names.index("")][0]
         raise RecordingError(f"{source}, line {line}: does not name its image; correct the line")
     return names
 

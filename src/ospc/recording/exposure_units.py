@@ -137,30 +137,23 @@ _GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
 
 
 @dataclass(frozen=True)
-class Gain:
-    """Index, header and unit of a column of gains."""
-
-    column: int
-    name: str
-    unit: GainUnit
-
-
-@dataclass(frozen=True)
 class Columns:
     """Number of columns, and the index of each by its meaning, None if there is none.
 
-    ``unit`` is that of the exposure, None if the header does not state it; ``to_s`` are the seconds per unit of the
-    time stamp; ``notes`` say what was assumed.
+    ``gains`` are index, header and unit of the columns by which the exposure is multiplied. ``unit`` is that of the
+    exposure, None if the header does not state it; ``to_s`` are the seconds per unit of the time stamp; ``notes`` say
+    what was assumed; ``named`` tells whether there is a header.
     """
 
     count: int
     image: int | None = None
     stamp: int | None = None
     exposure: int | None = None
-    gains: tuple[Gain, ...] = ()
+    gains: tuple[tuple[int, str, GainUnit], ...] = ()
     unit: ExposureUnit | None = None
     to_s: float = 1.0
     notes: tuple[str, ...] = ()
+    named: bool = True
 
 
 def name_columns(header: Sequence[str], place: str) -> Columns:
@@ -175,14 +168,15 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         return Columns(len(header))
     stamp = _only(header, parsed, _STAMP_WORDS, place)
     image = _only(header, parsed, _IMAGE_WORDS, place)
-    gain_units = [
-        GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR for word, unit in parsed
-    ]
-    gains = tuple(Gain(i, header[i], gain_units[i]) for i in _among(parsed, _GAIN_WORDS))
+    gains = []
+    for i in _among(parsed, _GAIN_WORDS):
+        word, unit = parsed[i]
+        gain_unit = GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR
+        gains.append((i, header[i], gain_unit))
     to_s = 1.0 if stamp is None else _STAMP_UNITS_S.get(parsed[stamp][1], 1.0)
-    said = ", ".join(f"{quoted(gain.name)} ({gain.unit.value})" for gain in gains)
+    said = ", ".join(f"{quoted(name)} ({gain_unit.value})" for _, name, gain_unit in gains)
     notes = (f"exposures are multiplied by the gain in {said}",) if gains else ()
-    return Columns(len(header), image, stamp, exposure, gains, _UNITS.get(parsed[exposure][1]), to_s, notes)
+    return Columns(len(header), image, stamp, exposure, tuple(gains), _UNITS.get(parsed[exposure][1]), to_s, notes)
 
 
 def _word_and_unit(name: str) -> tuple[str, str]:

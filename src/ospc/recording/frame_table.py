@@ -15,7 +15,7 @@ from ospc.errors import ExposureError, MissingExtraError, RecordingError, counte
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.image_source import by_name, is_image_name
 
-LARGEST_STAMP = 1e20
+_LARGEST_STAMP = 1e20
 """Larger numbers are not time stamps in any unit."""
 
 _EPOCH_UNITS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
@@ -30,20 +30,10 @@ Where = Callable[[Sequence[int]], str]
 
 @dataclass(frozen=True, eq=False)
 class FrameTable:
-    """A checked list of frames; ``source`` is the file, for messages.
+    """A checked list of frames from the file ``source``; stamps increase, and exposures are finite and positive.
 
-    Attributes
-    ----------
-    ids
-        Names of the images in the list; empty if they are not named.
-    stamps_s
-        Strictly increasing, shape (frames,).
-    exposures_ms
-        Finite and positive, shape (frames,).
-    notes
-        What was inferred.
-    stamped
-        Whether the list has time stamps; otherwise the frames are numbered, one per second.
+    ``ids`` are the names of the images in the list, empty if they are not named; ``notes`` say what was inferred;
+    ``stamped`` tells whether the list has time stamps: otherwise the frames are numbered, one per second.
     """
 
     source: str
@@ -70,15 +60,9 @@ def make_table(
 ) -> FrameTable:
     """Check a list of frames in temporal order; stamps too large for seconds are converted from the unit that fits.
 
-    The parameters are the attributes of a :class:`FrameTable`, and the line of every frame in the file, for messages;
-    by default, lines are counted from 1.
-
-    Raises
-    ------
-    ExposureError
-        If an exposure is not finite and positive.
-    RecordingError
-        If there are no frames, stamps do not increase, or an image is named twice.
+    ``lines`` are those of the frames in the file, for messages; by default they are counted from 1. ExposureError if
+    an exposure is not finite and positive; RecordingError if there are no frames, stamps do not increase, or an image
+    is named twice.
     """
     numbers = lines or range(1, len(np.atleast_1d(exposures_ms)) + 1)
     if not numbers:
@@ -120,7 +104,7 @@ def checked_exposures(
 def checked_stamps(stamps_s: npt.ArrayLike, where: Where) -> FloatArray:
     """Return a read-only copy of time stamps; RecordingError if they are not finite or do not increase."""
     stamps = np.array(stamps_s, dtype=np.float64)
-    bad = np.flatnonzero(~(np.abs(stamps) < LARGEST_STAMP))
+    bad = np.flatnonzero(~(np.abs(stamps) < _LARGEST_STAMP))
     if bad.size:
         raise RecordingError(f"{where(bad.tolist()[:1])}: {stamps[bad[0]]:g} is not a time stamp; correct it")
     wrong = np.flatnonzero(np.diff(stamps) <= 0)

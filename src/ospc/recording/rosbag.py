@@ -39,19 +39,17 @@ class _Rosbag:
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> _BagRecording:
         bag = Bag.at(path)
         topic, notes = image_topic(bag, options)
+        carrying: Topic | None = None
         try:
             carrying = exposure_topic(bag, topic, options)
         except ExposureError:
             if not options.unknown_exposures:
                 raise
-            times = _read_through(bag, topic).images
-            numbers, table = _without_exposures(times, str(path))
-        else:
-            carrier = carrier_of(carrying, options)
-            contents = _read_through(bag, topic, carrying, carrier)
-            times = contents.images
-            numbers, table = _with_exposures(contents, carrier, str(path), f"{path}: {escaped(carrying.name)}")
-        images = ImageStream(bag, topic, times.log_ns, options.channel)
+        carrier = None if carrying is None else carrier_of(carrying, options)
+        contents = _read_through(bag, topic, carrying, carrier)
+        source = str(path) if carrying is None else f"{path}: {escaped(carrying.name)}"
+        numbers, table = _table(contents, carrier, str(path), source)
+        images = ImageStream(bag, topic, contents.images.log_ns, options.channel)
         sampled = images.again()  # a stream holds its file open and a part of it in memory
         layout, pixel_notes = find_layout(
             lambda i: sampled.image(int(numbers[i])),
@@ -163,15 +161,12 @@ def _times(pairs: array[int]) -> Times:
     return Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy())
 
 
-def _without_exposures(images: Times, path: str) -> tuple[IntArray, FrameTable]:
-    """Return the numbers of the messages that are frames, and a table of these."""
-    numbers, stamps_ns, notes = _increasing(images, np.arange(len(images.log_ns)), path)
-    table = unlisted(path, stamps_ns / NS_PER_S, stamped=True)
-    return numbers, replace(table, notes=(*table.notes, *notes))
-
-
-def _with_exposures(found: _Contents, carrier: Carrier, path: str, source: str) -> tuple[IntArray, FrameTable]:
-    """Return the numbers of the messages that are frames, and a table of these."""
+def _table(found: _Contents, carrier: Carrier | None, path: str, source: str) -> tuple[IntArray, FrameTable]:
+    """Return the numbers of the messages that are frames, and a table of these; unlisted ones without a carrier."""
+    if carrier is None:
+        numbers, stamps_ns, stamp_notes = _increasing(found.images, np.arange(len(found.images.log_ns)), path)
+        table = unlisted(path, stamps_ns / NS_PER_S, stamped=True)
+        return numbers, replace(table, notes=(*table.notes, *stamp_notes))
     if not len(found.values):
         raise ExposureError(f"{source}: holds no exposures ({carrier.summary}); state another topic")
     exposure, match_notes = match(found.images, found.exposures, source)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import re
 import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -157,18 +157,15 @@ def convert_recording(
     """
     place = Path(out)
     existed = _check(place, recording.path, overwrite=overwrite)
-    stage: Path | None = None
     try:
         place.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=_STAGE_PREFIX, dir=place))
-        converted = _write(recording, stage, place, image_format, archive=archive, progress=progress)
-        _move(stage, place)
+        with TemporaryDirectory(prefix=_STAGE_PREFIX, dir=place, ignore_cleanup_errors=True) as stage:
+            converted = _write(recording, Path(stage), place, image_format, archive=archive, progress=progress)
+            _move(Path(stage), place)
     except OSError as error:
         reason = error.strerror or str(error)
         raise SettingError(f"{place}: cannot be written ({reason}); choose another folder") from None
     finally:
-        if stage is not None:
-            shutil.rmtree(stage, ignore_errors=True)
         if not existed and place.is_dir() and not any(place.iterdir()):
             place.rmdir()
     return converted
@@ -198,14 +195,28 @@ def _write(
     progress: Callable[[int, int], None],
 ) -> Converted:
     """Write everything into the folder ``stage``."""
+    written: list[int] = []
+    problems: list[str] = []
+    copied = 0
     with NumberedImages(stage, len(recording), archive=archive) as images:
-        written, copied, problems = _write_frames(recording, images, image_format, progress)
+        for frame in recording:
+            try:
+                data = original_file(recording, frame, image_format)
+                copied += data is not None
+                images.write(len(written), data if data is not None else encode(frame, image_format or "png"))
+                written.append(frame.index)
+            except FrameError as error:
+                problems.append(str(error))
+            progress(frame.index + 1, len(recording))
+    if not written:
+        raise RecordingError(f"{recording.path}: none of its frames can be read; the first: {' '.join(problems[:1])}")
+    stamps_s = recording.stamps_s[written]
+    if np.any(np.diff(np.round(stamps_s, 9)) <= 0):
+        raise RecordingError(f"{recording.path}: time stamps are less than a nanosecond apart; scale them")
     camera, notes = camera_text(recording)
     if camera is not None:
         write_text(stage / "camera.txt", camera)
-    write_times(
-        stage / "times.txt", range(len(written)), recording.stamps_s[written], recording.exposures_ms[written]
-    )
+    write_times(stage / "times.txt", range(len(written)), stamps_s, recording.exposures_ms[written])
     notes = [*encoding_notes(recording, len(written) - copied, image_format), *notes]
     for finding in validate([stage], "dso", recording.size).findings:
         if finding.severity == "error":
@@ -215,32 +226,6 @@ def _write(
         more = "; …" if len(problems) > _SHOWN_REASONS else ""
         notes.insert(0, f"{counted(len(problems), 'frame')} left out: {'; '.join(problems[:_SHOWN_REASONS])}{more}")
     return Converted(place, len(written), copied, len(problems), camera is not None, tuple(notes))
-
-
-def _write_frames(
-    recording: Recording,
-    images: NumberedImages,
-    image_format: ImageFormat | None,
-    progress: Callable[[int, int], None],
-) -> tuple[list[int], int, list[str]]:
-    """Return the indices of the written frames, how many were copied, and why the others were left out."""
-    written: list[int] = []
-    problems: list[str] = []
-    copied = 0
-    for frame in recording:
-        try:
-            data = original_file(recording, frame, image_format)
-            copied += data is not None
-            images.write(len(written), data if data is not None else encode(frame, image_format or "png"))
-            written.append(frame.index)
-        except FrameError as error:
-            problems.append(str(error))
-        progress(frame.index + 1, len(recording))
-    if not written:
-        raise RecordingError(f"{recording.path}: none of its frames can be read; the first: {' '.join(problems[:1])}")
-    if np.any(np.diff(np.round(recording.stamps_s[written], 9)) <= 0):
-        raise RecordingError(f"{recording.path}: time stamps are less than a nanosecond apart; scale them")
-    return written, copied, problems
 
 
 def _move(stage: Path, place: Path) -> None:
