@@ -40,10 +40,10 @@ from test_exif_photos import exif
 
 from ospc.errors import OspcError
 from ospc.recording import open_recording
-from ospc.recording.bags.bag import Bag
+from ospc.recording.bags.bag import IMAGE_TYPES, Bag
 from ospc.recording.bags.carriers import carrier_of
 from ospc.recording.bags.container import Encoding, Topic
-from ospc.recording.bags.image_messages import IMAGE_TYPES, read_image
+from ospc.recording.bags.image_messages import read_image
 from ospc.recording.bags.messages import MessageType
 from ospc.recording.decoding import decode_stored
 from ospc.recording.derived import Region

@@ -47,7 +47,7 @@ PARSERS = {
     "recording/image_formats.py": ["EXIF", "HEIC photograph", "raw photograph"],
     "recording/exposure_lists.py": ["times.txt", "exposures.csv", "image_list.txt"],
     "recording/image_source.py": ["images.zip"],
-    "recording/live/opencv_capture.py": "a camera, no file",
+    "recording/live/drivers.py": "a camera, no file",
     "recording/derived.py": ["mask", "region"],
     "recording/text_file.py": ["times.txt"],
     "recording/video.py": ["video"],
@@ -83,7 +83,7 @@ def test_every_module_that_reads_files_has_a_parser_that_is_tried():
 
 PASSING_ON = {
     *(f"cli/{name}.py" for name in ("calibrate", "check", "convert", "live", "report", "simulate")),
-    *("formats/opening.py", "pooling/prior_calibration.py", "recording/kinds.py", "recording/live/source.py"),
+    *("formats/opening.py", "pooling/prior_calibration.py", "recording/kinds.py"),
     "research/faults/greys.py",
     "unknown_exposures/single_image/fallback.py",
 }

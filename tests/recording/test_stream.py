@@ -23,9 +23,7 @@ from ospc.calibrator import calibrate
 from ospc.errors import ExposureError, FrameError, MissingExtraError, RecordingError, SettingError
 from ospc.recording import ArrayRecording, open_recording
 from ospc.recording.live import open_camera
-from ospc.recording.live.depthai import DepthAiCamera
-from ospc.recording.live.opencv_capture import OpenCvCamera
-from ospc.recording.live.realsense import RealSenseCamera
+from ospc.recording.live.drivers import DepthAiCamera, OpenCvCamera, RealSenseCamera
 from ospc.recording.options import ReadingOptions
 from ospc.recording.stream import frames_of
 from ospc.simulation import SimulationSettings, frames

@@ -157,8 +157,7 @@ def print_topics(path: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from ospc.recording.bags.bag import Bag
-    from ospc.recording.bags.topics import uses
+    from ospc.recording.bags.bag import Bag, uses
 
     table = Table(show_edge=False, pad_edge=False, header_style="bold")
     for heading in ("topic", "type", "messages", "holds"):

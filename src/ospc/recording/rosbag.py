@@ -12,13 +12,11 @@ import numpy as np
 
 from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import ExposureError, RecordingError, counted, escaped, listed
-from ospc.recording.bags.bag import Bag, is_bag
+from ospc.recording.bags.bag import Bag, exposure_topic, image_topic, image_topics, is_bag, own_exposure_topic
 from ospc.recording.bags.carriers import Carrier, carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import ImageStream, read_stamp_ns
-from ospc.recording.bags.matching import Times, match
 from ospc.recording.bags.messages import NS_PER_S, DamagedMessageError
-from ospc.recording.bags.topics import exposure_topic, image_topic, image_topics, own_exposure_topic
 from ospc.recording.exposure_units import GainUnit, infer_unit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, checked_exposures, unlisted
@@ -28,6 +26,13 @@ from ospc.recording.recording import StoredRecording
 
 _NS_PER_MS = 1e6
 """Nanoseconds, the unit of stamps in bags, in a millisecond."""
+
+
+_LEAST_SHARE = 0.5
+"""Share of the images that must have an exposure; with fewer, the time stamps are wrong."""
+
+_ONLY_IMAGE_TOLERANCE_NS = 5e8
+"""How far an exposure may be from a single image, for which there is no frame interval."""
 
 
 class _Rosbag:
@@ -120,11 +125,19 @@ def _short_name(topic: str) -> str:
 
 
 @dataclass(frozen=True)
-class _Contents:
-    """Times of the images; times, values and gains of the exposures in the units of their carrier."""
+class _Times:
+    """When messages were sent, 0 if they do not say, and when they were recorded, each of shape (messages,)."""
 
-    images: Times
-    exposures: Times
+    stamp_ns: IntArray
+    log_ns: IntArray
+
+
+@dataclass(frozen=True)
+class _Contents:
+    """_Times of the images; times, values and gains of the exposures in the units of their carrier."""
+
+    images: _Times
+    exposures: _Times
     values: FloatArray
     gains: FloatArray
 
@@ -157,8 +170,8 @@ def _read_through(
     return _Contents(_times(image_times), _times(exposure_times), values, gains)
 
 
-def _times(pairs: array[int]) -> Times:
-    return Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy())
+def _times(pairs: array[int]) -> _Times:
+    return _Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy())
 
 
 def _table(found: _Contents, carrier: Carrier | None, path: str, source: str) -> tuple[IntArray, FrameTable]:
@@ -169,7 +182,7 @@ def _table(found: _Contents, carrier: Carrier | None, path: str, source: str) ->
         return numbers, replace(table, notes=(*table.notes, *stamp_notes))
     if not len(found.values):
         raise ExposureError(f"{source}: holds no exposures ({carrier.summary}); state another topic")
-    exposure, match_notes = match(found.images, found.exposures, source)
+    exposure, match_notes = _match(found.images, found.exposures, source)
     numbers, stamps_ns, stamp_notes = _increasing(found.images, np.flatnonzero(exposure >= 0), path)
     interval_ms = float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None
     values, unit_notes = _in_ms(found, carrier, interval_ms, source)
@@ -183,7 +196,46 @@ def _table(found: _Contents, carrier: Carrier | None, path: str, source: str) ->
     return numbers, FrameTable(source, (), stamps_s, exposures_ms, (*unit_notes, *match_notes, *stamp_notes))
 
 
-def _increasing(times: Times, messages: IntArray, path: str) -> tuple[IntArray, IntArray, list[str]]:
+def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, list[str]]:
+    """Return the index of the exposure of every image, -1 for none, shape (images,), and notes for the user.
+
+    Time stamps of the camera take precedence; if they are missing or come from different clocks, the times at which
+    the messages were recorded are used. ExposureError if most images have no exposure.
+    """
+    ways = [("time of recording", images.log_ns, exposures.log_ns)]
+    if np.all(images.stamp_ns > 0) and np.all(exposures.stamp_ns > 0):
+        ways.insert(0, ("time stamp", images.stamp_ns, exposures.stamp_ns))
+    for what, wanted, offered in ways:
+        found, tolerance_ns = _nearest(wanted, offered)
+        known = int(np.count_nonzero(found >= 0))
+        if known >= _LEAST_SHARE * len(found):
+            notes = [] if what == "time stamp" else [f"{source}: exposures are matched to images by {what}"]
+            if known < len(found):
+                notes.append(
+                    f"{source}: {len(found) - known} of {counted(len(found), 'image')} left out, without exposure "
+                    f"within {tolerance_ns / 1e6:.3g} ms"
+                )
+            return found, notes
+    raise ExposureError(
+        f"{source}: has an exposure for {known} of {counted(len(found), 'image')} only; record an exposure with the "
+        f"time stamp of every image"
+    )
+
+
+def _nearest(wanted: IntArray, offered: IntArray) -> tuple[IntArray, float]:
+    """Return the index of the nearest time, -1 if it is further than half a frame interval, and this tolerance."""
+    order = np.argsort(offered, kind="stable")
+    times = offered[order]
+    after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    nearer = np.where(np.abs(times[after] - wanted) < np.abs(times[before] - wanted), after, before)
+    steps = np.diff(np.sort(wanted))
+    tolerance_ns = float(np.median(steps)) / 2 if len(steps) else _ONLY_IMAGE_TOLERANCE_NS
+    found = np.where(np.abs(times[nearer] - wanted) <= tolerance_ns, order[nearer], -1)
+    return found.astype(np.int64), tolerance_ns
+
+
+def _increasing(times: _Times, messages: IntArray, path: str) -> tuple[IntArray, IntArray, list[str]]:
     """Return the messages in temporal order, their time stamps in nanoseconds, and notes about those left out."""
     stamps_ns, notes = times.stamp_ns[messages], []
     if np.any(stamps_ns <= 0):

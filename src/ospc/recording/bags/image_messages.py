@@ -18,15 +18,12 @@ import numpy.typing as npt
 
 from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError, escaped, quoted
-from ospc.recording.bags.bag import Bag
+from ospc.recording.bags.bag import RAW, Bag
 from ospc.recording.bags.container import Encoding, Message, Topic
 from ospc.recording.bags.messages import DamagedMessageError, MessageType, stamp_ns_of
 from ospc.recording.channel import Channel, Mosaic
 from ospc.recording.decoding import decode_stored
 from ospc.recording.pixel_layout import StoredImage
-
-RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-IMAGE_TYPES = (RAW, COMPRESSED)
 
 
 @dataclass(frozen=True)

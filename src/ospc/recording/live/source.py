@@ -1,8 +1,7 @@
-"""Live cameras: what all have in common, and opening one by a short text."""
+"""What all live cameras have in common."""
 
 from __future__ import annotations
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from itertools import count
@@ -11,7 +10,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.errors import ExposureError, RecordingError, SettingError, quoted, said_by
+from ospc.errors import ExposureError, RecordingError, said_by
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS, ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
@@ -68,7 +67,7 @@ class Camera(ABC):
     @classmethod
     @abstractmethod
     def open(cls, which: str, options: ReadingOptions) -> Self:
-        """Open the camera that follows the colon in the text of :func:`open_camera`; errors as there."""
+        """Open the camera that follows the colon in the text of :func:`~ospc.recording.live.open_camera`."""
 
     @abstractmethod
     def _read(self, frame: Any) -> DriverFrame:
@@ -137,53 +136,3 @@ def said_by_driver(error: BaseException) -> str:
 def cannot_be_opened(name: str, error: RuntimeError) -> RecordingError:
     """Return the error for a camera whose driver refuses."""
     return RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?")
-
-
-_NUMBER = re.compile(r"\d{1,4}", re.ASCII)
-"""The number of a device; more digits are a mistake."""
-
-_EXPECTED = "expected opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE (.db3 or .bag), or depthai:SENSOR"
-
-
-def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
-    """Open a live camera.
-
-    Parameters
-    ----------
-    text
-        ``opencv:0`` for the first webcam; ``realsense``, ``realsense:SERIAL``, or a recording of its viewer,
-        ``realsense:FILE.db3`` or ``realsense:FILE.bag``; ``depthai:left``, ``depthai:right`` or ``depthai:colour``.
-    options
-        Units of exposure and gain for ``opencv``, and the channel taken from colour.
-
-    Raises
-    ------
-    SettingError
-        If the text names no kind of camera, or a unit has to be stated.
-    MissingExtraError
-        If the optional dependency for the camera is not installed.
-    RecordingError
-        If there is no such camera.
-
-    Examples
-    --------
-    >>> from ospc import OnlineCalibrator
-    >>> calibrator = OnlineCalibrator()
-    >>> with open_camera("realsense") as camera:  # doctest: +SKIP
-    ...     for frame in camera:
-    ...         calibrator.push(frame)
-    """
-    kind, _, which = text.partition(":")
-    if kind == "opencv" and _NUMBER.fullmatch(which or "0"):
-        from ospc.recording.live.opencv_capture import OpenCvCamera
-
-        return OpenCvCamera.open(which, options)
-    if kind == "realsense":
-        from ospc.recording.live.realsense import RealSenseCamera
-
-        return RealSenseCamera.open(which, options)
-    if kind == "depthai":
-        from ospc.recording.live.depthai import DepthAiCamera
-
-        return DepthAiCamera.open(which, options)
-    raise SettingError(f"{quoted(text)} is not a camera; {_EXPECTED}")
