@@ -91,7 +91,6 @@ class ArrayRecording(StoredRecording):
         self._name = name
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames in order."""
         for index in range(len(self)):
             yield self._frame(index, f"{self._name}[{index}]", partial(self._load, index))
 

@@ -46,11 +46,8 @@ _TESTED_PX = 1024
 class Mosaic:
     """Arrangement of the colours in a Bayer mosaic.
 
-    Attributes
-    ----------
-    pattern
-        Colours of a 2×2 block from left to right and from top to bottom: ``rggb``, ``bggr``, ``grbg`` or ``gbrg``;
-        ``g..g`` or ``.gg.`` if only the green pixels are known.
+    The pattern names the colours of a 2×2 block from left to right and from top to bottom: ``rggb``, ``bggr``,
+    ``grbg`` or ``gbrg``; ``g..g`` or ``.gg.`` if only the green pixels are known.
     """
 
     PATTERNS: ClassVar = ("rggb", "bggr", "grbg", "gbrg")

@@ -51,7 +51,6 @@ class DerivedRecording(StoredRecording):
         )
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the kept frames, numbered from 0."""
         kept = {int(frame): index for index, frame in enumerate(self.frames)}
         for frame in self.inner if kept else ():
             index = kept.pop(frame.index, None)
@@ -141,12 +140,8 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
     recording itself is returned. ``mask`` is True where pixels may be used, shape (height, width), or the image of a
     mask; pixels outside the region are not used either.
 
-    Raises
-    ------
-    FrameError
-        If the mask is neither of bool nor of uint8, or has not two dimensions.
-    SettingError
-        If the mask has the wrong shape, the region is not inside the images, or hardly any pixels are left.
+    FrameError if the mask is none; SettingError if it has the wrong shape, the region is not inside the images, or
+    hardly any pixels are left.
     """
     if mask is None and region is None:
         return recording

@@ -186,10 +186,9 @@ class Raw(ImageFormat):
     suffixes = frozenset({".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef"})
 
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
-        """Decode to linear values of 16 bits, black at 0 and white at 65535.
+        """Decode to linear values of 16 bits, black at 0 and white at 65535; a Bayer mosaic stays one.
 
-        A Bayer mosaic stays one; in colour, each of its 2×2 blocks becomes a pixel, without interpolation and without
-        white balance.
+        In colour, each of its 2×2 blocks becomes a pixel, without interpolation and without white balance.
         """
         with _opened_raw(data, name) as photo:
             colours = photo.color_desc.decode("ascii", "replace").lower()

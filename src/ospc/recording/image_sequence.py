@@ -10,13 +10,12 @@ from pathlib import Path
 from ospc.arrays import Image
 from ospc.errors import OspcError, RecordingError, escaped, listed
 from ospc.formats.image_header import read_header
-from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import Frame, check_size
 from ospc.recording.frame_table import NO_STAMPS, FrameTable, match_images, table_or_unlisted
 from ospc.recording.image_formats import format_of
 from ospc.recording.image_source import ImageSource, why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.pixel_layout import PixelLayout, StoredImage, find_layout
+from ospc.recording.pixel_layout import PixelLayout, find_layout
 from ospc.recording.recording import StoredRecording
 
 
@@ -32,7 +31,6 @@ class ImageSequence(StoredRecording):
     layout: PixelLayout
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the frames in order, not yet decoded."""
         for index, name in enumerate(self.names):
             # Only decoding tells whether a file is whole that an optional library reads.
             verify = partial(self._verify, name) if format_of(name) is None else None
@@ -53,8 +51,7 @@ class ImageSequence(StoredRecording):
         check_size((header.width, header.height), self.layout.stored_size, label)
 
     def _load(self, name: str) -> Image:
-        label = self.source.label(name)
-        return self.layout.grey(decode_stored(self.source.read(name), label, self.channel).pixels, label)
+        return self.layout.grey(self.source.decoded(name, self.channel).pixels, self.source.label(name))
 
 
 def open_sequence(
@@ -69,16 +66,8 @@ def open_sequence(
 ) -> ImageSequence:
     """Combine image files with the list of their exposures; closes the source if that fails.
 
-    Parameters
-    ----------
-    path, kind, notes
-        Path the recording is opened from, name of its kind, and notes so far.
-    source
-        The image files.
-    read_table
-        Reads the frames with their exposures; raises ExposureError if there are none.
-    take_green
-        Whether to take the green pixels if the images are a Bayer mosaic.
+    ``read_table`` reads the frames with their exposures, and raises ExposureError if there are none. With
+    ``take_green``, the green pixels are taken if the images are a Bayer mosaic. ``notes`` are those so far.
 
     Raises
     ------
@@ -94,21 +83,21 @@ def open_sequence(
             raise RecordingError(f"{place}: {why}")
         table = table_or_unlisted(read_table, place, len(source.names), allowed=options.unknown_exposures)
         names, matching = match_images(table, source.names, place)
-
-        def read(index: int) -> StoredImage:
-            name = names[index]
-            return decode_stored(source.read(name), source.label(name), options.channel)
-
-        layout, pixels = find_layout(read, table.exposures_ms, place, options, take_green=take_green)
+        layout, pixels = find_layout(
+            lambda index: source.decoded(names[index], options.channel),
+            table.exposures_ms,
+            place,
+            options,
+            take_green=take_green,
+        )
     except OspcError:
         source.close()
         raise
     if table.source == place:
         matching = ()  # without a list, there is nothing to match
     if source.left_out:
-        pixels.append(
-            f"{place}: {listed(source.left_out)} left out, for there are images of another format beside them"
-        )
+        rest = listed(source.left_out)
+        pixels.append(f"{place}: {rest} left out, for there are images of another format beside them")
     numbered = () if table.stamped else (f"{table.source}: {NO_STAMPS}",)
     return ImageSequence(
         path=path,

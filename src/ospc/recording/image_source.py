@@ -7,47 +7,42 @@ import stat
 import threading
 import zipfile
 from abc import ABC, abstractmethod
-from collections import Counter, deque
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from ospc.errors import FrameError, RecordingError, escaped, listed, quoted
 from ospc.formats.files import read_bytes
-from ospc.recording.decoding import decode_grey
+from ospc.recording.channel import Channel
+from ospc.recording.decoding import decode_stored
 from ospc.recording.image_formats import format_of
+from ospc.recording.pixel_layout import StoredImage
 
-IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm"})
+_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".ppm"})
 """Suffixes of image files that need no optional library, in lower case."""
 
 MAX_FILE_BYTES = 256 * 2**20
 """Larger image files are refused before reading."""
 
-MAX_EXPANSION = 200
-"""Largest expansion of a zip member; photographs hardly compress at all."""
-
-FREE_EXPANSION_BYTES = 16 * 2**20
-"""Zip members up to this size may expand more, as black images do."""
-
-MAX_MEMBERS = 1_000_000
-"""Zip archives with more members are refused."""
+MAX_MEMBERS, MAX_EXPANSION, FREE_EXPANSION_BYTES = 1_000_000, 200, 16 * 2**20
+"""Most members of a zip archive, and how many times larger than stored each may be: photographs hardly compress at
+all. Members up to the last size may expand more, as black images do."""
 
 
 def is_image_name(name: str) -> bool:
     """Tell whether a file name is that of an image; hidden files are not."""
-    known = PurePosixPath(name).suffix.lower() in IMAGE_SUFFIXES or format_of(name) is not None
+    known = PurePosixPath(name).suffix.lower() in _SUFFIXES or format_of(name) is not None
     return known and not name.startswith(".")
 
 
 def by_name(name: str) -> tuple[tuple[object, ...], str]:
     """Return a sorting key in which 2 comes before 10, with and without leading zeros."""
-    parts = re.split(r"(\d+)", name)
-    return tuple(_as_number(part) if i % 2 else part for i, part in enumerate(parts)), name
-
-
-def _as_number(digits: str) -> tuple[int, str]:
-    # Compared by length and then as text: hostile names may have more digits than Python converts.
-    significant = digits.lstrip("0")
-    return len(significant), significant
+    parts: list[object] = list(re.split(r"(\d+)", name))
+    for i in range(1, len(parts), 2):
+        # Compared by length and then as text: hostile names may have more digits than Python converts.
+        digits = str(parts[i]).lstrip("0")
+        parts[i] = (len(digits), digits)
+    return tuple(parts), name
 
 
 @dataclass(frozen=True)
@@ -68,6 +63,10 @@ class ImageSource(ABC):
     def label(self, name: str) -> str:
         """Return the path of an image file for messages."""
         return escaped(str(self.place / name))
+
+    def decoded(self, name: str, channel: Channel | None) -> StoredImage:
+        """Read and decode an image file; errors are those of both."""
+        return decode_stored(self.read(name), self.label(name), channel)
 
     def close(self) -> None:  # noqa: B027 (files of a folder are open only while they are read)
         """Close open files; nothing can be read afterwards."""
@@ -122,14 +121,11 @@ class ZipImages(ImageSource):
             # zipfile raises undocumented errors for damaged archives.
             raise RecordingError(f"{path}: not a zip archive, or damaged; copy or download it again") from None
         try:
-            members = [m for m in archive.infolist() if _is_image_member(m.filename)]
-            if len(archive.infolist()) > MAX_MEMBERS:
-                raise RecordingError(f"{path}: has more than the {MAX_MEMBERS} members allowed; split the archive")
-            _check_members(members, path)
+            names = _checked_members(archive.infolist(), path)
         except RecordingError:
             archive.close()
             raise
-        return cls(path, tuple(sorted((m.filename for m in members), key=by_name)), _archive=archive)
+        return cls(path, tuple(sorted(names, key=by_name)), _archive=archive)
 
     def read(self, name: str) -> bytes:
         """Return the bytes of a member; FrameError if it is damaged, or the archive has been closed."""
@@ -152,23 +148,25 @@ class ZipImages(ImageSource):
             self._archive.close()
 
 
-def _is_image_member(name: str) -> bool:
-    """Tell whether a member is an image; archives made on macOS contain a hidden twin of every file."""
-    parts = re.split(r"[/\\]", name)
-    return is_image_name(parts[-1]) and "__MACOSX" not in parts
-
-
-def _check_members(members: list[zipfile.ZipInfo], path: Path) -> None:
-    """Refuse hostile and ambiguous members before reading any."""
-    names = Counter(member.filename for member in members)
+def _checked_members(members: list[zipfile.ZipInfo], path: Path) -> list[str]:
+    """Return the names of the images; refuse hostile and ambiguous ones before reading any."""
+    if len(members) > MAX_MEMBERS:
+        raise RecordingError(f"{path}: has more than the {MAX_MEMBERS} members allowed; split the archive")
+    images: dict[str, zipfile.ZipInfo] = {}
     for member in members:
-        problem = _problem(member) or ("appears twice" if names[member.filename] > 1 else None)
+        parts = re.split(r"[/\\]", member.filename)
+        # Archives made on macOS contain a hidden twin of every file.
+        if not is_image_name(parts[-1]) or "__MACOSX" in parts:
+            continue
+        problem = "appears twice" if member.filename in images else _problem(member)
         if problem:
             raise RecordingError(f"{path}: member {quoted(member.filename)} {problem}; create the archive again")
-    folders = sorted({str(PurePosixPath(name).parent) for name in names})
+        images[member.filename] = member
+    folders = sorted({str(PurePosixPath(name).parent) for name in images})
     if len(folders) > 1:
         two = f"{quoted(folders[0])} and {quoted(folders[1])}"
         raise RecordingError(f"{path}: has images in the folders {two}; keep those of one camera")
+    return list(images)
 
 
 def _problem(member: zipfile.ZipInfo) -> str | None:
@@ -202,7 +200,7 @@ def why_unread(place: Path) -> str | None:
     Raises FrameError if it is a file that is called like an image but cannot be decoded.
     """
     if place.is_file() and is_image_name(place.name):
-        decode_grey(FolderImages(place.parent, (place.name,)).read(place.name), str(place))
+        FolderImages(place.parent, (place.name,)).decoded(place.name, None)
         return "is a single image, and a recording is many; name the folder that holds them"
     for path in place.iterdir() if place.is_dir() else (place,):
         if path.suffix.lower() in _UNREAD:

@@ -129,17 +129,9 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
     """Return a function for each camera of a rig that opens its recording, by the name of the camera.
 
     Cameras are opened one by one, so that the others can be read if one has no exposures. The parameters are those of
-    :func:`~ospc.recording.kinds.open_recording`; a single camera counts as a rig of one.
-
-    Returns
-    -------
-    dict[str, Opener]
-        The names consist of letters, digits, ``_``, ``-`` and ``.``, and are valid names of folders.
-
-    Raises
-    ------
-    RecordingError
-        If there is nothing at the path, or it holds too many cameras.
+    :func:`~ospc.recording.kinds.open_recording`; a single camera counts as a rig of one. The names consist of
+    letters, digits, ``_``, ``-`` and ``.``, and are valid names of folders. RecordingError if there is nothing at the
+    path, or it holds too many cameras.
     """
     place = Path(path)
     _check_exists(place)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,11 +68,10 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
     if union == 0:
         return BitDepth(16, 0, 16)
     highest = union.bit_length()
-    if highest == 16:
-        empty_below = (union & -union).bit_length() - 1
-        bits = next(b for b in _SENSOR_BITS if b >= 16 - empty_below)
-        return BitDepth(bits, 16 - bits, 16)
-    return BitDepth(next(b for b in _SENSOR_BITS if b >= highest), 0, 16)
+    left_aligned = highest == 16
+    used = 17 - (union & -union).bit_length() if left_aligned else highest
+    bits = next(b for b in _SENSOR_BITS if b >= used)
+    return BitDepth(bits, 16 - bits if left_aligned else 0, 16)
 
 
 @dataclass(frozen=True)
@@ -140,37 +139,31 @@ def find_layout(
 
     ``read`` returns the image of a frame by its index, and raises FrameError if that fails; ``place`` is where the
     images are, for messages. With ``take_green``, the green pixels are taken of images that look like a Bayer mosaic;
-    otherwise a note says so.
-
-    Raises
-    ------
-    RecordingError
-        If no image is readable.
-    SettingError
-        If the images do not have the requested channel.
+    otherwise a note says so. RecordingError if no image is readable; SettingError if the images do not have the
+    requested channel.
     """
     wanted = None if options.channel is Channel.ALL else options.channel
     first = _first(read, len(exposures_ms), place)
     depth = first.depth or detect_bit_depth(_samples(first.pixels, read, exposures_ms))
+    layout = PixelLayout(size_of(first.pixels), depth)
     notes = [] if depth.note is None else [depth.note]
-    size = size_of(first.pixels)
     if first.colour:
-        if options.channel is Channel.ALL:
-            return PixelLayout(size, depth), notes
-        luma = "colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B"
         taken = wanted or Channel.LUMINANCE
-        said = luma if taken is Channel.LUMINANCE else f"the {taken.value} channel is taken of colour images"
-        return PixelLayout(size, depth), [*notes, said]
+        if taken is not Channel.LUMINANCE:
+            notes.append(f"the {taken.value} channel is taken of colour images")
+        elif options.channel is not Channel.ALL:
+            notes.append("colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B")
+        return layout, notes
     mosaic = options.bayer or first.mosaic or find_mosaic(first.pixels)
     if mosaic is None:
         if wanted not in (None, Channel.LUMINANCE):
             raise SettingError(f"{place}: its images are grey and have no {wanted.value} channel")
-        return PixelLayout(size, depth), notes
+        return layout, notes
     if wanted is None and not mosaic.complete and not take_green:
         notes.append(
             "images look like a Bayer mosaic, whose colours have different responses; choose one with --channel"
         )
-        return PixelLayout(size, depth), notes
+        return layout, notes
     channel = wanted or Channel.GREEN
     if channel is not Channel.GREEN and not mosaic.complete:
         raise SettingError(
@@ -178,7 +171,7 @@ def find_layout(
             f"--bayer ({', '.join(Mosaic.PATTERNS)})"
         )
     notes.append(f"images are a Bayer mosaic; {_TAKEN[channel]} of each 2×2 block is taken")
-    return PixelLayout(size, depth, mosaic, channel), notes
+    return replace(layout, mosaic=mosaic, channel=channel), notes
 
 
 def _first(read: Callable[[int], StoredImage], count: int, place: str) -> StoredImage:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ospc.errors import RecordingError, quoted
 from ospc.formats.files import read_bytes
+from ospc.formats.scanning import NUMBER
 
 MAX_LINES = 1_000_000
 """Text files with more lines are refused: that is nine hours at 30 frames per second."""
@@ -14,8 +15,6 @@ MAX_LINES = 1_000_000
 MAX_LINE_CHARACTERS = 4096
 """Text files with longer lines are refused; a frame takes about fifty characters."""
 
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 _LINE_END = re.compile(r"\r\n|\n|\r")
 
 
@@ -49,7 +48,7 @@ def lines_of(text: str, source: str) -> list[tuple[int, str]]:
 
 def is_number(text: str) -> bool:
     """Tell whether a field is a number, NaN and infinities included."""
-    return bool(_NUMBER.fullmatch(text) or _NOT_FINITE.fullmatch(text))
+    return NUMBER.fullmatch(text) is not None
 
 
 def parse_number(text: str, what: str, place: str) -> float:

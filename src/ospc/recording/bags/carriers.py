@@ -36,17 +36,10 @@ _Extract = Callable[[Any], tuple[float, float] | None]
 
 @dataclass(frozen=True)
 class Carrier:
-    """How the messages of a topic carry exposures.
+    """How the messages of a topic carry exposures, with a summary of fields and units for the user.
 
-    Attributes
-    ----------
-    extract
-        Returns the exposure and gain in a message.
-    unit, gain_unit
-        Their units; None to infer that of exposures from the numbers, and if only the maker of the camera knows that
-        of the gain.
-    summary
-        Fields and units, for the user.
+    A unit is None to infer that of exposures from the numbers, or if only the maker of the camera knows that of the
+    gain.
     """
 
     extract: _Extract

@@ -126,16 +126,8 @@ _READ_ON = 64
 class ImageStream:
     """Messages of one topic by number: going forward reads on, going back searches by time.
 
-    Threads may share it; their reads are serialised.
-
-    Parameters
-    ----------
-    bag, topic
-        The bag and the topic with the images.
-    log_ns
-        When each message of the topic was recorded in nanoseconds, in reading order, shape (messages,).
-    channel
-        Channel taken from colour images; luma if None.
+    ``log_ns`` is when each message was recorded in nanoseconds, in reading order, shape (messages,). Threads may
+    share a stream; their reads are serialised.
     """
 
     def __init__(self, bag: Bag, topic: Topic, log_ns: npt.NDArray[np.int64], channel: Channel | None) -> None:

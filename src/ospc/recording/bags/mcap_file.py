@@ -9,12 +9,12 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
 from io import BytesIO
+from pathlib import Path
 from typing import Any, BinaryIO
 
 from ospc.errors import RecordingError, needs_extra
-from ospc.recording.bags.container import MAX_CHUNK_BYTES, MAX_TOPICS, BagFile, Encoding, Message, Topic, expand
+from ospc.recording.bags.container import MAX_CHUNK_BYTES, MAX_TOPICS, BagFile, Message, Topic, expand
 
 MCAP_START = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 8, 11, 15
@@ -30,72 +30,88 @@ _CLASSES = {
 }
 """Classes of mcap that parse their content; that of messages is not copied."""
 
-_DIRECTORY = (_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS)
 _END_BYTES = 1 + 8 + 8 + 8 + 4 + len(MCAP_START)
 """Size of the last record of a file, its footer, with the magic bytes after it."""
 
-_ENCODINGS: dict[str, Encoding] = {"ros1": "ros1", "cdr": "cdr"}
 _IDL = ("ros2idl", "omgidl")
 
 
-@dataclass
-class _Directory:
-    """Schemas, channels and chunks; a file states them before their messages and again in its summary."""
-
-    schemas: dict[int, Any] = field(default_factory=dict)
-    channels: dict[int, Any] = field(default_factory=dict)
-    chunks: list[tuple[int, int]] = field(default_factory=list)
-    """Where each chunk begins, and the time of its last message in nanoseconds."""
-    counts: dict[int, int] | None = None
-
-    def add(self, opcode: int, content: bytes) -> None:
-        record = _parsed(opcode, content)
-        if opcode == _SCHEMA:
-            self.schemas[record.id] = record
-        elif opcode == _CHANNEL:
-            self.channels[record.id] = record
-        elif opcode == _CHUNK_INDEX:
-            self.chunks.append((record.chunk_start_offset, record.message_end_time))
-        else:
-            self.counts = record.channel_message_counts
-        if len(self.schemas) + len(self.channels) > MAX_TOPICS:
-            raise RecordingError(f"has more than the {MAX_TOPICS} topics allowed")
-
-    def topics(self) -> Iterator[Topic]:
-        """Yield the topics whose messages ROS can read."""
-        from rosbags.typesys.msg import normalize_msgtype
-
-        for number, channel in self.channels.items():
-            schema = self.schemas.get(channel.schema_id)
-            encoding = _ENCODINGS.get(channel.message_encoding)
-            if schema is None or encoding is None:
-                continue
-            messages = None if self.counts is None else self.counts.get(number, 0)
-            definition = schema.data.decode("utf-8", "replace")
-            kind = normalize_msgtype(schema.name)
-            yield Topic(channel.topic, kind, messages, encoding, definition, schema.encoding in _IDL)
-
-    def channels_of(self, names: Collection[str]) -> dict[int, str]:
-        return {number: channel.topic for number, channel in self.channels.items() if channel.topic in names}
-
-
 class McapFile(BagFile):
-    """A file of a bag in the MCAP format."""
+    """A file of a bag in the MCAP format.
+
+    It states its schemas, channels and chunks before its messages, and again in its summary at the end.
+    """
 
     _ADVICE = "record it again, or save the intact part with 'mcap recover'"
+
+    def __init__(self, path: Path) -> None:
+        self._schemas: dict[int, Any] = {}
+        self._channels: dict[int, Any] = {}
+        self._chunks: list[tuple[int, int]] = []  # where each begins, and the time of its last message in nanoseconds
+        self._counts: dict[int, int] | None = None
+        super().__init__(path)
 
     def _open(self, names: Collection[str]) -> BinaryIO:
         return self.path.open("rb")
 
     def _topics(self, reader: BinaryIO) -> Iterator[Topic]:
-        self._directory = _read_directory(reader)
-        yield from self._directory.topics()
+        """Yield the topics whose messages ROS can read."""
+        from rosbags.typesys.msg import normalize_msgtype
+
+        self._read_summary(reader)
+        if not self._channels:
+            reader.seek(len(MCAP_START))
+            for _ in self._messages_ahead(reader, (), 0):
+                pass  # without a summary, the whole file is read
+        for number, channel in self._channels.items():
+            schema = self._schemas.get(channel.schema_id)
+            if schema is None or channel.message_encoding not in ("ros1", "cdr"):
+                continue
+            messages = None if self._counts is None else self._counts.get(number, 0)
+            definition = schema.data.decode("utf-8", "replace")
+            kind = normalize_msgtype(schema.name)
+            yield Topic(channel.topic, kind, messages, channel.message_encoding, definition, schema.encoding in _IDL)
+
+    def _read_summary(self, file: BinaryIO) -> None:
+        size = os.fstat(file.fileno()).st_size
+        file.seek(max(0, size - _END_BYTES))
+        end = file.read()
+        if not end.endswith(MCAP_START) or end[0] != _FOOTER:
+            raise RecordingError("the bag ends early: its end is missing")
+        start = _parsed(_FOOTER, end[9:]).summary_start
+        if 0 < start < size:
+            file.seek(start)
+            for opcode, content in _records(file, (_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS)):
+                self._note(opcode, content)
+
+    def _note(self, opcode: int, content: bytes) -> None:
+        record = _parsed(opcode, content)
+        if opcode == _SCHEMA:
+            self._schemas[record.id] = record
+        elif opcode == _CHANNEL:
+            self._channels[record.id] = record
+        elif opcode == _CHUNK_INDEX:
+            self._chunks.append((record.chunk_start_offset, record.message_end_time))
+        else:
+            self._counts = record.channel_message_counts
+        if len(self._schemas) + len(self._channels) > MAX_TOPICS:
+            raise RecordingError(f"has more than the {MAX_TOPICS} topics allowed")
 
     def _messages(self, reader: BinaryIO, names: Collection[str], start_ns: int | None) -> Iterator[Message]:
         start = start_ns or 0
-        ahead = [place for place, end_ns in self._directory.chunks if end_ns >= start]
+        ahead = [place for place, end_ns in self._chunks if end_ns >= start]
         reader.seek(min(ahead) if start_ns is not None and ahead else len(MCAP_START))
-        yield from _messages(reader, self._directory, names, start)
+        yield from self._messages_ahead(reader, names, start)
+
+    def _messages_ahead(self, file: BinaryIO, names: Collection[str], start_ns: int) -> Iterator[Message]:
+        for opcode, content in _unpacked(file, start_ns):
+            if opcode != _MESSAGE:
+                self._note(opcode, content)
+                continue
+            number, _, log_ns, _ = struct.unpack_from("<HIQQ", content)
+            channel = self._channels.get(number)
+            if channel is not None and channel.topic in names and log_ns >= start_ns:
+                yield Message(channel.topic, log_ns, content[22:])
 
 
 def _parsed(opcode: int, content: bytes) -> Any:
@@ -105,45 +121,16 @@ def _parsed(opcode: int, content: bytes) -> Any:
     return getattr(records, _CLASSES[opcode]).read(ReadDataStream(BytesIO(content)))
 
 
-def _read_directory(file: BinaryIO) -> _Directory:
-    """Read the summary at the end of a file, or, if it has none, the whole file."""
-    size = os.fstat(file.fileno()).st_size
-    file.seek(max(0, size - _END_BYTES))
-    end = file.read()
-    if not end.endswith(MCAP_START) or end[0] != _FOOTER:
-        raise RecordingError("the bag ends early: its end is missing")
-    start = _parsed(_FOOTER, end[9:]).summary_start
-    directory = _Directory()
-    if 0 < start < size:
-        file.seek(start)
-        for opcode, content in _records(file, _DIRECTORY):
-            directory.add(opcode, content)
-    if not directory.channels:
-        file.seek(len(MCAP_START))
-        for _ in _messages(file, directory, (), 0):
-            pass
-    return directory
-
-
-def _messages(file: BinaryIO, directory: _Directory, names: Collection[str], start_ns: int) -> Iterator[Message]:
-    wanted = directory.channels_of(names)
-    for opcode, content in _records(file, (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK)):
-        if opcode == _CHUNK:
-            chunk = _parsed(_CHUNK, content)
-            if chunk.message_end_time < start_ns:
-                continue
-            inner = BytesIO(expand(chunk.data, chunk.compression, chunk.uncompressed_size))
-            found = _records(inner, (_SCHEMA, _CHANNEL, _MESSAGE))
-        else:
-            found = iter([(opcode, content)])
-        for inner_opcode, inner_content in found:
-            if inner_opcode != _MESSAGE:
-                directory.add(inner_opcode, inner_content)
-                wanted = directory.channels_of(names)
-                continue
-            channel, _, log_ns, _ = struct.unpack_from("<HIQQ", inner_content)
-            if channel in wanted and log_ns >= start_ns:
-                yield Message(wanted[channel], log_ns, inner_content[22:])
+def _unpacked(file: BinaryIO, start_ns: int) -> Iterator[tuple[int, bytes]]:
+    """Yield the records of a file and of its chunks, without the chunks that end before a time."""
+    wanted = (_SCHEMA, _CHANNEL, _MESSAGE)
+    for opcode, content in _records(file, (*wanted, _CHUNK)):
+        if opcode != _CHUNK:
+            yield opcode, content
+            continue
+        chunk = _parsed(_CHUNK, content)
+        if chunk.message_end_time >= start_ns:
+            yield from _records(BytesIO(expand(chunk.data, chunk.compression, chunk.uncompressed_size)), wanted)
 
 
 def _records(file: BinaryIO, opcodes: Collection[int]) -> Iterator[tuple[int, bytes]]:

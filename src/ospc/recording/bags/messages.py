@@ -65,22 +65,10 @@ class DamagedMessageError(RecordingError):
 
 
 class MessageType:
-    """A type of message that can be deserialised.
+    """A type of message that can be deserialised, such as ``std_msgs/msg/Float64``.
 
-    Parameters
-    ----------
-    name, encoding
-        Such as ``std_msgs/msg/Float64``, and the serialisation of its messages.
-    definition, idl
-        Its definition, followed by those of the types it contains, as bags store them, and whether that is in IDL.
-        If empty, the type must be part of ROS or of a driver that is supported.
-
-    Raises
-    ------
-    DamagedMessageError
-        If the definition is missing or invalid.
-    MissingExtraError
-        If the optional dependency for bags is not installed.
+    Its definition is followed by those of the types it contains, as bags store them; if it is empty, the type must be
+    part of ROS or of a driver that is supported. DamagedMessageError if the definition is missing or invalid.
     """
 
     def __init__(self, name: str, encoding: Encoding, definition: str = "", *, idl: bool = False) -> None:

@@ -144,11 +144,8 @@ def _module() -> Any:
     return pyrealsense2
 
 
-_SOCKETS = {"colour": "CAM_A", "left": "CAM_B", "right": "CAM_C"}
-"""Sockets of the sensors, as DepthAI names them."""
-
-_SIZE = (640, 480)
-"""Width and height of the frames."""
+_SOCKETS, _SIZE = {"colour": "CAM_A", "left": "CAM_B", "right": "CAM_C"}, (640, 480)
+"""Sockets of the sensors, as DepthAI names them, and width and height of the frames."""
 
 
 class DepthAiCamera(Camera):

@@ -28,16 +28,12 @@ class RosFrames:
     Parameters
     ----------
     exposure_type
-        Type of the messages with exposures, such as ``flir_camera_msgs/msg/ImageMetaData``.
+        Type of the messages with exposures, such as ``flir_camera_msgs/msg/ImageMetaData``. ExposureError if it is
+        not known where they hold the exposure, or its unit.
     options
         Where in messages of other types the exposure is, and in which unit; the channel.
     max_grey
         Largest grey value of the camera; None for that of the data type.
-
-    Raises
-    ------
-    ExposureError
-        If it is not known where messages of this type hold the exposure, or its unit.
     """
 
     def __init__(self, exposure_type: str, options: ReadingOptions = DEFAULT, *, max_grey: int | None = None) -> None:

@@ -76,12 +76,8 @@ class Camera(ABC):
     def __iter__(self) -> Iterator[Frame]:
         """Yield the next frames as they arrive, numbered from 0.
 
-        Raises
-        ------
-        RecordingError
-            If the camera fails.
-        ExposureError
-            If it delivers no exposure with a frame, or changes a gain of unknown unit.
+        RecordingError if the camera fails; ExposureError if it delivers no exposure with a frame, or changes a gain
+        of unknown unit.
         """
         for index in count():
             try:

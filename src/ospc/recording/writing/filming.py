@@ -38,14 +38,8 @@ def film(
 ) -> Filmed:
     """Write frames as they arrive; however it ends, what was written until then is a complete recording.
 
-    Parameters
-    ----------
-    out
-        A folder, new or empty.
-    most, stop
-        Number of frames after which to stop; called after every frame, and stops if it returns True.
-    progress
-        Called with the number of frames written and ``most``.
+    The folder ``out`` is new or empty. Writing stops after ``most`` frames, or when ``stop``, called after every
+    frame, returns True. ``progress`` is called with the number of frames written and ``most``.
 
     Raises
     ------
