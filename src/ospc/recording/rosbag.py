@@ -27,7 +27,6 @@ from ospc.recording.recording import StoredRecording
 _NS_PER_MS = 1e6
 """Nanoseconds, the unit of stamps in bags, in a millisecond."""
 
-
 _LEAST_SHARE = 0.5
 """Share of the images that must have an exposure; with fewer, the time stamps are wrong."""
 
@@ -112,16 +111,11 @@ class _BagRecording(StoredRecording):
 
 def _camera_names(topics: Sequence[Topic]) -> dict[str, Topic]:
     """Name cameras after their topics: ``/cam0/image_raw`` is ``cam0`` unless another topic would get that name."""
-    short = [_short_name(topic.name) for topic in topics]
-    full = [topic.name.strip("/").replace("/", "_") for topic in topics]
-    names = [name if short.count(name) == 1 else long for name, long in zip(short, full, strict=True)]
+    parts = [topic.name.strip("/").split("/") for topic in topics]
+    named = [[part for part in own if not part.startswith("image") and part != "compressed"] for own in parts]
+    short = ["_".join(name or own) for name, own in zip(named, parts, strict=True)]
+    names = [name if short.count(name) == 1 else "_".join(own) for name, own in zip(short, parts, strict=True)]
     return dict(zip(names, topics, strict=True))
-
-
-def _short_name(topic: str) -> str:
-    parts = topic.strip("/").split("/")
-    named = [part for part in parts if not part.startswith("image") and part != "compressed"]
-    return "_".join(named or parts)
 
 
 @dataclass(frozen=True)
@@ -167,11 +161,10 @@ def _read_through(
     if not image_times:
         raise RecordingError(f"{bag.path}: {images.name} holds no images; choose another with --image-topic")
     values, gains = np.array(readings, dtype=np.float64).reshape(-1, 2).T
-    return _Contents(_times(image_times), _times(exposure_times), values, gains)
-
-
-def _times(pairs: array[int]) -> _Times:
-    return _Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy())
+    images_at, exposures_at = (
+        _Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy()) for pairs in (image_times, exposure_times)
+    )
+    return _Contents(images_at, exposures_at, values, gains)
 
 
 def _table(found: _Contents, carrier: Carrier | None, path: str, source: str) -> tuple[IntArray, FrameTable]:

@@ -162,11 +162,11 @@ class ImageStream:
         """Return a message; FrameError if the bag is damaged there or has changed since."""
         with self._lock:
             try:
-                if self._messages is None or not 0 <= number - self._next < _READ_ON:
-                    self._start(number)
-                data = self._advance_to(number)
+                ahead = self._messages is not None and 0 <= number - self._next < _READ_ON
+                data = self._advance_to(number) if ahead else None
                 if data is None:
-                    self._start(number)
+                    self._passed = Counter()
+                    self._messages = self._bag.messages((self._topic.name,), int(self._log_ns[number]))
                     data = self._advance_to(number)
             except RecordingError as error:
                 raise FrameError(str(error)) from None
@@ -174,10 +174,6 @@ class ImageStream:
                 raise FrameError(f"{self._bag.path}: image {self.label(number)} is missing; the bag has changed")
             self._next = number + 1
             return data
-
-    def _start(self, number: int) -> None:
-        self._passed = Counter()
-        self._messages = self._bag.messages((self._topic.name,), int(self._log_ns[number]))
 
     def _advance_to(self, number: int) -> bytes | None:
         wanted, rank = int(self._log_ns[number]), int(self._rank[number])

@@ -93,7 +93,11 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
 
 def encode(frame: Frame, image_format: ImageFormat) -> bytes:
     """Encode the image of a frame with 8 bits, or left-aligned in 16 so that its upper byte is the 8-bit image."""
-    return encoded(_aligned(frame.image, frame.max_grey, only_8_bit=image_format == "jpg"), image_format, frame.name)
+    image, bits = frame.image, max(frame.max_grey.bit_length(), 8)
+    if image.dtype != np.uint8:
+        only_8_bit = image_format == "jpg" or bits == 8
+        image = (image >> (bits - 8)).astype(np.uint8) if only_8_bit else np.left_shift(image, 16 - bits)
+    return encoded(image, image_format, frame.name)
 
 
 def encoded(
@@ -116,15 +120,6 @@ def encoded(
     if not done:
         raise FrameError(f"{name}: the image cannot be encoded as {image_format}; choose another format")
     return bytes(data)
-
-
-def _aligned(image: Image, max_grey: int, *, only_8_bit: bool) -> Image:
-    bits = max(max_grey.bit_length(), 8)
-    if image.dtype == np.uint8:
-        return image
-    if only_8_bit or bits == 8:
-        return (image >> (bits - 8)).astype(np.uint8)
-    return np.left_shift(image, 16 - bits)
 
 
 def encoding_notes(recording: Recording, number: int, image_format: ImageFormat | None) -> list[str]:
