@@ -44,7 +44,6 @@ class FrameTable:
     stamped: bool = True
 
     def __len__(self) -> int:
-        """Return the number of frames."""
         return len(self.exposures_ms)
 
 

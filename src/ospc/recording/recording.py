@@ -60,18 +60,14 @@ class Recording(Protocol):
         """Yield the frames in order, not yet decoded."""
 
 
-@runtime_checkable
-class _HasStoredBytes(Protocol):
-    def stored_bytes(self, index: int) -> bytes: ...
-
-
 def stored_bytes(recording: Recording, index: int) -> bytes:
     """Return what identifies the image of a frame: its stored form, cheaper than decoding, or else its pixels.
 
     FrameError if it cannot be read.
     """
-    if isinstance(recording, _HasStoredBytes):
-        return recording.stored_bytes(index)
+    stored: Callable[[int], bytes] | None = getattr(recording, "stored_bytes", None)
+    if stored is not None:
+        return stored(index)
     return next(islice(recording, index, None)).image.tobytes()
 
 
@@ -100,7 +96,6 @@ class StoredRecording(ABC):
         """Yield the frames in order, not yet decoded."""
 
     def __len__(self) -> int:
-        """Return the number of frames, unreadable ones included."""
         return len(self.exposures_ms)
 
     def __enter__(self) -> Self:

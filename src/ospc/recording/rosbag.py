@@ -128,7 +128,7 @@ class _Times:
 
 @dataclass(frozen=True)
 class _Contents:
-    """_Times of the images; times, values and gains of the exposures in the units of their carrier."""
+    """Times of the images; times, values and gains of the exposures in the units of their carrier."""
 
     images: _Times
     exposures: _Times

@@ -63,11 +63,9 @@ def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
     return Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)
 
 
-_DECODED = 3
-"""Images decoded ahead: enough to keep the thread busy, few enough for memory."""
-
-_VERIFIED = 64
-"""Frames taken and verified ahead; without their images they are small."""
+_DECODED, _VERIFIED = 3, 64
+"""Images decoded ahead: enough to keep the thread busy, few enough for memory; and frames taken and verified ahead,
+which are small without their images."""
 
 
 def decoded_ahead(

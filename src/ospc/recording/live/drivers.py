@@ -21,7 +21,7 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import ExposureError, MissingExtraError, RecordingError, SettingError, needs_extra, quoted
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
-from ospc.recording.live.source import Camera, DriverFrame, cannot_be_opened, said_by_driver
+from ospc.recording.live.source import Camera, DriverFrame, said_by_driver
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _UNITS = {"V4L2": ExposureUnit.US100, "DSHOW": ExposureUnit.LOG2_S, "MSMF": ExposureUnit.LOG2_S}
@@ -104,7 +104,7 @@ class RealSenseCamera(Camera):
                 playback = profile.get_device().as_playback()
                 playback.set_real_time(False)
         except RuntimeError as error:
-            raise cannot_be_opened(name, error) from None
+            raise RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?") from None
 
         def wait() -> Any:
             for _ in range(_WAITS):
@@ -171,7 +171,7 @@ class DepthAiCamera(Camera):
             queue = camera.requestOutput(_SIZE, kind).createOutputQueue()
             pipeline.start()
         except RuntimeError as error:
-            raise cannot_be_opened(name, error) from None
+            raise RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?") from None
         return cls(lambda: queue.get() if pipeline.isRunning() else None, name, options, stop=pipeline.stop)
 
     def _read(self, frame: Any) -> DriverFrame:

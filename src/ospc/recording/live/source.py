@@ -127,8 +127,3 @@ class Camera(ABC):
 def said_by_driver(error: BaseException) -> str:
     """Return the message of a driver, shortened, for quoting."""
     return said_by(error, _QUOTED_CHARACTERS)
-
-
-def cannot_be_opened(name: str, error: RuntimeError) -> RecordingError:
-    """Return the error for a camera whose driver refuses."""
-    return RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?")
