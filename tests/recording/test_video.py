@@ -113,6 +113,20 @@ def test_a_wrong_count_stated_by_the_container_does_not_matter(
     assert len(open_recording(path)) == 6
 
 
+def test_frames_are_counted_only_where_no_list_gives_their_exposures(
+    video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counted: list[Path] = []
+    monkeypatch.setattr(VideoStream, "stated_frames", 6)
+    monkeypatch.setattr(video_module, "count_frames", lambda path: counted.append(path) or 6)
+    path, options = video(), ReadingOptions(unknown_exposures=True)
+    assert open_recording(path, options=options).exposures_ms.tolist() == [1, 2, 3, 4, 5, 6]
+    assert counted == []
+    path.with_suffix(".csv").unlink()
+    assert open_recording(path, options=options).exposures_ms.tolist() == [1] * 6
+    assert counted == [path]
+
+
 def test_frames_missing_at_the_end_are_unreadable(
     video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

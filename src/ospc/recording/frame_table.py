@@ -119,12 +119,14 @@ def _read_only(values: FloatArray) -> FloatArray:
     return values
 
 
-def table_or_unlisted(read: Callable[[], FrameTable], source: str, frames: int, *, allowed: bool) -> FrameTable:
+def table_or_unlisted(
+    read: Callable[[], FrameTable], source: str, count: Callable[[], int], *, allowed: bool
+) -> FrameTable:
     """Return the listed frames, or, if that is allowed, :func:`unlisted` ones if no exposures can be read."""
     try:
         return read()
     except (ExposureError, MissingExtraError):
-        if not allowed or not frames:
+        if not allowed or not (frames := count()):
             raise
     return unlisted(source, np.arange(frames, dtype=np.float64), stamped=False)
 

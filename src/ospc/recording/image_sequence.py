@@ -81,7 +81,7 @@ def open_sequence(
         if not source.names:
             why = why_unread(source.place) or "holds no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there"
             raise RecordingError(f"{place}: {why}")
-        table = table_or_unlisted(read_table, place, len(source.names), allowed=options.unknown_exposures)
+        table = table_or_unlisted(read_table, place, lambda: len(source.names), allowed=options.unknown_exposures)
         names, matching = match_images(table, source.names, place)
         layout, pixels = find_layout(
             lambda index: source.decoded(names[index], options.channel),

@@ -1,11 +1,10 @@
 """The kinds of recordings, and how they are recognised.
 
-To add a kind, write one module in this package and add its name to ``_MODULES`` below. The module ends with
-``KIND = ...``, an object that satisfies :class:`Kind`; the simplest example is :mod:`ospc.recording.tum_mono`. Its
-``open`` usually returns an :class:`~ospc.recording.image_sequence.ImageSequence` or a subclass of
+To add a kind, write one module in this package that ends with ``KIND = ...``, an object that satisfies :class:`Kind`,
+and add its name to ``_MODULES`` below; the simplest example is :mod:`ospc.recording.tum_mono`. Its ``open`` usually
+returns an :class:`~ospc.recording.image_sequence.ImageSequence` or a subclass of
 :class:`~ospc.recording.recording.StoredRecording`. Options that the user must state are fields of
-:class:`~ospc.recording.options.ReadingOptions`. If a path can hold several cameras, the kind also has the method of
-:class:`~ospc.recording.kinds.RigKind`.
+:class:`~ospc.recording.options.ReadingOptions`; a kind of several cameras also satisfies :class:`RigKind`.
 """
 
 from __future__ import annotations

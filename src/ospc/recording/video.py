@@ -137,7 +137,7 @@ class _Video:
         table = table_or_unlisted(
             lambda: read_list(_list_of(path), options),
             str(path),
-            count_frames(path) if options.unknown_exposures else 0,
+            lambda: count_frames(path),
             allowed=options.unknown_exposures,
         )
         with VideoStream(path, options.channel) as stream:

@@ -209,14 +209,6 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
         If the optional dependency for the camera is not installed.
     RecordingError
         If there is no such camera.
-
-    Examples
-    --------
-    >>> from ospc import OnlineCalibrator
-    >>> calibrator = OnlineCalibrator()
-    >>> with open_camera("realsense") as camera:  # doctest: +SKIP
-    ...     for frame in camera:
-    ...         calibrator.push(frame)
     """
     kind, _, which = text.partition(":")
     chosen = _KINDS.get(kind)
