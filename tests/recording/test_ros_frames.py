@@ -81,6 +81,19 @@ def test_the_field_of_other_messages_can_be_stated() -> None:
     assert pairs.exposure(Message(**fields)).exposure_ms == pytest.approx(5)
 
 
+def test_the_stamp_may_be_that_of_the_camera_info_in_a_message() -> None:
+    pairs = RosFrames("camera_aravis/msg/ExtendedCameraInfo", ReadingOptions.of({"gain_unit": "db"}))
+    pairs.image(image(0))
+    message = Message(camera_info=Message(header=header(0)), exposure_time=2000.0, gain=0.0)
+    assert pairs.exposure(message).exposure_ms == pytest.approx(2)
+
+
+def test_a_message_without_any_stamp_is_an_error() -> None:
+    pairs = RosFrames("std_msgs/msg/Float64", ReadingOptions.of({"exposure_unit": "ms"}))
+    with pytest.raises(ExposureError, match="has no header"):
+        pairs.exposure(Message(data=2.0))
+
+
 @pytest.mark.parametrize(
     ("kind", "message"),
     [

@@ -64,8 +64,10 @@ class RosFrames:
     def exposure(self, message: Any) -> Frame | None:
         """Take a message with an exposure, and return the frame of its image if that came before it.
 
-        ExposureError if it holds none, or one that is impossible.
+        ExposureError if it holds none, or one that is impossible, or has no header with a time stamp.
         """
+        if not (hasattr(message, "header") or hasattr(message, "camera_info")):
+            raise ExposureError("a message with an exposure has no header, whose time stamp would name its image")
         exposure, gain = self._extract(message) or (0.0, 1.0)
         exposure_ms = float(self._unit.to_ms(exposure) * self._gain_unit.linear(gain))
         if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
