@@ -11,6 +11,7 @@ import re
 from pathlib import Path, PurePosixPath
 
 from ospc.errors import RecordingError
+from ospc.recording.exposure_units import ExposureUnit
 from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
@@ -18,7 +19,6 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.text_file import is_number
 
 _NAME = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)[ _]?(ns|us|ms|s)?", re.ASCII)
-_IN_MS = {"ns": 1e-6, "us": 1e-3, "ms": 1.0, "s": 1e3, None: 1.0}
 _LEAST_FOLDERS = 2
 """A single folder with a number for a name is probably not named by exposure."""
 
@@ -50,7 +50,7 @@ def _folders(path: Path) -> list[tuple[FolderImages, float]]:
     found = []
     for inner in sorted(path.iterdir()) if path.is_dir() else ():
         match = _NAME.fullmatch(inner.name)
-        exposure_ms = float(match[1]) * _IN_MS[match[2]] if match else 0.0
+        exposure_ms = float(ExposureUnit(match[2] or "ms").to_ms(float(match[1]))) if match else 0.0
         if exposure_ms > 0 and inner.is_dir() and (images := FolderImages.of(inner)).names:
             found.append((images, exposure_ms))
     return found
