@@ -67,7 +67,7 @@ class Camera(ABC):
     @classmethod
     @abstractmethod
     def open(cls, which: str, options: ReadingOptions) -> Self:
-        """Open the camera that follows the colon in the text of :func:`~ospc.recording.live.open_camera`."""
+        """Open the camera that follows the colon in the text of :func:`~ospc.recording.live.drivers.open_camera`."""
 
     @abstractmethod
     def _read(self, frame: Any) -> DriverFrame:
