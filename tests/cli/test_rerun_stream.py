@@ -57,8 +57,8 @@ def test_the_file_holds_images_matches_curves_and_exposures(tmp_path, bit_depth)
     place, calibrator = tmp_path / "new" / "run.rrd", OnlineCalibrator()
     with RerunStream.opened(recording, place, spawn=False, pace=Pace(0.0, 1.0)) as tell:
         for frame in recording:
-            tell(calibrator, "comparing", frame if calibrator.push(frame) else None)
-        tell(calibrator, "estimating")
+            if calibrator.push(frame):
+                tell(calibrator, frame)
     found = read_back(place)
     entities = {path for path, _ in found}
     assert entities >= {

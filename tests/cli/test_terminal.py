@@ -13,8 +13,7 @@ import pytest
 
 import ospc.cli
 from command_line import ospc as run
-from ospc.cli.calibration_report import print_json
-from ospc.cli.terminal import console, say, styled
+from ospc.cli.terminal import console, print_json, say, styled
 from ospc.formats.files import csv_text
 from ospc.research.tables import Table
 from ospc.simulation import SimulationSettings, simulate

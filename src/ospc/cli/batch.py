@@ -7,71 +7,53 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.calibration_report import print_json, say_notes
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
-from ospc.cli.options import exit_codes, force_option, json_option, named, out_option, quiet_option
+from ospc.cli.options import AS_JSON, QUIET, argument, declared, named, option, out_option
 from ospc.cli.progress import progress_line
-from ospc.cli.terminal import say
+from ospc.cli.terminal import print_json, say, say_notes
 from ospc.errors import counted
 
 if TYPE_CHECKING:
-    from ospc.batch.manifest import Entry
     from ospc.batch.run import Outcome, Stage
 
-COMPLETE, SOME_FAILED = 0, 4
+_SOME_FAILED = 4
+"""Exit code where some recordings failed."""
 
 _MOST_LISTED = 10
 """Failures, folders left out, and contradictions of one camera, that are listed; the table has all recordings."""
 
 
-@click.command(
+@declared(
     "batch",
-    epilog=exit_codes(
-        {
-            COMPLETE: "every recording was calibrated",
-            SOME_FAILED: "some recordings failed; the messages and OUT say which and why",
-            INTERRUPTED: "interrupted; run the same command again to go on",
-        }
-    ),
+    exits={
+        0: "every recording was calibrated",
+        _SOME_FAILED: "some recordings failed; the messages and OUT say which and why",
+        INTERRUPTED: "interrupted; run the same command again to go on",
+    },
 )
-@click.argument("manifest")
-@out_option(help="Folder to write the results to.")
-@click.option("-j", "--jobs", type=click.IntRange(1), help="Processes on this machine; by default one per core.")
-@click.option(
-    "--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, such as tcp://host:8786."
-)
-@click.option(
-    "--retries",
-    type=click.IntRange(0, 100),
-    default=1,
-    help="How often a recording that failed is tried again, after all others.",
-)
-@click.option("--camera", help="Name of the camera of all recordings, in place of what MANIFEST says.")
-@click.option(
-    "--set",
-    "options",
-    metavar="NAME=VALUE",
-    multiple=True,
-    help="A setting of the method or of reading (exposure_unit=us, kind=euroc); those in MANIFEST take precedence.",
-)
-@force_option("Write into OUT even if it holds other files.")
-@quiet_option
-@json_option
-@click.pass_obj
 def command(
     interruption: Interruption,
-    /,
     *,
-    manifest: str,
-    out: Path,
-    jobs: int | None,
-    scheduler: str | None,
-    retries: int,
-    camera: str | None,
-    options: tuple[str, ...],
-    force: bool,
-    quiet: bool,
-    as_json: bool,
+    manifest: str = argument(),
+    out: Path = out_option("Folder to write the results to."),
+    jobs: int | None = option(
+        "Processes on this machine; by default one per core.", "-j", "--jobs", type=click.IntRange(1)
+    ),
+    scheduler: str | None = option(
+        "Run on the Dask cluster of this scheduler, such as tcp://host:8786.", metavar="ADDRESS"
+    ),
+    retries: int = option(
+        "How often a recording that failed is tried again, after all others.", type=click.IntRange(0, 100), default=1
+    ),
+    camera: str | None = option("Name of the camera of all recordings, in place of what MANIFEST says."),
+    options: tuple[str, ...] = option(
+        "A setting of the method or of reading (exposure_unit=us, kind=euroc); those in MANIFEST take precedence.",
+        "--set",
+        metavar="NAME=VALUE",
+    ),
+    force: bool = option("Write into OUT even if it holds other files."),
+    quiet: bool = QUIET,
+    as_json: bool = AS_JSON,
 ) -> int:
     """Calibrate all recordings that MANIFEST names, and merge those of each camera.
 
@@ -82,12 +64,16 @@ def command(
     calibration of each camera. Run again, the command does only what is new, changed or failed.
     """
     from ospc.batch.cluster import Cluster
+    from ospc.batch.manifest import read_manifest
     from ospc.batch.run import run_batch
     from ospc.batch.work import Processes, cores
 
     if jobs is not None and scheduler is not None:
         raise click.UsageError("--jobs is for this machine and --scheduler for a cluster; give only one of them")
-    entries, left_out = _entries(manifest, camera, options)
+    left_out: list[str] = []
+    found = read_manifest(manifest, camera, left_out.append)
+    defaults = named(options, "rounds=4")
+    entries = [entry.with_defaults(defaults).checked() for entry in found]
     if not quiet:
         say_notes(_shortened(left_out, "folders"), "left out")
     runner = Processes(jobs or cores()) if scheduler is None else Cluster(scheduler)
@@ -98,23 +84,14 @@ def command(
             interruption.check()
 
         outcome = run_batch(entries, out, runner, retries=retries, force=force, progress=progress)
+    code = INTERRUPTED if outcome.interrupted else _SOME_FAILED if outcome.failed else 0
     if as_json:
-        print_json(_as_json(outcome, out) | {"left_out": left_out})
+        print_json({"exit_code": code, **_as_json(outcome, out), "left_out": left_out})
     else:
         _warn(outcome, out)
         if not quiet:
             _say(outcome, out)
-    return _exit_code(outcome)
-
-
-def _entries(manifest: str, camera: str | None, options: tuple[str, ...]) -> tuple[list[Entry], list[str]]:
-    """Return the recordings with the given options, and which folders hold none and why."""
-    from ospc.batch.manifest import read_manifest
-
-    left_out: list[str] = []
-    found = read_manifest(manifest, camera, left_out.append)
-    defaults = named(options, "rounds=4")
-    return [entry.with_defaults(defaults).checked() for entry in found], left_out
+    return code
 
 
 def _shortened(lines: list[str], what: str) -> list[str]:
@@ -122,20 +99,14 @@ def _shortened(lines: list[str], what: str) -> list[str]:
     return [*lines[:_MOST_LISTED], f"… and {more} more {what}"] if more > 0 else lines
 
 
-def _exit_code(outcome: Outcome) -> int:
-    if outcome.interrupted:
-        return INTERRUPTED
-    return SOME_FAILED if outcome.failed else COMPLETE
-
-
 def _warn(outcome: Outcome, out: Path) -> None:
     failed = [f"{row.recording}: {row.error} (tried {counted(row.attempts, 'time')})" for row in outcome.failed]
     say_notes(_shortened(failed, f"in {out / 'batch.csv'}"), "failed")
     for camera in outcome.cameras:
-        if camera.error:
-            say(f"warning: {camera.name}: {camera.error}", err=True)
-        for difference in camera.differing[:_MOST_LISTED]:
-            say(f"warning: {difference.name} contradicts others of {camera.name}: {difference.text}", err=True)
+        contradicting = camera.differing[:_MOST_LISTED]
+        warnings = [f"{camera.name}: {camera.error}"] if camera.error else []
+        warnings += [f"{other.name} contradicts others of {camera.name}: {other.text}" for other in contradicting]
+        say_notes(warnings, "warning")
 
 
 def _say(outcome: Outcome, out: Path) -> None:
@@ -155,7 +126,6 @@ def _say(outcome: Outcome, out: Path) -> None:
 
 def _as_json(outcome: Outcome, out: Path) -> dict[str, Any]:
     return {
-        "exit_code": _exit_code(outcome),
         "out": str(out),
         "recordings": len(outcome.rows),
         "done": sum(row.status == "done" for row in outcome.rows),

@@ -2,36 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.options import STUDY_SIZE, json_option
-from ospc.cli.studies import data_option, jobs_option, presets_option, run_study, study_out_option
+from ospc.cli.options import AS_JSON, STUDY_SIZE, declared, option
+from ospc.cli.studies import DATA, JOBS, presets_option, run_study, study_out_option
 from ospc.cli.terminal import say
 
-if TYPE_CHECKING:
-    from ospc.research.runner import Finished
-    from ospc.research.tables import StudyReport
+command = click.Group("bench", help="Measure the accuracy and speed of the methods.")
+
+_FRAMES = option("Frames simulated.", type=click.IntRange(2, 100_000), default=500)
 
 
-@click.group()
-def command() -> None:
-    """Measure the accuracy and speed of the methods."""
-
-
-@command.command()
-@study_out_option("ospc-accuracy")
-@presets_option("default,paper")
-@data_option
-@jobs_option
-@click.option("--only", metavar="PATTERN", help="Recordings whose name matches, such as 'srgb-*' or 'chart'.")
-@click.option("--frames", type=click.IntRange(2, 100_000), default=500, help="Frames simulated.")
-@json_option
+@declared("accuracy", command)
 def accuracy(
-    out: Path, presets: tuple[str, ...], data: Path | None, *, jobs: int, only: str | None, frames: int, as_json: bool
+    *,
+    out: Path = study_out_option("ospc-accuracy"),
+    presets: tuple[str, ...] = presets_option("default,paper"),
+    data: Path | None = DATA,
+    jobs: int = JOBS,
+    only: str | None = option("Recordings whose name matches, such as 'srgb-*' or 'chart'.", metavar="PATTERN"),
+    frames: int = _FRAMES,
+    as_json: bool = AS_JSON,
 ) -> None:
     """Calibrate a fixed set of recordings with every method, and compare with the truth.
 
@@ -43,41 +36,32 @@ def accuracy(
     from ospc.research.accuracy.report import accuracy_report
     from ospc.research.source import MeasuringTask, measured
 
-    def report(finished: Sequence[Finished]) -> StudyReport:
-        return accuracy_report([row for one in finished for row in measured(one.result)], presets, notes)
-
     sources, notes = accuracy_sources(data, frames)
-    tasks = [MeasuringTask(source, PresetMethods(name)) for name in presets for source in select(sources, only)]
-    run_study(tasks, out, jobs, report, as_json=as_json)
+    run_study(
+        [MeasuringTask(source, PresetMethods(name)) for name in presets for source in select(sources, only)],
+        out,
+        jobs,
+        lambda finished: accuracy_report([row for one in finished for row in measured(one.result)], presets, notes),
+        as_json=as_json,
+    )
 
 
-@command.command()
-@study_out_option("ospc-faults")
-@data_option
-@jobs_option
-@click.option("--only", metavar="PATTERN", help="Faults whose name matches, such as 'glare' or '*flicker'.")
-@click.option(
-    "--strength",
-    "strengths",
-    type=click.Choice(["weak", "medium", "strong"]),
-    multiple=True,
-    help="Strength of the faults; repeatable. [all three]",
-)
-@click.option("--recordings", type=click.IntRange(1, 28), default=5, help="Simulated recordings, of as many cameras.")
-@click.option("--frames", type=click.IntRange(2, 100_000), default=500, help="Frames simulated.")
-@click.option("--list", "only_list", is_flag=True, help="Print the faults, and do nothing else.")
-@json_option
+@declared("faults", command)
 def faults(
-    out: Path,
-    data: Path | None,
     *,
-    jobs: int,
-    only: str | None,
-    strengths: tuple[str, ...],
-    recordings: int,
-    frames: int,
-    only_list: bool,
-    as_json: bool,
+    out: Path = study_out_option("ospc-faults"),
+    data: Path | None = DATA,
+    jobs: int = JOBS,
+    only: str | None = option("Faults whose name matches, such as 'glare' or '*flicker'.", metavar="PATTERN"),
+    strengths: tuple[str, ...] = option(
+        "Strength of the faults; repeatable. [all three]",
+        "--strength",
+        type=click.Choice(["weak", "medium", "strong"]),
+    ),
+    recordings: int = option("Simulated recordings, of as many cameras.", type=click.IntRange(1, 28), default=5),
+    frames: int = _FRAMES,
+    only_list: bool = option("Print the faults, and do nothing else.", "--list"),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Put faults on good recordings, and see whether calibrations notice, cope, or are confident and wrong.
 
@@ -95,38 +79,27 @@ def faults(
             say(f"{fault.name:20} {', '.join(f'{s:g}' for s in fault.strengths):20} {fault.text.format('…')}")
         return
     sources, notes = good_sources(recordings, frames, data)
-    tasks = fault_tasks(sources, chosen, strengths or STRENGTHS)
+    run_study(
+        fault_tasks(sources, chosen, strengths or STRENGTHS),
+        out,
+        jobs,
+        lambda finished: faults_report([Run(**one.result) for one in finished], notes),
+        as_json=as_json,
+    )
 
-    def report(finished: Sequence[Finished]) -> StudyReport:
-        return faults_report([Run(**one.result) for one in finished], notes)
 
-    run_study(tasks, out, jobs, report, as_json=as_json)
-
-
-@command.command()
-@study_out_option("ospc-speed")
-@presets_option("default,fast,paper")
-@click.option(
-    "--size",
-    "sizes",
-    multiple=True,
-    type=STUDY_SIZE,
-    metavar="WxH",
-    help="Size of the frames; repeatable. [640x480, 1280x1024]",
-)
-@click.option("--frames", type=click.IntRange(2, 1_000_000), default=1500, help="Frames at most.")
-@click.option("--live", "live_s", type=click.FloatRange(0, 3600), default=30, help="Seconds live.")
-@click.option("--rate", "rate_hz", type=click.FloatRange(0.1, 1000), default=30, help="Frames/s live.")
-@json_option
+@declared("speed", command)
 def speed(
-    out: Path,
-    presets: tuple[str, ...],
-    sizes: tuple[tuple[int, int], ...],
     *,
-    frames: int,
-    live_s: float,
-    rate_hz: float,
-    as_json: bool,
+    out: Path = study_out_option("ospc-speed"),
+    presets: tuple[str, ...] = presets_option("default,fast,paper"),
+    sizes: tuple[tuple[int, int], ...] = option(
+        "Size of the frames; repeatable. [640x480, 1280x1024]", "--size", type=STUDY_SIZE, metavar="WxH"
+    ),
+    frames: int = option("Frames at most.", type=click.IntRange(2, 1_000_000), default=1500),
+    live_s: float = option("Seconds live.", "--live", type=click.FloatRange(0, 3600), default=30),
+    rate_hz: float = option("Frames/s live.", "--rate", type=click.FloatRange(0.1, 1000), default=30),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Measure speed: of whole commands, presets, a live camera, and corrections, with the goals of this project.
 

@@ -10,26 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.calibration_report import concluded, print_json
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.options import (
+    AS_JSON,
     COMPLETE,
+    CORRECT_LAG,
+    LIST_TOPICS,
+    QUIET,
+    TRUTH,
     UNDETERMINED,
-    correct_lag_option,
-    exit_codes,
-    force_option,
-    json_option,
-    list_topics_option,
+    argument,
+    declared,
     named,
+    option,
     out_option,
-    path_argument,
-    quiet_option,
-    truth_option,
-    unknown_exposures_option,
 )
-from ospc.cli.progress import Watching, progress_of
-from ospc.cli.reading import Reading, print_topics, reading_options
-from ospc.cli.terminal import say
+from ospc.cli.progress import progress_of
+from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
+from ospc.cli.terminal import concluded, print_json, say
 from ospc.errors import OspcError, RecordingError, SettingError
 
 if TYPE_CHECKING:
@@ -42,31 +40,88 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Request:
-    """What the user asked for, option by option."""
+    """Calibrate the camera of the recording at PATH.
 
-    path: Path
-    out: Path
-    preset_name: str
-    overrides: tuple[str, ...]
-    reading: Reading
-    truth: str | None
-    resume: bool
-    checkpoint_s: float
-    start_from: Path | None
-    correct_lag: LagChoice
-    pdf: bool
-    rerun: bool
-    rerun_file: Path | None
-    force: bool
-    quiet: bool
-    as_json: bool
-    all_cameras: bool
-    fallback: str | None
+    PATH is a folder or file of any kind that is known: a folder with images/ or images.zip and times.txt, a EuRoC
+    folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures, a ROS bag.
+
+    OUT gets report.html to look at, calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. What the
+    recording does not determine is not written, and why is said. OUT/state.ospc is what --resume goes on from and
+    'ospc merge' takes.
+
+    Ctrl-C ends the run early; what is known by then is written and marked partial.
+    """
+
     interruption: Interruption
+    path: Path = argument()
+    out: Path = out_option("Folder to write the results to; required.", required=False)
+    preset_name: str = option(
+        "The method: maximum likelihood, the same with fewer frames and points, or the paper's.",
+        "--preset",
+        type=click.Choice(["default", "fast", "paper"]),
+        default="default",
+    )
+    overrides: tuple[str, ...] = option("Change a setting of the preset; repeatable.", "--set", metavar="NAME=VALUE")
+    truth: str | None = TRUTH
+    resume: bool = option("Continue where an earlier run into OUT was stopped or killed, if there was one.")
+    checkpoint_s: float = option(
+        "How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
+        "--checkpoint-every",
+        metavar="SECONDS",
+        type=click.FloatRange(min=0),
+        default=5.0,
+    )
+    rerun: bool = option("Open the Rerun viewer and watch the run in it; needs the extra rerun.")
+    rerun_file: Path | None = option(
+        "Stream the same to a file that the viewer opens later.",
+        metavar="FILE.rrd",
+        type=click.Path(path_type=Path, dir_okay=False),
+    )
+    correct_lag: LagChoice = CORRECT_LAG
+    pdf: bool = option("Write the report as report.pdf too.")
+    start_from: Path | None = option(
+        "An earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used as "
+        "long as the recording agrees with it; a changed lens or focus is noticed."
+    )
+    force: bool = option("Write into OUT even if it holds other files; those named as results go.")
+    quiet: bool = QUIET
+    as_json: bool = AS_JSON
+    reading: Reading = READING_OR_ESTIMATING
+    all_cameras: bool = option(
+        "Calibrate every camera of a rig (a EuRoC folder, a bag, folders side by side), each into OUT/CAMERA; "
+        "--truth and --start-from may be folders of the same names."
+    )
+    fallback: str | None = option(
+        "What to do with one photograph, or a recording without exposures: single-image guesses response and "
+        "vignette from edges and shading, with wide bands, and says so in every file.",
+        type=click.Choice(["single-image"]),
+    )
+    list_topics: bool = LIST_TOPICS
+
+    def run(self) -> int | None:
+        if self.list_topics:
+            print_topics(self.path)
+            return None
+        unknown, mask, region = self.exposures_unknown, self.reading.mask, self.reading.region
+        if self.out is None:
+            raise click.UsageError("Missing option '-o' / '--out'.")
+        if unknown and (self.resume or self.start_from or mask):
+            raise click.UsageError("--unknown-exposures goes with none of --resume, --start-from and --mask")
+        if self.fallback and (unknown or mask or region):
+            raise click.UsageError("--fallback goes with none of --unknown-exposures, --mask and --roi")
+        with leaving("no result was written"):
+            if self.all_cameras or self.reading.each_channel:
+                return _calibrate_rig(self)
+            content = _calibrate_one(self, partial(self.reading.open, self.path))
+        return concluded(content, as_json=self.as_json)
 
     @property
     def talkative(self) -> bool:
         return not (self.quiet or self.as_json)
+
+    @property
+    def exposures_unknown(self) -> bool:
+        return self.reading.options.unknown_exposures
 
     @property
     def settings(self) -> Settings:
@@ -98,117 +153,27 @@ class _Request:
         return replace(self, out=self.out / name, truth=truth, start_from=earlier, rerun_file=stream)
 
 
-@click.command(
+command = declared(
     "calibrate",
-    epilog=exit_codes(
-        {
-            COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-            1: "error; a partial result is written if possible",
-            UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the "
-            "camera changed during the recording",
-            INTERRUPTED: "interrupted; the partial result is written",
-        }
-    ),
-)
-@path_argument
-@out_option(required=False, help="Folder to write the results to; required.")
-@click.option(
-    "--preset",
-    "preset_name",
-    type=click.Choice(["default", "fast", "paper"]),
-    default="default",
-    help="The method: maximum likelihood, the same with fewer frames and points, or the paper's.",
-)
-@click.option(
-    "--set", "overrides", metavar="NAME=VALUE", multiple=True, help="Change a setting of the preset; repeatable."
-)
-@truth_option
-@click.option(
-    "--resume", is_flag=True, help="Continue where an earlier run into OUT was stopped or killed, if there was one."
-)
-@click.option(
-    "--checkpoint-every",
-    "checkpoint_s",
-    metavar="SECONDS",
-    type=click.FloatRange(min=0),
-    default=5.0,
-    help="How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
-)
-@click.option("--rerun", is_flag=True, help="Open the Rerun viewer and watch the run in it; needs the extra rerun.")
-@click.option(
-    "--rerun-file",
-    metavar="FILE.rrd",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Stream the same to a file that the viewer opens later.",
-)
-@correct_lag_option
-@click.option("--pdf", is_flag=True, help="Write the report as report.pdf too.")
-@click.option(
-    "--start-from",
-    type=click.Path(path_type=Path),
-    help="An earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used "
-    "as long as the recording agrees with it; a changed lens or focus is noticed.",
-)
-@force_option("Write into OUT even if it holds other files; those named as results go.")
-@quiet_option
-@json_option
-@reading_options
-@click.option(
-    "--all-cameras",
-    is_flag=True,
-    help="Calibrate every camera of a rig (a EuRoC folder, a bag, folders side by side), each into OUT/CAMERA; "
-    "--truth and --start-from may be folders of the same names.",
-)
-@unknown_exposures_option
-@click.option(
-    "--fallback",
-    type=click.Choice(["single-image"]),
-    help="What to do with one photograph, or a recording without exposures: single-image guesses response and "
-    "vignette from edges and shading, with wide bands, and says so in every file.",
-)
-@list_topics_option
-@click.pass_obj
-def command(interruption: Interruption, /, *, list_topics: bool, **options: Any) -> int | None:
-    """Calibrate the camera of the recording at PATH.
-
-    PATH is a folder or file of any kind that is known: a folder with images/ or images.zip and times.txt, a EuRoC
-    folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures, a ROS bag.
-
-    OUT gets report.html to look at, calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. What the
-    recording does not determine is not written, and why is said. OUT/state.ospc is what --resume goes on from and
-    'ospc merge' takes.
-
-    Ctrl-C ends the run early; what is known by then is written and marked partial.
-    """
-    if list_topics:
-        print_topics(options["path"])
-        return None
-    if options["out"] is None:
-        raise click.UsageError("Missing option '-o' / '--out'.")
-    if options["unknown_exposures"] and (options["resume"] or options["start_from"] or options["mask"]):
-        raise click.UsageError("--unknown-exposures goes with none of --resume, --start-from and --mask")
-    if options["fallback"] and (options["unknown_exposures"] or options["mask"] or options["roi"]):
-        raise click.UsageError("--fallback goes with none of --unknown-exposures, --mask and --roi")
-    request = _Request(reading=Reading.taken_from(options), interruption=interruption, **options)
-    with leaving("no result was written"):
-        if request.all_cameras or request.reading.each_channel:
-            return _calibrate_rig(request)
-        content = _calibrate_one(request, partial(request.reading.open, request.path))
-    return concluded(content, as_json=request.as_json)
+    exits={
+        COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
+        1: "error; a partial result is written if possible",
+        UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
+        "changed during the recording",
+        INTERRUPTED: "interrupted; the partial result is written",
+    },
+)(_Request)
 
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
     from ospc.cli.calibration_run import CalibrationRun
     from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
+    from ospc.pooling.prior_calibration import PriorCalibration
     from ospc.recording.image_source import is_image_name
 
-    settings, exposures_unknown = request.settings, request.reading.options.unknown_exposures
-    prior = None
-    if request.start_from is not None:
-        from ospc.pooling.prior_calibration import PriorCalibration
-
-        prior = PriorCalibration.open(request.start_from)
+    settings = request.settings
+    prior = None if request.start_from is None else PriorCalibration.open(request.start_from)
     truth = None if request.truth is None else open_photometry(request.truth)
     try:
         recording = opened()
@@ -219,7 +184,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
             raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
         raise
     result = request.result(recording, truth)
-    if exposures_unknown:
+    if request.exposures_unknown:
         from ospc.unknown_exposures import recover_exposures
 
         with progress_of("exposures", quiet=request.quiet, interruption=request.interruption) as step:
@@ -227,16 +192,22 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         result = replace(result, recording=recording)
     if prior is not None:
         prior.check_size(recording.size)
-    # A state does not hold an exponent: it must not be merged with states of known exposures.
-    checkpoints = None if exposures_unknown else Checkpoints(request.out, request.checkpoint_s, request.resume, prior)
     return CalibrationRun(
         recording,
         settings,
         result,
-        checkpoints=checkpoints,
+        Checkpoints(
+            request.out,
+            request.checkpoint_s,
+            resume=request.resume,
+            prior=prior,
+            # A state does not hold an exponent: it must not be merged with states of known exposures.
+            wanted=not request.exposures_unknown,
+        ),
         # Exposures that come from the images cannot disagree with them.
-        correct_lag="trusted" if exposures_unknown else request.correct_lag,
-        watching=Watching(viewer=request.rerun, stream=request.rerun_file),
+        "trusted" if request.exposures_unknown else request.correct_lag,
+        request.rerun,
+        request.rerun_file,
     ).calibrate()
 
 

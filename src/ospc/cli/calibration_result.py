@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
-from ospc.cli.calibration_report import result_as_dict, say_notes, say_result
 from ospc.cli.interruption import INTERRUPTED, Interruption
 from ospc.cli.options import COMPLETE, UNDETERMINED
 from ospc.cli.progress import progress_line
-from ospc.cli.terminal import say, styled
+from ospc.cli.terminal import say, say_notes, say_table, styled
 from ospc.errors import counted
+from ospc.evaluation.comparison import Comparison, compare
+from ospc.formats.opening import Photometry
+from ospc.output import OutputFolder, Times, Written
+from ospc.photometry.calibration import Calibration, Verdict
+from ospc.recording import Recording
 
-if TYPE_CHECKING:
-    from ospc.formats.opening import Photometry
-    from ospc.output import OutputFolder, Times, Written
-    from ospc.photometry.calibration import Calibration
-    from ospc.recording import Recording
-
-FAILED = 1
+_FAILED = 1
 """Exit code of a run that failed; a partial result is written."""
 
-Saved: TypeAlias = "tuple[Written, list[str]]"
+_STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
+_WIDTH_WHEN_PIPED = 110
+"""Characters per line of a table that does not go to a terminal."""
+
+_ERRORS = {
+    "response_rmse": "response, RMSE of g",
+    "response_shape_rmse": "response shape, RMSE after the best scale",
+    "log_ratio_error": "response, log-ratio error κ",
+    "vignette_rmse": "vignette, RMSE of the radial profile",
+    "vignette_pixel_rmse": "vignette, RMSE over all pixels",
+}
+"""The metrics of a comparison with a truth, and what to call them."""
+
+Saved: TypeAlias = tuple[Written, list[str]]
 """What was written of a state, and notes on it."""
 
 
@@ -43,19 +54,10 @@ class Outcome:
     def exit_code(self) -> int:
         """Exit code of the command."""
         if self.failure:
-            return FAILED
+            return _FAILED
         if self.interrupted:
             return INTERRUPTED
         return COMPLETE if self.calibration.complete else UNDETERMINED
-
-    @property
-    def skipping(self) -> Iterator[str]:
-        """What to note on skipped frames: how many there were, and why the first few were."""
-        counts = self.calibration.counts
-        if counts.get("skipped"):
-            more = "; …" if counts["skipped"] > len(self.skipped) else ""
-            of = counted(counts["frames"], "frame")
-            yield f"{counts['skipped']} of {of} skipped: {'; '.join(self.skipped)}{more}"
 
     def basis(self, recording: Recording | None) -> Iterator[str]:
         """Return what the calibration rests on, as lines."""
@@ -104,8 +106,13 @@ class ResultFolder:
                 outcome, written = self._written(outcome)
             state, notes = saved()
             written += state
-            self._say(outcome, written, notes)
-            return self._as_dict(outcome, written, notes)
+            comparison = self._compared(outcome.calibration)
+            if not self.quiet:
+                self._warn(outcome.calibration)
+            if self.talkative:
+                say_notes((*outcome.calibration.notes, *notes))
+                self._say(outcome, written, comparison)
+            return self._as_dict(outcome, written, notes, comparison)
 
     def _written(self, outcome: Outcome) -> tuple[Outcome, Written]:
         """Write data, report, then pictures; an interruption now only leaves out pictures."""
@@ -126,27 +133,69 @@ class ResultFolder:
         failure = "; ".join(filter(None, (outcome.failure, *written.problems)))
         return replace(outcome, failure=failure), written
 
-    def _say(self, outcome: Outcome, written: Written, notes: list[str]) -> None:
-        calibration = outcome.calibration
-        if self.quiet:
-            return
+    def _compared(self, calibration: Calibration) -> Comparison | None:
+        """Return the errors against a truth; None without one, or where the two have nothing in common."""
+        truth, response, vignette = self.truth, calibration.response, calibration.vignette
+        if truth is None:
+            return None
+        both_known = (None not in pair for pair in ((response, truth.response), (vignette, truth.vignette)))
+        return compare(Photometry("estimate", response, vignette, calibration), truth) if any(both_known) else None
+
+    @staticmethod
+    def _warn(calibration: Calibration) -> None:
         for warning in calibration.warnings:
             say(styled("WARNING", fg="red", bold=True), f": {warning}", err=True)
         if calibration.warnings:
             remedy = calibration.verdicts["exposures"].remedy
             say(f"  response and vignette are marginal at best; {remedy}", err=True)
-        if self.as_json:
-            return
-        say_notes((*calibration.notes, *notes))
-        say_notes(outcome.skipping, "warning")
-        say_result(calibration, self.folder, written, self.truth, outcome.basis(self.recording))
 
-    def _as_dict(self, outcome: Outcome, written: Written, notes: list[str]) -> dict[str, Any]:
-        calibration = outcome.calibration
+    def _say(self, outcome: Outcome, written: Written, comparison: Comparison | None) -> None:
+        """Print skipped frames, verdicts, what they rest on, the files, and how far the result is from a truth."""
+        calibration, folder, truth = outcome.calibration, self.folder.path, self.truth
+        counts, ratios = calibration.counts, calibration.exposure_ratios
+        if counts.get("skipped"):
+            reasons = "; ".join(outcome.skipped) + ("; …" if counts["skipped"] > len(outcome.skipped) else "")
+            say_notes([f"{counts['skipped']} of {counted(counts['frames'], 'frame')} skipped: {reasons}"], "warning")
+        say_verdicts(calibration.verdicts)
+        for line in outcome.basis(self.recording):
+            say(line)
+        say(f"written to {folder}: {', '.join(str(file.relative_to(folder)) for file in written.files)}")
+        say_notes(written.notes)
+        if truth is None:
+            return
+        say()
+        if comparison is None:
+            say(f"nothing to compare with {truth.name}: the estimate knows none of what it holds")
+            return
+        say(f"against {truth.name} (nothing aligned):")
+        rows = error_rows(comparison)
+        if ratios.metadata.size:
+            rows["exposure ratios, median |Δ ln k| (bias)"] = f"{ratios.misfit:.4f} ({ratios.bias:+.4f})"
+        for label, figure in rows.items():
+            say(f"  {label:42} {figure}")
+
+    def _as_dict(
+        self, outcome: Outcome, written: Written, notes: list[str], comparison: Comparison | None
+    ) -> dict[str, Any]:
+        calibration, ratios = outcome.calibration, outcome.calibration.exposure_ratios
         of_recording = () if self.recording is None else self.recording.notes
-        return {
+        content: dict[str, Any] = {
             "exit_code": outcome.exit_code,
-            **result_as_dict(calibration, self.folder, written, self.truth),
+            "out": str(self.folder.path),
+            "partial": calibration.partial,
+            "verdicts": {name: vars(verdict) for name, verdict in calibration.verdicts.items()},
+            "converged": calibration.converged,
+            "exponent_sigma": calibration.exponent_sigma,
+            "counts": calibration.counts,
+            "advice": list(calibration.advice),
+            "warnings": list(calibration.warnings),
+            "files": [str(file) for file in written.files],
+        }
+        if ratios.metadata.size:
+            content["exposure_ratios"] = {"median_abs_log_error": ratios.misfit, "bias": ratios.bias}
+        if comparison is not None:
+            content["errors"] = errors_as_dict(comparison)
+        return content | {
             "interrupted": outcome.interrupted,
             "error": outcome.failure or None,
             "skipped": list(outcome.skipped),
@@ -154,3 +203,38 @@ class ResultFolder:
             "exposure_lag_corrected_frames": calibration.source.get("exposure_lag_corrected_frames", 0),
             "notes": [*of_recording, *calibration.notes, *notes, *written.notes],
         }
+
+
+def say_verdicts(verdicts: Mapping[str, Verdict]) -> None:
+    """Print what is known, why, and what to record instead of the rest."""
+    from rich.text import Text
+
+    rows = (
+        (
+            Text(name),
+            Text(verdict.state, style=_STYLES[verdict.state]),
+            Text(f"{verdict.reason}\n→ {verdict.remedy}" if verdict.remedy else verdict.reason),
+        )
+        for name, verdict in verdicts.items()
+    )
+    say()
+    say_table(("", "state", "why, and what to record instead"), rows, columns_when_piped=_WIDTH_WHEN_PIPED)
+    say()
+
+
+def error_rows(comparison: Comparison) -> dict[str, str]:
+    """Return the figures of a comparison that are known, as text, by what to call them."""
+    figures = {label: getattr(comparison, name) for name, label in _ERRORS.items()}
+    rows = {label: f"{figure:.4f}" for label, figure in figures.items() if figure is not None}
+    share = comparison.response_coverage
+    if share is not None:
+        rows["response within ±1σ / ±2σ"] = f"{share.within_1_sigma:.0%} / {share.within_2_sigma:.0%}"
+    return rows
+
+
+def errors_as_dict(comparison: Comparison) -> dict[str, Any]:
+    """Return the figures of a comparison as JSON-compatible values."""
+    figures: dict[str, Any] = {name: getattr(comparison, name) for name in _ERRORS}
+    if comparison.response_coverage is not None:
+        figures["response_coverage"] = comparison.response_coverage._asdict()
+    return figures

@@ -3,37 +3,44 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ospc.cli.calibration_report import say_notes
+from ospc.calibrator import OnlineCalibrator, Status, drive
 from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
+from ospc.cli.checkpoints import Checkpoints
 from ospc.cli.interruption import Interruption, leaving
-from ospc.cli.progress import COMPARING, Watcher, Watching
-from ospc.cli.terminal import say
+from ospc.cli.progress import progress_line
+from ospc.cli.terminal import say, say_notes
 from ospc.errors import OspcError, counted, one_line
-
-if TYPE_CHECKING:
-    from ospc.calibrator import OnlineCalibrator
-    from ospc.cli.checkpoints import Checkpoints
-    from ospc.exposures.findings import LagChoice
-    from ospc.photometry.calibration import Calibration
-    from ospc.recording import Frame, Recording
-    from ospc.settings import Settings
+from ospc.exposures.findings import LagChoice
+from ospc.output import Written
+from ospc.photometry.calibration import Calibration
+from ospc.recording import Frame, Recording, identity
+from ospc.report import style
+from ospc.settings import Settings
+from ospc.unknown_exposures import labelled
 
 
 @dataclass(frozen=True)
 class CalibrationRun:
-    """What to calibrate, where the result and checkpoints (None for none) go, and how the run is watched."""
+    """What to calibrate, where the result and checkpoints go, and how the run is watched.
+
+    ``viewer`` opens the Rerun viewer, and ``stream`` is a file for it.
+    """
 
     recording: Recording
     settings: Settings
     result: ResultFolder
-    checkpoints: Checkpoints | None = None
+    checkpoints: Checkpoints
     correct_lag: LagChoice = "auto"
-    watching: Watching = field(default_factory=Watching)
+    viewer: bool = False
+    stream: Path | None = None
 
     @property
     def interruption(self) -> Interruption:
@@ -64,47 +71,50 @@ class CalibrationRun:
 
     def _saved(self, calibrator: OnlineCalibrator) -> Saved:
         """Save the final state."""
-        from ospc.output import Written
-
-        if self.checkpoints is None:
-            return Written(), []
         self.checkpoints.at_the_end(calibrator)
         return Written((self.checkpoints.place,) if self.checkpoints.saved else ()), self.checkpoints.notes
 
     def _estimated(self) -> tuple[OnlineCalibrator, Outcome]:
         """Calibrate; nothing observed before an interruption or a failure is lost."""
-        from ospc.calibrator import OnlineCalibrator
-        from ospc.unknown_exposures import labelled
+        visible = not self.result.quiet and sys.stderr.isatty()
+        with ExitStack() as stack:
+            stream = None
+            if self.viewer or self.stream is not None:
+                from ospc.cli.rerun_stream import RerunStream
 
-        watching = replace(self.watching, visible=not self.result.quiet and sys.stderr.isatty())
-        with watching.of(self.recording) as show, self.interruption.deferred():
+                stream = stack.enter_context(RerunStream.opened(self.recording, self.stream, spawn=self.viewer))
+            bar = stack.enter_context(progress_line(quiet=not visible))
+            stack.enter_context(self.interruption.deferred())
             calibrator = OnlineCalibrator.of(self.recording, self.settings, correct_lag=self.correct_lag)
             calibrator.source = identification(self.recording)
-            if self.checkpoints is not None:
-                calibrator = self.checkpoints.resumed(calibrator)
-            failure = self._push_all(calibrator, show)
+            calibrator = self.checkpoints.resumed(calibrator)
+
+            def show(stage: str, done: int = 0, total: int = 0) -> None:
+                if visible:  # the status is not even asked for where nobody looks
+                    bar(stage, done, total, figures(calibrator.status))
+
+            def after(frame: Frame, used: bool) -> None:
+                if stream is not None and used:
+                    stream(calibrator, frame)
+                show("comparing", calibrator.frames, len(self.recording))
+                self.checkpoints.after_frame(calibrator)
+                self.interruption.check()
+
+            failure = self._push_all(calibrator, after)
             early = self.interruption.requested
-            if early and self.checkpoints is not None:
+            if early:
                 self.checkpoints.before_estimating(calibrator)
-            show(calibrator, "estimating", None)
+            show("estimating")
             if early and not self.result.quiet:
-                frames = calibrator.status.frames
-                say(f"interrupted: estimating from {counted(frames, 'frame')}; Ctrl-C again gives up", err=True)
+                frames = counted(calibrator.frames, "frame")
+                say(f"interrupted: estimating from {frames}; Ctrl-C again gives up", err=True)
             calibration = labelled(_estimate(calibrator, failure, early=early), self.recording)
         stopped = self.interruption.requested
         calibration = replace(calibration, partial=stopped or bool(failure))
         return calibrator, Outcome(calibration, calibrator.first_reasons, stopped, failure)
 
-    def _push_all(self, calibrator: OnlineCalibrator, show: Watcher) -> str:
+    def _push_all(self, calibrator: OnlineCalibrator, after: Callable[[Frame, bool], None]) -> str:
         """Push frames until their end or an interruption, and return what went wrong."""
-        from ospc.calibrator import drive
-
-        def after(frame: Frame, used: bool) -> None:
-            show(calibrator, COMPARING, frame if used else None)
-            if self.checkpoints is not None:
-                self.checkpoints.after_frame(calibrator)
-            self.interruption.check()
-
         try:
             drive(calibrator, self.recording, after)
         except KeyboardInterrupt:
@@ -112,17 +122,6 @@ class CalibrationRun:
         except Exception as error:  # the frames before any error still give an estimate
             return one_line(error)
         return ""
-
-
-def load_drawing() -> None:
-    """Load the modules that draw while frames are compared, for which two cores are not needed all the time."""
-
-    def load() -> None:
-        from ospc.report import style
-
-        style.load()
-
-    Thread(target=load, daemon=True).start()
 
 
 def _estimate(calibrator: OnlineCalibrator, failure: str, *, early: bool) -> Calibration:
@@ -135,10 +134,20 @@ def _estimate(calibrator: OnlineCalibrator, failure: str, *, early: bool) -> Cal
         raise OspcError(failure or one_line(error)) from error
 
 
+def figures(status: Status) -> str:
+    """Return the method's own figures in one line."""
+    sigmas = {"g": status.progress.response_sigma, "V": status.progress.vignette_sigma}
+    known = [f"{name} ±{sigma:.2g}" for name, sigma in sigmas.items() if sigma is not None]
+    return "  ".join([counted(status.progress.pairs, "pair"), *known])
+
+
+def load_drawing() -> None:
+    """Load the modules that draw while frames are compared, for which two cores are not needed all the time."""
+    Thread(target=style.load, daemon=True).start()
+
+
 def identification(recording: Recording) -> dict[str, Any]:
     """Return what tells a recording from others."""
-    from ospc.recording import identity
-
     try:
         return identity(recording)
     except Exception as error:  # calibrate even if the recording cannot be identified

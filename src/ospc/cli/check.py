@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.calibration_report import print_json, say_verdicts
 from ospc.cli.options import (
+    AS_JSON,
     COMPLETE,
+    CORRECT_LAG,
+    LIST_TOPICS,
+    PLOT,
     UNDETERMINED,
-    correct_lag_option,
-    exit_codes,
-    json_option,
-    list_topics_option,
-    path_argument,
-    plot_option,
-    unknown_exposures_option,
+    argument,
+    declared,
+    option,
 )
 from ospc.cli.progress import progress_of
-from ospc.cli.reading import Reading, print_topics, reading_options
-from ospc.cli.terminal import say
+from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
+from ospc.cli.terminal import print_json, say
 from ospc.errors import counted
 
 if TYPE_CHECKING:
@@ -33,32 +32,22 @@ _LABEL_COLUMNS = 14
 """Width of the names of the figures."""
 
 
-@click.command(
+@declared(
     "check",
-    epilog=exit_codes(
-        {
-            COMPLETE: "a calibration would be complete",
-            UNDETERMINED: "response, vignette or exposures are marginal or not identifiable, or the camera changed",
-        }
-    ),
+    exits={
+        COMPLETE: "a calibration would be complete",
+        UNDETERMINED: "response, vignette or exposures are marginal or not identifiable, or the camera changed",
+    },
 )
-@path_argument
-@json_option
-@plot_option
-@click.option("--frames", type=click.IntRange(min=2), help="Use only this number of frames, from the beginning.")
-@correct_lag_option
-@reading_options
-@unknown_exposures_option
-@list_topics_option
 def command(
-    path: Path,
     *,
-    as_json: bool,
-    plot: Path | None,
-    frames: int | None,
-    correct_lag: LagChoice,
-    list_topics: bool,
-    **reading: Any,
+    path: Path = argument(),
+    as_json: bool = AS_JSON,
+    plot: Path | None = PLOT,
+    frames: int | None = option("Use only this number of frames, from the beginning.", type=click.IntRange(min=2)),
+    correct_lag: LagChoice = CORRECT_LAG,
+    reading: Reading = READING_OR_ESTIMATING,
+    list_topics: bool = LIST_TOPICS,
 ) -> int:
     """Say what a calibration of the recording at PATH finds, without writing one.
 
@@ -66,17 +55,17 @@ def command(
     identifiable, and what to record instead; whether each exposure belongs to its frame; and what in the recording
     would spoil a calibration. The verdicts are those of 'ospc calibrate' on the same frames.
     """
+    from ospc.cli.calibration_result import say_verdicts
     from ospc.diagnosis import check_recording
 
     if list_topics:
         print_topics(path)
         return COMPLETE
-    taken = Reading.taken_from(reading)
-    recording = taken.open(path)
-    if taken.options.unknown_exposures:
+    recording = reading.open(path)
+    if reading.options.unknown_exposures:
         from ospc.unknown_exposures import recover_exposures
 
-        if taken.mask is not None:
+        if reading.mask is not None:
             raise click.UsageError("--unknown-exposures does not go with --mask")
         with progress_of("exposures") as step:
             recording = recover_exposures(recording, step)

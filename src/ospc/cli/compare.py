@@ -5,11 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from ospc.cli.calibration_report import error_rows, errors_as_dict, print_json
-from ospc.cli.options import json_option, plot_option
-from ospc.cli.terminal import console, say
+from ospc.cli.options import AS_JSON, PLOT, argument, declared, option
+from ospc.cli.terminal import console, print_json, say
 
 if TYPE_CHECKING:
     from ospc.evaluation.comparison import Comparison
@@ -20,19 +17,22 @@ _FREEDOMS = (
 )
 
 
-@click.command("compare")
-@click.argument("a")
-@click.argument("b")
-@click.option("--gamma", is_flag=True, help="Add the figures after the best common exponent γ: g^γ and V^γ.")
-@plot_option
-@json_option
-def command(a: str, b: str, gamma: bool, plot: Path | None, as_json: bool) -> None:
+@declared("compare")
+def command(
+    *,
+    a: str = argument(),
+    b: str = argument(),
+    gamma: bool = option("Add the figures after the best common exponent γ: g^γ and V^γ."),
+    plot: Path | None = PLOT,
+    as_json: bool = AS_JSON,
+) -> None:
     """Compare calibration A with B, which is taken as the truth.
 
     Each is a calibration.json, a pcalib.txt, a vignette.png, a pair 'pcalib.txt,vignette.png', a folder with them, or
     a file of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml). A file that does not state the image size
     takes it from the other one.
     """
+    from ospc.cli.calibration_result import errors_as_dict
     from ospc.evaluation.comparison import aligning_exponent, compare
     from ospc.formats.opening import open_both
 
@@ -57,6 +57,8 @@ def command(a: str, b: str, gamma: bool, plot: Path | None, as_json: bool) -> No
 
 def _print_table(title: str, results: list[Comparison]) -> None:
     from rich.table import Table
+
+    from ospc.cli.calibration_result import error_rows
 
     table = Table("", title=None)
     for result, heading in zip(results, ("unaligned", "after γ = {:.4f}"), strict=False):

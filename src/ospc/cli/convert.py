@@ -3,55 +3,41 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.calibration_report import say_notes
 from ospc.cli.interruption import Interruption, leaving
-from ospc.cli.options import PATH, force_option, out_option, quiet_option
+from ospc.cli.options import QUIET, argument, declared, option, out_option
 from ospc.cli.progress import progress_of
-from ospc.cli.reading import Reading, reading_options
-from ospc.cli.terminal import say
+from ospc.cli.reading import READING, Reading
+from ospc.cli.terminal import say, say_notes
 from ospc.errors import counted
 
 if TYPE_CHECKING:
     from ospc.recording.writing.images import ImageFormat
 
 
-@click.command("convert")
-@click.argument("path", metavar="RECORDING", type=PATH)
-@out_option(help="Folder to write, new or empty.")
-@click.option(
-    "--format",
-    "image_format",
-    type=click.Choice(["png", "jpg"]),
-    help="Format of the images. By default files are copied if possible and written as PNG otherwise.",
-)
-@click.option("--zip", "archive", is_flag=True, help="Write images.zip instead of images/.")
-@click.option(
-    "--lag",
-    type=int,
-    default=0,
-    metavar="FRAMES",
-    help="Move exposures that come this many frames late to their frames; 'ospc check' finds the number.",
-)
-@force_option("Write into OUT even if it is not empty; files of the same names are replaced.")
-@quiet_option
-@reading_options
-@click.pass_obj
+@declared("convert")
 def command(
     interruption: Interruption,
-    /,
     *,
-    path: Path,
-    out: Path,
-    image_format: ImageFormat | None,
-    archive: bool,
-    lag: int,
-    force: bool,
-    quiet: bool,
-    **reading: Any,
+    path: Path = argument(metavar="RECORDING"),
+    out: Path = out_option("Folder to write, new or empty."),
+    image_format: ImageFormat | None = option(
+        "Format of the images. By default files are copied if possible and written as PNG otherwise.",
+        "--format",
+        type=click.Choice(["png", "jpg"]),
+    ),
+    archive: bool = option("Write images.zip instead of images/.", "--zip"),
+    lag: int = option(
+        "Move exposures that come this many frames late to their frames; 'ospc check' finds the number.",
+        default=0,
+        metavar="FRAMES",
+    ),
+    force: bool = option("Write into OUT even if it is not empty; files of the same names are replaced."),
+    quiet: bool = QUIET,
+    reading: Reading = READING,
 ) -> None:
     """Write RECORDING in the layout of the TUM monocular data set, for DSO and its descendants.
 
@@ -61,7 +47,7 @@ def command(
     from ospc.recording.derived import with_exposure_lag
     from ospc.recording.writing.conversion import convert_recording
 
-    recording = with_exposure_lag(Reading.taken_from(reading).open(path), lag)
+    recording = with_exposure_lag(reading.open(path), lag)
     with (
         leaving(f"nothing was written to {out}"),
         progress_of("converting", quiet=quiet, interruption=interruption) as step,

@@ -4,78 +4,55 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.calibration_report import say_notes
 from ospc.cli.interruption import INTERRUPTED, leaving
-from ospc.cli.options import (
-    PATH,
-    assume_missing_option,
-    exit_codes,
-    force_option,
-    kind_option,
-    out_option,
-    quiet_option,
-)
+from ospc.cli.options import ASSUME_MISSING, KIND, QUIET, argument, declared, option, out_option
 from ospc.cli.progress import progress_of
-from ospc.cli.reading import stated_options, taken_options
-from ospc.cli.terminal import say
+from ospc.cli.reading import STATED
+from ospc.cli.terminal import say, say_notes
 from ospc.errors import counted
+
+if TYPE_CHECKING:
+    from ospc.correction.settings import Output
+    from ospc.recording.options import ReadingOptions
 
 _REASONS_SHOWN = 3
 
 
-@click.command(
-    "correct", epilog=exit_codes({0: "written", INTERRUPTED: "interrupted; the same command completes OUT"})
-)
-@click.argument("sources", metavar="SOURCE...", type=PATH, nargs=-1, required=True)
-@click.argument("calibration")
-@out_option(help="Folder to write.")
-@click.option(
-    "--output",
-    type=click.Choice(["irradiance", "grey8", "grey16"]),
-    help="32-bit float TIFF, or PNG of 8 or 16 bit; all linear in the irradiance. By default irradiance, and with "
-    "--keep-response the depth of the originals.",
-)
-@click.option(
-    "--keep-response",
-    is_flag=True,
-    help="Undo only the vignette: the grey levels that the camera would have recorded without it, as PNG, TIFF or "
-    "JPEG like the originals.",
-)
-@click.option(
-    "--normalise-exposure", is_flag=True, help="Bring all images to one exposure; SOURCE has to state them."
-)
-@click.option(
-    "--reference-ms",
-    type=float,
-    metavar="MS",
-    help="That exposure. By default 1 ms for irradiance, which makes it radiance per ms; the shortest of the "
-    "recording for grey16; the median for grey8.",
-)
-@click.option(
-    "--white",
-    type=float,
-    default=1.0,
-    help="Irradiance that becomes the largest grey value; 1 saturates the camera where there is no vignette.",
-)
-@click.option("--mask-saturated", is_flag=True, help="Make saturated pixels NaN, or the largest grey value.")
-@assume_missing_option
-@kind_option
-@stated_options
-@force_option("Replace finished corrected images in OUT.")
-@quiet_option
+@declared("correct", exits={0: "written", INTERRUPTED: "interrupted; the same command completes OUT"})
 def command(
     *,
-    sources: tuple[Path, ...],
-    calibration: str,
-    out: Path,
-    kind: str | None,
-    force: bool,
-    quiet: bool,
-    **options: Any,
+    sources: tuple[Path, ...] = argument(metavar="SOURCE...", required=True),
+    calibration: str = argument(),
+    out: Path = out_option("Folder to write."),
+    output: Output | None = option(
+        "32-bit float TIFF, or PNG of 8 or 16 bit; all linear in the irradiance. By default irradiance, and with "
+        "--keep-response the depth of the originals.",
+        type=click.Choice(["irradiance", "grey8", "grey16"]),
+    ),
+    keep_response: bool = option(
+        "Undo only the vignette: the grey levels that the camera would have recorded without it, as PNG, TIFF or "
+        "JPEG like the originals."
+    ),
+    normalise_exposure: bool = option("Bring all images to one exposure; SOURCE has to state them."),
+    reference_ms: float | None = option(
+        "That exposure. By default 1 ms for irradiance, which makes it radiance per ms; the shortest of the "
+        "recording for grey16; the median for grey8.",
+        metavar="MS",
+    ),
+    white: float = option(
+        "Irradiance that becomes the largest grey value; 1 saturates the camera where there is no vignette.",
+        default=1.0,
+    ),
+    mask_saturated: bool = option("Make saturated pixels NaN, or the largest grey value."),
+    assume_missing: bool = ASSUME_MISSING,
+    kind: str | None = KIND,
+    stated: ReadingOptions = STATED,
+    force: bool = option("Replace finished corrected images in OUT."),
+    quiet: bool = QUIET,
 ) -> None:
     """Correct the images of SOURCE for response and vignette.
 
@@ -100,8 +77,15 @@ def command(
     from ospc.formats.opening import open_photometry
     from ospc.recording.channel import Channel
 
-    stated = taken_options(options)
-    settings = CorrectionSettings(**options)
+    settings = CorrectionSettings(
+        output=output,
+        keep_response=keep_response,
+        normalise_exposure=normalise_exposure,
+        reference_ms=reference_ms,
+        white=white,
+        mask_saturated=mask_saturated,
+        assume_missing=assume_missing,
+    )
     source = open_source(sources, kind, replace(stated, channel=stated.channel or Channel.ALL))
     photometry = open_photometry(calibration, source.recording.size)
     folder = CorrectedFolder.at(out, source.recording.path, force=force)

@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.calibration_report import concluded
 from ospc.cli.interruption import Interruption, leaving
-from ospc.cli.options import out_option, quiet_option
+from ospc.cli.options import QUIET, declared, option, out_option
 from ospc.cli.progress import progress_of
-from ospc.cli.terminal import say
+from ospc.cli.terminal import concluded, say
 
 if TYPE_CHECKING:
     from ospc.simulation.settings import SimulationSettings
 
-_FRAMES = 200
 _PERIOD_FRAMES = 50
 """Frames in which the exposure swings up and down once: slow enough that neighbours overlap."""
 
@@ -24,13 +22,18 @@ _MEAN_EXPOSURE_MS, _EXPOSURE_FACTOR = 9.0, 2.8
 """The exposure swings between the mean times and divided by the factor, a range of about eight to one."""
 
 
-@click.command("demo")
-@out_option("ospc-demo", help="Folder for the recording and its calibration; those of an earlier demo are replaced.")
-@click.option("--frames", type=click.IntRange(1, 10_000), default=_FRAMES, help="Number of frames.")
-@click.option("--seed", type=click.IntRange(0), default=0, help="Seeds scene, motion and noise.")
-@quiet_option
-@click.pass_obj
-def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int, quiet: bool) -> int:
+@declared("demo")
+def command(
+    interruption: Interruption,
+    *,
+    out: Path = out_option(
+        "Folder for the recording and its calibration; those of an earlier demo are replaced.",
+        default=Path("ospc-demo"),
+    ),
+    frames: int = option("Number of frames.", type=click.IntRange(1, 10_000), default=200),
+    seed: int = option("Seeds scene, motion and noise.", type=click.IntRange(0), default=0),
+    quiet: bool = QUIET,
+) -> int:
     """Simulate a short recording, calibrate it, and compare with the truth.
 
     The camera is hand-held, has a film-like response, and darkens towards the corners; its exposure swings by a
@@ -39,6 +42,7 @@ def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int,
     """
     from ospc.cli.calibration_result import ResultFolder
     from ospc.cli.calibration_run import CalibrationRun
+    from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.recording import open_recording
@@ -53,13 +57,10 @@ def command(interruption: Interruption, /, *, out: Path, frames: int, seed: int,
         simulate(recording, settings, overwrite=True, progress=step)
     if not quiet:
         say(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
-    recorded = open_recording(recording)
-    content = CalibrationRun(
-        recorded,
-        preset("default"),
-        ResultFolder(folder, recorded, interruption, quiet=quiet, truth=open_photometry(recording)),
-    ).calibrate()
-    code = concluded(content, as_json=False)
+    recorded, truth = open_recording(recording), open_photometry(recording)
+    written = ResultFolder(folder, recorded, interruption, quiet=quiet, truth=truth)
+    run = CalibrationRun(recorded, preset("default"), written, Checkpoints(result, wanted=False))
+    code = concluded(run.calibrate(), as_json=False)
     picture = result / "figure.png"
     if not quiet and picture.exists():
         say()

@@ -8,36 +8,30 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.calibration_report import print_json
 from ospc.cli.correct import warn_of_assumed
 from ospc.cli.interruption import leaving
-from ospc.cli.options import PATH, assume_missing_option, json_option, kind_option
+from ospc.cli.options import AS_JSON, ASSUME_MISSING, KIND, argument, declared, option
 from ospc.cli.progress import progress_line, progress_of
-from ospc.cli.studies import calibration_option, given_calibrations, jobs_option, run_study, study_out_option, words
-from ospc.cli.terminal import say
+from ospc.cli.studies import CALIBRATIONS, JOBS, given_calibrations, run_study, study_out_option, words
+from ospc.cli.terminal import print_json, say
 from ospc.errors import SettingError, counted, escaped
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from ospc.evaluation.tracking import TrackingComparison
     from ospc.recording import Recording
     from ospc.research.odometry.experiment import Odometry
-    from ospc.research.runner import Finished
-    from ospc.research.tables import StudyReport
+
+command = click.Group("evaluate", help="Evaluate trajectories, and the effect of a calibration on tracking.")
 
 
-@click.group("evaluate")
-def command() -> None:
-    """Evaluate trajectories, and the effect of a calibration on tracking."""
-
-
-@command.command("ealign")
-@click.argument("trajectory", type=PATH)
-@click.argument("truth", type=PATH)
-@click.option("--interval", default=1.0, help="Seconds between the poses of relative errors.")
-@json_option
-def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> None:
+@declared("ealign", command)
+def ealign(
+    *,
+    trajectory: Path = argument(),
+    truth: Path = argument(),
+    interval: float = option("Seconds between the poses of relative errors.", default=1.0),
+    as_json: bool = AS_JSON,
+) -> None:
     """Compute the drift of TRAJECTORY from its alignments to the two halves of TRUTH.
 
     Both files have rows 'stamp tx ty tz qx qy qz qw', like result.txt of DSO and groundtruthSync.txt of the TUM
@@ -67,34 +61,31 @@ def ealign(trajectory: Path, truth: Path, interval: float, as_json: bool) -> Non
     if as_json:
         print_json(figures)
         return
-    _print_drift(figures)
-
-
-def _print_drift(figures: dict[str, Any]) -> None:
-    say("e_align  {e_align:.4f}   in units of the truth".format(**figures))
-    say("e_s      {e_s:.4f}   scale of the first alignment over that of the second".format(**figures))
-    say("e_r      {e_r_deg:.3f}°   in degrees".format(**figures))
-    say("ATE      {ate:.4f}   after one alignment to all of the truth, in its units".format(**figures))
-    if figures["rpe_translation"] is None:
-        say("RPE      {rpe_missing}".format(**figures))
-    else:
-        line = "RPE      {rpe_translation:.4f} and {rpe_rotation_deg:.3f}°   in motions over {rpe_interval_s:g} s"
+    lines = [
+        "e_align  {e_align:.4f}   in units of the truth",
+        "e_s      {e_s:.4f}   scale of the first alignment over that of the second",
+        "e_r      {e_r_deg:.3f}°   in degrees",
+        "ATE      {ate:.4f}   after one alignment to all of the truth, in its units",
+        "RPE      {rpe_missing}"
+        if figures["rpe_translation"] is None
+        else "RPE      {rpe_translation:.4f} and {rpe_rotation_deg:.3f}°   in motions over {rpe_interval_s:g} s",
+        "poses    {poses}, {first} with truth in its first half and {second} in its second",
+    ]
+    if error.unmatched:
+        lines.append("         {unmatched} have no row of the truth within 1 ms")
+    for line in lines:
         say(line.format(**figures))
-    line = "poses    {poses}, {first} with truth in its first half and {second} in its second"
-    say(line.format(**figures))
-    if figures["unmatched"]:
-        say("         {unmatched} have no row of the truth within 1 ms".format(**figures))
 
 
-@command.command("tracking")
-@click.argument("recording", type=PATH)
-@click.option(
-    "--calibration", required=True, help="calibration.json, 'pcalib.txt,vignette.png', or a folder with them."
-)
-@assume_missing_option
-@kind_option
-@json_option
-def tracking(recording: Path, calibration: str, assume_missing: bool, kind: str | None, as_json: bool) -> None:
+@declared("tracking", command)
+def tracking(
+    *,
+    recording: Path = argument(),
+    calibration: str = option("calibration.json, 'pcalib.txt,vignette.png', or a folder with them.", required=True),
+    assume_missing: bool = ASSUME_MISSING,
+    kind: str | None = KIND,
+    as_json: bool = AS_JSON,
+) -> None:
     """Measure whether a calibration helps to track points in RECORDING, and how much.
 
     Corners of the raw frames are tracked by the Lucas-Kanade method with the same settings through the raw frames and
@@ -151,42 +142,25 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
     say(result.sentence)
 
 
-_CONDITIONS = "truth,paper,ours,joint-wgt,joint-wogt,none"
-
-
-@command.command("odometry")
-@click.argument("recordings", nargs=-1, required=True, type=PATH)
-@click.option("--program", type=PATH, help="Your dso_dataset, or one with its arguments.")
-@click.option("--builtin", is_flag=True, help="Use the built-in direct odometry; needs simulated recordings.")
-@study_out_option("ospc-odometry")
-@click.option("--runs", type=click.IntRange(1, 1000), default=10, help="Runs of each.")
-@click.option(
-    "--conditions",
-    default=_CONDITIONS,
-    help="Columns, separated by commas; 'affine' is a further one: no calibration, mode 1.",
-)
-@calibration_option
-@click.option("--batch", is_flag=True, help="Joint estimation from the whole recording, not online.")
-@jobs_option
-@click.option("--timeout", default=3600.0, help="Time limit of a run in seconds.")
-@click.option("--ends", type=float, metavar="SHARE", help="Use only this share of the truth at the start and end.")
-@click.option("--argument", "arguments", multiple=True, help="Further argument of the program, such as preset=0.")
-@json_option
+@declared("odometry", command)
 def odometry(
-    recordings: tuple[Path, ...],
     *,
-    program: Path | None,
-    builtin: bool,
-    out: Path,
-    runs: int,
-    conditions: str,
-    given: tuple[str, ...],
-    batch: bool,
-    jobs: int,
-    timeout: float,
-    ends: float | None,
-    arguments: tuple[str, ...],
-    as_json: bool,
+    recordings: tuple[Path, ...] = argument(required=True),
+    program: Path | None = option("Your dso_dataset, or one with its arguments."),
+    builtin: bool = option("Use the built-in direct odometry; needs simulated recordings."),
+    out: Path = study_out_option("ospc-odometry"),
+    runs: int = option("Runs of each.", type=click.IntRange(1, 1000), default=10),
+    conditions: str = option(
+        "Columns, separated by commas; 'affine' is a further one: no calibration, mode 1.",
+        default="truth,paper,ours,joint-wgt,joint-wogt,none",
+    ),
+    given: tuple[str, ...] = CALIBRATIONS,
+    batch: bool = option("Joint estimation from the whole recording, not online."),
+    jobs: int = JOBS,
+    timeout: float = option("Time limit of a run in seconds.", default=3600.0),
+    ends: float | None = option("Use only this share of the truth at the start and end.", metavar="SHARE"),
+    arguments: tuple[str, ...] = option("Further argument of the program, such as preset=0.", "--argument"),
+    as_json: bool = AS_JSON,
 ) -> None:
     """Run direct visual odometry over RECORDINGS with several calibrations, and compare the drift.
 
@@ -209,16 +183,18 @@ def odometry(
         estimates = Calibrations(
             out / "calibrations", files, not batch, lambda what, share: show(what, 100 * share, 100)
         )
-        experiment = Experiment(_recordings(recordings), columns, runs, estimates, out, ends)
+        experiment = Experiment(_by_name(recordings), columns, runs, estimates, out, ends)
         tasks, failed = tasks_of(experiment, tracker)
+    run_study(
+        tasks,
+        out,
+        jobs,
+        lambda finished: odometry_report(experiment, [*failed, *(result_of(one, experiment) for one in finished)]),
+        as_json=as_json,
+    )
 
-    def report(finished: Sequence[Finished]) -> StudyReport:
-        return odometry_report(experiment, [*failed, *(result_of(one, experiment) for one in finished)])
 
-    run_study(tasks, out, jobs, report, as_json=as_json)
-
-
-def _recordings(places: tuple[Path, ...]) -> dict[str, Recording]:
+def _by_name(places: tuple[Path, ...]) -> dict[str, Recording]:
     from ospc.recording import open_recording
 
     found: dict[str, Recording] = {}

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.options import PATH, STUDY_SIZE, named
-from ospc.cli.studies import (
-    calibration_option,
-    data_option,
-    given_calibrations,
-    jobs_option,
-    run_study,
-    study_out_option,
-    words,
-)
+from ospc.cli.options import STUDY_SIZE, argument, declared, named, option
+from ospc.cli.studies import CALIBRATIONS, DATA, JOBS, given_calibrations, run_study, study_out_option, words
 from ospc.cli.terminal import say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from ospc.research.method import Result
     from ospc.research.runner import Finished
@@ -38,97 +32,118 @@ _EXPERIMENTS = {
     "ambiguity": "The exponential ambiguity: without known exposures every exponent explains a recording.",
 }
 _AMBIGUITY_FRAMES = 300
+_SIZE = option("Size of simulated images.", type=STUDY_SIZE, metavar="WxH", default="320x240")
+
+command = click.Group(
+    "experiments",
+    help="""Reproduce the paper's figures and tables, on given recordings or on simulated stand-ins.
+
+RECORDINGS are folders in the layout of the TUM monocular data set; their pcalib.txt and vignette.png are the
+truth. Without any, recordings are simulated: with the data set's narrow camera and real exposures where --data
+(or OSPC_DATA) names a folder that holds them, with an analytic camera otherwise. Finished recordings are kept in
+OUT/cache: the same command continues an interrupted run, and computes again only what has changed.""",
+)
 
 
-@click.group("experiments")
-def command() -> None:
-    """Reproduce the paper's figures and tables, on given recordings or on simulated stand-ins.
+@dataclass(frozen=True)
+class _Run:
+    """One of the experiments; all take the same options."""
 
-    RECORDINGS are folders in the layout of the TUM monocular data set; their pcalib.txt and vignette.png are the
-    truth. Without any, recordings are simulated: with the data set's narrow camera and real exposures where --data
-    (or OSPC_DATA) names a folder that holds them, with an analytic camera otherwise. Finished recordings are kept in
-    OUT/cache: the same command continues an interrupted run, and computes again only what has changed.
-    """
-
-
-def _add(name: str) -> None:
-    """Add the command of an experiment; all take the same options."""
-
-    @command.command(name, help=_EXPERIMENTS[name])
-    @click.argument("recordings", nargs=-1, type=PATH)
-    @study_out_option("ospc-experiments")
-    @data_option
-    @click.option("--count", type=click.IntRange(1, 1000), help="Number of recordings simulated.")
-    @click.option("--frames", type=click.IntRange(2, 1_000_000), help="Frames used of each.")
-    @click.option("--size", type=STUDY_SIZE, metavar="WxH", default="320x240", help="Size of simulated images.")
-    @click.option("--speed", type=float, help="Factor of the speed of the simulated motion.")
-    @calibration_option
-    @click.option(
+    name: str
+    recordings: tuple[Path, ...] = argument()
+    out: Path = study_out_option("ospc-experiments")
+    data: Path | None = DATA
+    count: int | None = option("Number of recordings simulated.", type=click.IntRange(1, 1000))
+    frames: int | None = option("Frames used of each.", type=click.IntRange(2, 1_000_000))
+    size: tuple[int, int] = _SIZE
+    speed: float | None = option("Factor of the speed of the simulated motion.")
+    given: tuple[str, ...] = CALIBRATIONS
+    estimated: tuple[str, ...] = option(
+        "Exposures of another program to be compared: the last number of each line, one line a frame.",
         "--exposures",
-        "estimated",
-        multiple=True,
         metavar="NAME=FILE",
-        help="Exposures of another program to be compared: the last number of each line, one line a frame.",
     )
-    @jobs_option
-    def experiment(**options: Any) -> None:
-        if name == "ambiguity":
-            _run_ambiguity(options)
+    jobs: int = JOBS
+
+    def run(self) -> None:
+        if self.name == "ambiguity":
+            self._show_ambiguity()
         else:
-            _run_experiment(name, options)
+            self._compare_methods()
+
+    def _compare_methods(self) -> None:
+        from ospc.research.experiments.design import EXPERIMENTS, experiment_report
+        from ospc.research.source import MeasuringTask, judge, measured
+
+        experiment = EXPERIMENTS[self.name]
+        sources = self._sources(*experiment.stand_ins, speed=experiment.speed, at_rest=experiment.at_rest)
+        others = self._others()
+
+        def report(finished: Sequence[Finished]) -> StudyReport:
+            done = [one.task.source for one in finished]
+            rows = [row for one in finished for row in (*measured(one.result), *judge(one.task.source, others))]
+            return experiment_report(experiment, done, rows)
+
+        tasks = [MeasuringTask(source, experiment) for source in sources]
+        run_study(tasks, self.out, self.jobs, report, partly=bool)
+
+    def _show_ambiguity(self) -> None:
+        from ospc.research.experiments.ambiguity import Ambiguity, AmbiguityTask, ambiguity_report
+
+        source, *_ = self._sources(1, _AMBIGUITY_FRAMES)
+        run_study(
+            [AmbiguityTask(source)],
+            self.out,
+            1,
+            lambda finished: ambiguity_report(Ambiguity(**finished[0].result), source.name),
+        )
+
+    def _sources(self, count: int, frames: int, *, speed: float = 1.0, at_rest: bool = False) -> list[Source]:
+        """Return the recordings that are given, or simulated ones, by default as many as stated."""
+        from ospc.research.experiments.sources import stand_ins, sweeps
+        from ospc.research.source import GivenSource
+
+        if self.recordings:
+            return [GivenSource.of(place, self.frames) for place in self.recordings]
+        count, frames = self.count or count, self.frames or frames
+        if at_rest:
+            return [*sweeps(count, frames, self.size)]
+        return [*stand_ins(count, frames, self.size, self.data, speed=self.speed or speed)]
+
+    def _others(self) -> list[Result]:
+        """Return the results of other programs; exposures belong to the calibration of the same name, if any."""
+        from ospc.recording.text_file import exposures_in
+        from ospc.research.method import Estimate, Result
+
+        calibrations = given_calibrations(self.given)
+        files = named(self.estimated, "theirs=times.txt")
+        exposures = {name: dict(enumerate(exposures_in(file))) for name, file in files.items()}
+        found = []
+        for name in dict.fromkeys([*calibrations, *exposures]):
+            curves = calibrations.get(name)
+            response, vignette = (None, None) if curves is None else (curves.response, curves.vignette)
+            found.append(Result(name, Estimate(response, vignette, exposures=exposures.get(name))))
+        return found
 
 
-for _name in _EXPERIMENTS:
-    _add(_name)
+for _name, _help in _EXPERIMENTS.items():
+    declared(_name, command, help=_help)(partial(_Run, _name))
 
 
-def _run_experiment(name: str, options: dict[str, Any]) -> None:
-    from ospc.research.experiments.design import EXPERIMENTS, experiment_report
-    from ospc.research.source import MeasuringTask, judge, measured
-
-    experiment = EXPERIMENTS[name]
-    count, frames = experiment.stand_ins
-    sources = _sources(options, count, frames, speed=experiment.speed, at_rest=experiment.at_rest)
-    others = _others(options)
-
-    def report(finished: Sequence[Finished]) -> StudyReport:
-        done = [one.task.source for one in finished]
-        rows = [row for one in finished for row in (*measured(one.result), *judge(one.task.source, others))]
-        return experiment_report(experiment, done, rows)
-
-    tasks = [MeasuringTask(source, experiment) for source in sources]
-    run_study(tasks, options["out"], options["jobs"], report, partly=bool)
-
-
-@command.command("systems")
-@click.argument("recordings", nargs=-1, type=PATH)
-@study_out_option("ospc-experiments")
-@data_option
-@click.option("--count", type=click.IntRange(0, 1000), default=10, help="Recordings simulated.")
-@click.option("--frames", type=click.IntRange(2, 1_000_000), default=200, help="Frames of each.")
-@click.option("--size", type=STUDY_SIZE, metavar="WxH", default="320x240", help="Size of simulated images.")
-@click.option(
-    "--only",
-    default="",
-    show_default=False,
-    metavar="NAMES",
-    help="Systems of these names or patterns, separated by commas.",
-)
-@click.option(
-    "--list", "only_list", is_flag=True, help="Print the systems with authors and year, and do nothing else."
-)
-@jobs_option
+@declared("systems", command)
 def systems(
-    recordings: tuple[Path, ...],
-    out: Path,
-    data: Path | None,
     *,
-    count: int,
-    frames: int,
-    size: tuple[int, int],
-    only: str,
-    only_list: bool,
-    jobs: int,
+    recordings: tuple[Path, ...] = argument(),
+    out: Path = study_out_option("ospc-experiments"),
+    data: Path | None = DATA,
+    count: int = option("Recordings simulated.", type=click.IntRange(0, 1000), default=10),
+    frames: int = option("Frames of each.", type=click.IntRange(2, 1_000_000), default=200),
+    size: tuple[int, int] = _SIZE,
+    only: str = option(
+        "Systems of these names or patterns, separated by commas.", default="", show_default=False, metavar="NAMES"
+    ),
+    only_list: bool = option("Print the systems with authors and year, and do nothing else.", "--list"),
+    jobs: int = JOBS,
 ) -> None:
     """Every system that the paper names, side by side: what it needs, what it recovers, and how well.
 
@@ -149,53 +164,10 @@ def systems(
         sources = system_sources(count, frames, size, data)
     counts = {source.name: source.count for source in sources}
 
-    def report(finished: Sequence[Finished]) -> StudyReport:
-        return systems_report(chosen, [row for one in finished for row in measured(one.result)], counts)
-
-    def of_whole_recordings(finished: Sequence[Finished]) -> bool:
-        return len(finished) % len(chosen) == 0
-
-    run_study(system_tasks(chosen, sources), out, jobs, report, partly=of_whole_recordings)
-
-
-def _run_ambiguity(options: dict[str, Any]) -> None:
-    from ospc.research.experiments.ambiguity import Ambiguity, AmbiguityTask, ambiguity_report
-
-    source, *_ = _sources(options, 1, _AMBIGUITY_FRAMES)
-
-    def report(finished: Sequence[Finished]) -> StudyReport:
-        return ambiguity_report(Ambiguity(**finished[0].result), source.name)
-
-    run_study([AmbiguityTask(source)], options["out"], 1, report)
-
-
-def _sources(
-    options: dict[str, Any], count: int, frames: int, *, speed: float = 1.0, at_rest: bool = False
-) -> list[Source]:
-    """Return the recordings that are given, or simulated ones, by default as many as stated."""
-    from ospc.research.experiments.sources import stand_ins, sweeps
-    from ospc.research.source import GivenSource
-
-    if options["recordings"]:
-        return [GivenSource.of(place, options["frames"]) for place in options["recordings"]]
-    count, frames = options["count"] or count, options["frames"] or frames
-    size = options["size"]
-    if at_rest:
-        return [*sweeps(count, frames, size)]
-    return [*stand_ins(count, frames, size, options["data"], speed=options["speed"] or speed)]
-
-
-def _others(options: dict[str, Any]) -> list[Result]:
-    """Return the results of other programs; exposures belong to the calibration of the same name, if there is one."""
-    from ospc.recording.text_file import exposures_in
-    from ospc.research.method import Estimate, Result
-
-    calibrations = given_calibrations(options["given"])
-    files = named(options["estimated"], "theirs=times.txt")
-    exposures = {name: dict(enumerate(exposures_in(file))) for name, file in files.items()}
-    found = []
-    for name in dict.fromkeys([*calibrations, *exposures]):
-        curves = calibrations.get(name)
-        response, vignette = (None, None) if curves is None else (curves.response, curves.vignette)
-        found.append(Result(name, Estimate(response, vignette, exposures=exposures.get(name))))
-    return found
+    run_study(
+        system_tasks(chosen, sources),
+        out,
+        jobs,
+        lambda finished: systems_report(chosen, [row for one in finished for row in measured(one.result)], counts),
+        partly=lambda finished: len(finished) % len(chosen) == 0,  # whole recordings
+    )

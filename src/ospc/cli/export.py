@@ -4,72 +4,62 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Literal
 
 import click
 
-from ospc.cli.calibration_report import say_notes
-from ospc.cli.options import PATH, SIZE, out_option
-from ospc.cli.terminal import say
+from ospc.cli.options import SIZE, Parsed, argument, declared, option, out_option
+from ospc.cli.terminal import say, say_notes
+from ospc.errors import SettingError
+
+if TYPE_CHECKING:
+    from ospc.formats.export import Program
 
 
-def _parse_crop(_ctx: click.Context, _param: click.Parameter, value: str | None) -> tuple[int, int, int, int] | None:
-    if value is None:
-        return None
-    match = re.fullmatch(r"(\d{1,6}),(\d{1,6}),([1-9]\d{0,5})[x×]([1-9]\d{0,5})", value)
+def _crop(text: str) -> tuple[int, int, int, int]:
+    match = re.fullmatch(r"(\d{1,6}),(\d{1,6}),([1-9]\d{0,5})[x×]([1-9]\d{0,5})", text)
     if match is None:
-        raise click.BadParameter(f"{value!r} is no crop; write X,Y,WIDTHxHEIGHT, such as 64,32,1024x768")
+        raise SettingError(f"{text!r} is no crop; write X,Y,WIDTHxHEIGHT, such as 64,32,1024x768")
     x, y, width, height = (int(group) for group in match.groups())
     return x, y, width, height
 
 
-@click.command("export")
-@click.argument("calibration")
-@click.option(
-    "--to",
-    "program",
-    type=click.Choice(["dso", "lensfun", "hugin", "opencv", "adobe", "json"]),
-    required=True,
-    help="Program that will read it.",
-)
-@out_option(folder=False, help="File to write; a folder for dso.")
-@click.option("--crop", metavar="X,Y,WxH", callback=_parse_crop, help="For images cropped to this part.")
-@click.option(
-    "--bin",
-    "binning",
-    metavar="N",
-    type=click.IntRange(min=1),
-    default=1,
-    help="For images binned by averaging blocks of NxN pixels, after the crop.",
-)
-@click.option("--size", metavar="WxH", type=SIZE, help="For images scaled to this size, after the crop.")
-@click.option("--values", default=256, help="Grey levels in pcalib.txt (dso).")
-@click.option("--focal-px", type=float, help="Focal length in pixels (adobe, lensfun).")
-@click.option("--focal-mm", type=float, help="Focal length in millimetres (adobe, lensfun).")
-@click.option("--crop-factor", type=float, help="Diagonal of 36x24 mm over the sensor's (adobe, lensfun).")
-@click.option("--aperture", type=float, help="f-number (adobe, lensfun).")
-@click.option("--maker", default="unknown", help="Maker of the lens (adobe, lensfun).")
-@click.option("--lens", default="unknown", help="Name of the lens (adobe, lensfun).")
-@click.option("--camera", default="unknown", help="Name of the camera (adobe).")
-@click.option(
-    "--lensfun-model",
-    type=click.Choice(["pa", "acm"]),
-    default="pa",
-    help="Radius in half diagonals or in focal lengths (lensfun).",
-)
-@click.option("--emor", type=PATH, help="The base curves emor.txt, to write the response (hugin).")
+@declared("export")
 def command(
     *,
-    calibration: str,
-    program: Any,
-    out: Path,
-    crop: tuple[int, int, int, int] | None,
-    binning: int,
-    size: tuple[int, int] | None,
-    values: int,
-    emor: Path | None,
-    lensfun_model: Any,
-    **optics: Any,
+    calibration: str = argument(),
+    program: Program = option(
+        "Program that will read it.",
+        "--to",
+        type=click.Choice(["dso", "lensfun", "hugin", "opencv", "adobe", "json"]),
+        required=True,
+    ),
+    out: Path = out_option("File to write; a folder for dso.", folder=False),
+    crop: tuple[int, int, int, int] | None = option(
+        "For images cropped to this part.", metavar="X,Y,WxH", type=Parsed("crop", _crop)
+    ),
+    binning: int = option(
+        "For images binned by averaging blocks of NxN pixels, after the crop.",
+        "--bin",
+        metavar="N",
+        type=click.IntRange(min=1),
+        default=1,
+    ),
+    size: tuple[int, int] | None = option(
+        "For images scaled to this size, after the crop.", metavar="WxH", type=SIZE
+    ),
+    values: int = option("Grey levels in pcalib.txt (dso).", default=256),
+    focal_px: float | None = option("Focal length in pixels (adobe, lensfun)."),
+    focal_mm: float | None = option("Focal length in millimetres (adobe, lensfun)."),
+    crop_factor: float | None = option("Diagonal of 36x24 mm over the sensor's (adobe, lensfun)."),
+    aperture: float | None = option("f-number (adobe, lensfun)."),
+    maker: str = option("Maker of the lens (adobe, lensfun).", default="unknown"),
+    lens: str = option("Name of the lens (adobe, lensfun).", default="unknown"),
+    camera: str = option("Name of the camera (adobe).", default="unknown"),
+    lensfun_model: Literal["pa", "acm"] = option(
+        "Radius in half diagonals or in focal lengths (lensfun).", type=click.Choice(["pa", "acm"]), default="pa"
+    ),
+    emor: Path | None = option("The base curves emor.txt, to write the response (hugin)."),
 ) -> None:
     """Write CALIBRATION for another program.
 
@@ -83,12 +73,8 @@ def command(
     from ospc.formats.opening import open_photometry
     from ospc.formats.radial import Optics
 
-    settings = ExportSettings(
-        optics=Optics(**optics),
-        lensfun_model=lensfun_model,
-        emor=None if emor is None else read_emor(emor),
-        values=values,
-    )
+    optics = Optics(focal_mm, focal_px, crop_factor, aperture, maker=maker, lens=lens, camera=camera)
+    settings = ExportSettings(optics, lensfun_model, None if emor is None else read_emor(emor), values)
     written = export(adapted(open_photometry(calibration), crop, size, binning), program, out, settings)
     for path in written.files:
         say(f"wrote {path}")

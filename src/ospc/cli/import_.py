@@ -6,21 +6,22 @@ from pathlib import Path
 
 import click
 
-from ospc.cli.options import out_option, size_option
+from ospc.cli.options import IMAGE_SIZE, argument, declared, option, out_option
 from ospc.cli.terminal import say
 
 
-@click.command("import")
-@click.argument("pcalib")
-@click.argument("vignette", required=False)
-@out_option(folder=False, help="calibration.json to write.")
-@size_option
-@click.option(
-    "--max-grey",
-    type=click.IntRange(1, 65535),
-    help="Largest grey value of the images; by default that of the response table, 255 for 256 values.",
-)
-def command(pcalib: str, vignette: str | None, out: Path, size: tuple[int, int] | None, max_grey: int | None) -> None:
+@declared("import")
+def command(
+    *,
+    pcalib: str = argument(),
+    vignette: str | None = argument(required=False),
+    out: Path = out_option("calibration.json to write.", folder=False),
+    size: tuple[int, int] | None = IMAGE_SIZE,
+    max_grey: int | None = option(
+        "Largest grey value of the images; by default that of the response table, 255 for 256 values.",
+        type=click.IntRange(1, 65535),
+    ),
+) -> None:
     """Write PCALIB and VIGNETTE as a calibration.json.
 
     PCALIB is a pcalib.txt and VIGNETTE a vignette.png. Each may also be a file of hugin (.pto), Adobe (.lcp), lensfun

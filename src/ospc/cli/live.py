@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.calibration_report import concluded, say_notes
 from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
 from ospc.cli.options import (
+    AS_JSON,
     COMPLETE,
+    CORRECT_LAG,
+    QUIET,
     UNDETERMINED,
-    correct_lag_option,
-    exit_codes,
-    force_option,
-    json_option,
+    argument,
+    declared,
+    option,
     out_option,
-    quiet_option,
 )
-from ospc.cli.reading import Reading, reading_options
-from ospc.cli.terminal import say
+from ospc.cli.reading import READING, Reading
+from ospc.cli.terminal import concluded, say, say_notes
 from ospc.errors import OspcError, one_line
 
 if TYPE_CHECKING:
@@ -47,63 +47,41 @@ class _Source:
     recording: Recording | None = None
 
 
-@click.command(
+@declared(
     "live",
-    epilog=exit_codes(
-        {
-            COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-            1: "error; a partial result is written if possible",
-            UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the "
-            "camera changed meanwhile",
-            INTERRUPTED: "interrupted before a recording's end; the partial result is written",
-        }
-    ),
+    exits={
+        COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
+        1: "error; a partial result is written if possible",
+        UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
+        "changed meanwhile",
+        INTERRUPTED: "interrupted before a recording's end; the partial result is written",
+    },
 )
-@click.argument("source")
-@out_option(help="Folder to write the results to.")
-@click.option("--no-page", is_flag=True, help="Show instruction and bars in the terminal, not in a browser.")
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=0,
-    show_default=False,
-    help="Port of the page; by default any that is free.",
-)
-@click.option("--no-browser", is_flag=True, help="Print the address of the page, but open no browser.")
-@click.option(
-    "--goal",
-    type=click.FloatRange(min=0),
-    default=_GOAL,
-    help="Uncertainty of response and vignette at which the capture ends by itself; 0 to end it yourself.",
-)
-@click.option(
-    "--pace",
-    type=click.FloatRange(min=0),
-    default=1.0,
-    help="How many times as fast as it was filmed a recording is replayed; 0 for as fast as it can be calibrated.",
-)
-@correct_lag_option
-@force_option("Write into OUT even if it holds other files; those named as results go.")
-@quiet_option
-@json_option
-@reading_options
-@click.pass_obj
 def command(
     interruption: Interruption,
-    /,
     *,
-    source: str,
-    out: Path,
-    no_page: bool,
-    port: int,
-    no_browser: bool,
-    goal: float,
-    pace: float,
-    correct_lag: LagChoice,
-    force: bool,
-    quiet: bool,
-    as_json: bool,
-    **options: Any,
+    source: str = argument(),
+    out: Path = out_option("Folder to write the results to."),
+    no_page: bool = option("Show instruction and bars in the terminal, not in a browser."),
+    port: int = option(
+        "Port of the page; by default any that is free.", type=click.IntRange(0, 65535), default=0, show_default=False
+    ),
+    no_browser: bool = option("Print the address of the page, but open no browser."),
+    goal: float = option(
+        "Uncertainty of response and vignette at which the capture ends by itself; 0 to end it yourself.",
+        type=click.FloatRange(min=0),
+        default=_GOAL,
+    ),
+    pace: float = option(
+        "How many times as fast as it was filmed a recording is replayed; 0 for as fast as it can be calibrated.",
+        type=click.FloatRange(min=0),
+        default=1.0,
+    ),
+    correct_lag: LagChoice = CORRECT_LAG,
+    force: bool = option("Write into OUT even if it holds other files; those named as results go."),
+    quiet: bool = QUIET,
+    as_json: bool = AS_JSON,
+    reading: Reading = READING,
 ) -> int:
     """Calibrate the camera SOURCE while it films, and say what to film next.
 
@@ -123,7 +101,6 @@ def command(
     from ospc.live.capture import Capture
     from ospc.output import OutputFolder
 
-    reading = Reading.taken_from(options)
     with leaving("no result was written"), _opened(source, reading, pace) as opened:
         recording = opened.recording
         folder = OutputFolder.at(out, recording=None if recording is None else Path(source), force=force)

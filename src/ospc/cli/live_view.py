@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
 
-    from ospc.live.capture import Bars, Capture
+    from ospc.live.capture import Capture
     from ospc.live.status import LiveStatus
     from ospc.methods.preview import Preview
 
@@ -52,44 +52,33 @@ def falling(values: list[float], most: int) -> str:
     return "".join(_BARS[step] for step in steps)
 
 
-class Canvas:
-    """Curves in a frame of characters, each of which is two dots wide and four dots high."""
+def drawn(curves: Iterable[tuple[FloatArray, str]], columns: int, rows: int) -> Text:
+    """Return curves drawn over one another in a frame of characters, each of which is two dots wide and four high.
 
-    def __init__(self, columns: int, rows: int) -> None:
-        self._shape = (rows, columns)
-        self._marks = np.zeros(self._shape, dtype=np.int64)
-        self._styles = np.zeros(self._shape, dtype=np.int64)
-        self._names: list[str] = []
+    A curve goes in even steps from the left edge to the right one, and has a style of rich. Heights are 0 at the foot
+    and 1 at the head; what is outside is not drawn.
+    """
+    from rich.text import Text
 
-    def line(self, y: FloatArray, style: str) -> None:
-        """Draw a curve of even steps from the left edge to the right one over what was drawn before.
-
-        Heights are 0 at the foot and 1 at the head; what is outside is not drawn. The style is one of rich's.
-        """
-        rows, columns = self._shape
-        self._names.append(style)
-        # Several dots a column, so that steep parts have no gaps.
-        share = np.linspace(0, 1, 16 * columns)
+    marks, styles = np.zeros((2, rows, columns), dtype=np.int64)
+    names = [""]
+    # Several dots a column, so that steep parts have no gaps.
+    share = np.linspace(0, 1, 16 * columns)
+    dot_columns = np.minimum((share * 2 * columns).astype(int), 2 * columns - 1)
+    for y, style in curves:
         height = np.interp(share, np.linspace(0, 1, len(y)), y)
-        across = np.minimum((share * 2 * columns).astype(int), 2 * columns - 1)
-        down = np.floor((1 - height) * (4 * rows - 1) + 0.5)
-        inside = np.isfinite(height) & (down >= 0) & (down < 4 * rows)
-        across, down = across[inside], down[inside].astype(int)
+        dot_rows = np.floor((1 - height) * (4 * rows - 1) + 0.5)
+        inside = np.isfinite(height) & (dot_rows >= 0) & (dot_rows < 4 * rows)
+        across, down = dot_columns[inside], dot_rows[inside].astype(int)
         cell = (down // 4, across // 2)
-        np.bitwise_or.at(self._marks, cell, _DOTS[down % 4, across % 2])
-        self._styles[cell] = len(self._names)
-
-    def text(self) -> Text:
-        """Return the drawing."""
-        from rich.text import Text
-
-        drawn = Text()
-        for marks, styles in zip(self._marks.tolist(), self._styles.tolist(), strict=True):
-            for mark, style in zip(marks, styles, strict=True):
-                drawn.append(chr(_BRAILLE + mark), self._names[style - 1] if style else "")
-            drawn.append("\n")
-        drawn.rstrip()
-        return drawn
+        np.bitwise_or.at(marks, cell, _DOTS[down % 4, across % 2])
+        styles[cell] = len(names)
+        names.append(style)
+    lines = (
+        Text.assemble(*((chr(_BRAILLE + mark), names[style]) for mark, style in zip(*row, strict=True)))
+        for row in zip(marks.tolist(), styles.tolist(), strict=True)
+    )
+    return Text("\n").join(lines)
 
 
 _REFRESH_S = 0.4
@@ -121,25 +110,23 @@ def shown(capture: Capture, *, quiet: bool, full: bool) -> Iterator[Shown]:
         with LiveView(capture).shown() as show:
             yield show
     else:
-        yield Lines(capture).show
+        yield _lines(capture)
 
 
-@dataclass
-class Lines:
-    """A line for every new instruction, and one every few seconds: for programs, logs and pipes."""
+def _lines(capture: Capture) -> Shown:
+    """Return what prints a line for every new instruction, and one every few seconds: for programs and logs."""
+    text, next_s = "", 0.0
 
-    capture: Capture
-    _text: str = ""
-    _next_s: float = 0.0
+    def show() -> None:
+        nonlocal text, next_s
+        status, now_s = capture.live.status, time.monotonic()
+        if status.advice != text or now_s >= next_s:
+            text, next_s = status.advice, now_s + _LINE_S
+            in_words = "  ".join(f"{name} {share:.0%}" for name, share in asdict(capture.bars).items())
+            say(f"{_figures(status)}  {in_words}", err=True)
+            say(f"  → {text}", err=True)
 
-    def show(self) -> None:
-        """Print a line if there is something new."""
-        status = self.capture.live.status
-        now_s = time.monotonic()
-        if status.advice != self._text or now_s >= self._next_s:
-            self._text, self._next_s = status.advice, now_s + _LINE_S
-            say(f"{figures(status)}  {in_words(self.capture.bars)}", err=True)
-            say(f"  → {status.advice}", err=True)
+    return show
 
 
 @dataclass
@@ -174,7 +161,7 @@ class LiveView:
         from rich.text import Text
 
         status, preview = self.capture.live.status, self.capture.live.preview
-        parts: list[RenderableType] = [Text(status.advice, style="bold"), Text(figures(status), style="dim")]
+        parts: list[RenderableType] = [Text(status.advice, style="bold"), Text(_figures(status), style="dim")]
         for name, share in asdict(self.capture.bars).items():
             parts.append(Text.assemble(f"{name:10} ", (filled(share, _BAR), "green"), f" {share:4.0%}"))
         if preview is not None:
@@ -202,25 +189,22 @@ class LiveView:
 
         columns = max(8, min(_MOST_COLUMNS, width // 2 - 3))
         table = Table(box=None, padding=(0, 2, 0, 0))
-        names = ("response g(M)", "vignette V(R)")
         drawings, captions = [], []
-        for name, curves, spreads, colour in zip(
-            names, (self._responses, self._vignettes), self._spreads, ("bright_blue", "bright_yellow"), strict=True
+        for name, curves, spreads, colour in (
+            ("response g(M)", self._responses, self._spreads[0], "bright_blue"),
+            ("vignette V(R)", self._vignettes, self._spreads[1], "bright_yellow"),
         ):
             table.add_column(name, header_style="bold", width=columns, no_wrap=True)
-            canvas = Canvas(columns, _ROWS)
-            for curve in curves[-1 - _EARLIER_CURVES : -1]:
-                canvas.line(curve, "bright_black")
-            for curve in curves[-1:]:
-                canvas.line(curve, colour)
-            drawings.append(canvas.text())
+            latest = curves[-1 - _EARLIER_CURVES :]
+            styles = ["bright_black"] * (len(latest) - 1) + [colour]
+            drawings.append(drawn(zip(latest, styles, strict=False), columns, _ROWS))
             captions.append(f"±{spreads[-1]:.2g}  {falling(spreads, columns - 10)}" if spreads else "no estimate yet")
         table.add_row(*drawings)
         table.add_row(*captions)
         return table
 
 
-def figures(status: LiveStatus) -> str:
+def _figures(status: LiveStatus) -> str:
     """Return frames and uncertainty in one line."""
     parts = [counted(status.frames, "frame"), counted(status.progress.pairs, "pair")]
     if status.dropped:
@@ -229,11 +213,6 @@ def figures(status: LiveStatus) -> str:
         if sigma is not None:
             parts.append(f"{name} ±{sigma:.2g}")
     return "  ".join(parts)
-
-
-def in_words(bars: Bars) -> str:
-    """Return the bars as text."""
-    return "  ".join(f"{name} {share:.0%}" for name, share in asdict(bars).items())
 
 
 def _coverage(preview: Preview) -> RenderableType:

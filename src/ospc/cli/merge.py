@@ -7,54 +7,31 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from ospc.cli.calibration_report import concluded, say_notes
 from ospc.cli.interruption import Interruption
-from ospc.cli.options import (
-    COMPLETE,
-    PATH,
-    UNDETERMINED,
-    exit_codes,
-    force_option,
-    json_option,
-    out_option,
-    quiet_option,
-    truth_option,
-)
+from ospc.cli.options import AS_JSON, COMPLETE, QUIET, TRUTH, UNDETERMINED, argument, declared, option, out_option
+from ospc.cli.terminal import concluded, say_notes
 from ospc.errors import FormatError
 
 if TYPE_CHECKING:
-    from ospc.cli.calibration_result import Saved
     from ospc.pooling.summary import Summary
 
 
-@click.command(
+@declared(
     "merge",
-    epilog=exit_codes(
-        {
-            COMPLETE: "complete: response and vignette are identifiable",
-            UNDETERMINED: "written, but response or vignette is marginal or not identifiable",
-        }
-    ),
+    exits={
+        COMPLETE: "complete: response and vignette are identifiable",
+        UNDETERMINED: "written, but response or vignette is marginal or not identifiable",
+    },
 )
-@click.argument("states", nargs=-1, required=True, type=PATH)
-@out_option(help="Folder to write the results to.")
-@truth_option
-@force_option("Write into OUT even if it holds other files; earlier results go.")
-@quiet_option
-@json_option
-@click.pass_obj
 def command(
     interruption: Interruption,
-    /,
     *,
-    states: tuple[Path, ...],
-    out: Path,
-    truth: str | None,
-    force: bool,
-    quiet: bool,
-    as_json: bool,
+    states: tuple[Path, ...] = argument(required=True),
+    out: Path = out_option("Folder to write the results to."),
+    truth: str | None = TRUTH,
+    force: bool = option("Write into OUT even if it holds other files; earlier results go."),
+    quiet: bool = QUIET,
+    as_json: bool = AS_JSON,
 ) -> int:
     """Merge the STATES of recordings of one camera into one calibration.
 
@@ -79,11 +56,10 @@ def command(
     differing = list(merged.agreement.differing.values())
     repeated = len(found) - len(pool.summaries)
     notes = [f"{repeated} of the {len(found)} given are of a recording given already; it counts once"]
-
-    def saved() -> Saved:
-        return Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []
-
-    content = ResultFolder(folder, None, interruption, quiet, as_json, known).take(Outcome(merged.calibration), saved)
+    content = ResultFolder(folder, None, interruption, quiet, as_json, known).take(
+        Outcome(merged.calibration),
+        lambda: (Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []),
+    )
     if not as_json:
         say_notes((f"{d.name} differs from the others: {d.text}" for d in differing), "warning")
     return concluded(content | {"differing": [vars(difference) for difference in differing]}, as_json=as_json)

@@ -1,14 +1,15 @@
-"""Options and arguments that several commands share, each declared once."""
+"""How commands declare their options, each once and as the default of a parameter; and those that several share."""
 
 from __future__ import annotations
 
+import inspect
 import re
 import textwrap
-from collections.abc import Callable, Iterable
-from contextlib import nullcontext
-from functools import wraps
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,106 +19,134 @@ from ospc.folders import check_usable, reserved
 if TYPE_CHECKING:
     from ospc.exposures.findings import LagChoice
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
-
-PATH = click.Path(path_type=Path)
-
 _MOST_LAG_FRAMES = 1000
 """Largest lag that can be stated; no camera buffers nearly as many frames."""
 
 _HELP_COLUMNS = 76
 """Width of help texts in a terminal of 80 columns, less their indentation."""
 
-
-class _Size(click.ParamType):  # type: ignore[type-arg]  # generic in new versions of click only
-    """Width and height such as ``640x480``."""
-
-    name = "size"
-
-    def __init__(self, least: int = 1, most: int = 999_999) -> None:
-        self._least, self._most = least, most
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        """Return width and height in pixels."""
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", str(value))
-        size = (0, 0) if match is None else (int(match[1]), int(match[2]))
-        if not all(self._least <= side <= self._most for side in size):
-            self.fail(
-                f"{value!r} is not a size such as 640x480, of {self._least} to {self._most} pixels a side", param, ctx
-            )
-        return size
-
-
-class _Lag(click.ParamType):  # type: ignore[type-arg]
-    """``auto``, ``never`` or a number of frames."""
-
-    name = "lag"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> LagChoice:
-        """Return ``"auto"``, ``"never"``, or a number of frames."""
-        from ospc.exposures.findings import lag_choice
-
-        try:
-            choice = lag_choice(str(value))
-        except SettingError as error:
-            self.fail(str(error), param, ctx)
-        if isinstance(choice, int) and abs(choice) > _MOST_LAG_FRAMES:
-            self.fail(
-                f"no camera is {abs(choice)} frames late; at most {_MOST_LAG_FRAMES} can be corrected", param, ctx
-            )
-        return choice
-
-
-SIZE = _Size()
-STUDY_SIZE = _Size(16, 8192)
-"""Size of the images of a study: smaller ones show nothing, and larger ones take days."""
-
-
-def reserving_out(command: _Command) -> _Command:
-    """Make the folder of the option ``out`` and keep other processes out of it while the command runs."""
-
-    @wraps(command)
-    def reserving(*args: Any, out: Path | None, **options: Any) -> Any:
-        with nullcontext() if out is None else reserved(out):
-            return command(*args, out=out, **options)
-
-    return cast("_Command", reserving)
-
-
-def _writable(_ctx: click.Context, _param: click.Parameter, place: Path | None) -> Path | None:
-    """Refuse a file that cannot be written before anything is computed for it."""
-    if place is not None:
-        if place.is_dir() or not place.parent.is_dir():
-            raise SettingError(f"{place}: is a folder, or lies in none; name a file in a folder that exists")
-        check_usable(place.parent)
-    return place
-
-
-def out_option(
-    default: str | None = None,
-    *,
-    required: bool = True,
-    folder: bool = True,
-    help: str,  # noqa: A002 (as click names it)
-) -> Callable[[_Command], _Command]:
-    """Return the option for the file or folder to write; a default makes it optional.
-
-    A folder is made, and kept for this process alone while the command runs.
-    """
-    usual: dict[str, Any] = {"default": Path(default)} if default else {"required": required}
-    option = click.option("-o", "--out", type=PATH, help=help, **usual)
-    return lambda command: option(reserving_out(command) if folder else command)
-
+_OF_ANNOTATION: Mapping[str, Mapping[str, Any]] = {
+    "bool": {"is_flag": True},
+    "int": {"type": int},
+    "float": {"type": float},
+    "Path": {"type": click.Path(path_type=Path)},
+}
+"""What the annotation of a parameter says about its option; ``tuple[…, ...]`` takes several."""
 
 COMPLETE, UNDETERMINED = 0, 3
 """Exit codes of every command that calibrates: everything is identifiable and nothing warns, or something is not."""
 
 
-def exit_codes(meanings: dict[int, str]) -> str:
+class Declared:
+    """The default of a parameter, which declares the option or argument that its value comes from.
+
+    ``then`` makes the value of what was given; an :class:`~ospc.errors.OspcError` of it ends the command. With
+    ``reserve``, a folder is made, and kept for this process alone while the command runs.
+    """
+
+    def __init__(
+        self,
+        kind: type[click.Parameter],
+        flags: tuple[str, ...] = (),
+        then: Callable[[Any], Any] | None = None,
+        *,
+        reserve: bool = False,
+        **attributes: Any,
+    ) -> None:
+        self._kind, self._flags, self._then, self._attributes = kind, flags, then, attributes
+        self.reserve = reserve
+
+    def parameters(self, name: str, annotation: str) -> list[click.Parameter]:
+        """Return what click is to parse for a parameter of this name and annotation."""
+        several = annotation.startswith("tuple[") and annotation.endswith(", ...]")
+        item = annotation.removeprefix("tuple[").removesuffix(", ...]").removesuffix(" | None")
+        attributes = {**_OF_ANNOTATION.get(item, {}), **self._attributes}
+        if self._kind is click.Argument:
+            return [click.Argument([name], **({"nargs": -1} if several else {}) | attributes)]
+        flags = self._flags or (f"--{name.replace('_', '-')}",)
+        return [click.Option([*flags, name], **{"multiple": several} | attributes)]
+
+    def taken(self, name: str, values: dict[str, Any]) -> Any:
+        """Take the parameter's value out of what click has parsed."""
+        value = values.pop(name)
+        return value if value is None or self._then is None else self._then(value)
+
+
+class Several(Declared):
+    """Declares several options, whose values ``make`` turns into that of one parameter."""
+
+    def __init__(self, make: Callable[..., Any], parts: Mapping[str, Declared]) -> None:
+        self._make, self._parts = make, parts
+        self.reserve = False
+
+    def parameters(self, _name: str, _annotation: str) -> list[click.Parameter]:
+        """Return what click is to parse."""
+        return [parameter for name, part in self._parts.items() for parameter in part.parameters(name, "")]
+
+    def taken(self, _name: str, values: dict[str, Any]) -> Any:
+        """Take the values of all parts, and return what is made of them."""
+        return self._make(**{name: part.taken(name, values) for name, part in self._parts.items()})
+
+
+def option(help: str | None, *flags: str, then: Callable[[Any], Any] | None = None, **attributes: Any) -> Any:  # noqa: A002
+    """Declare an option, by default with the parameter's name as its flag; ``attributes`` are click's."""
+    return Declared(click.Option, flags, then, help=help, **attributes)
+
+
+def argument(**attributes: Any) -> Any:
+    """Declare an argument."""
+    return Declared(click.Argument, **attributes)
+
+
+def out_option(help: str, *, folder: bool = True, **attributes: Any) -> Any:  # noqa: A002
+    """Declare the option for the file or folder to write, which is required unless there is a default."""
+    usual = {} if "default" in attributes else {"required": True}
+    return Declared(click.Option, ("-o", "--out"), reserve=folder, help=help, **usual | attributes)
+
+
+def declared(
+    name: str, group: click.Group | None = None, *, exits: Mapping[int, str] | None = None, **attributes: Any
+) -> Callable[[Callable[..., Any]], click.Command]:
+    """Make a command of what has options as defaults: a function, or a dataclass whose method ``run`` does the work.
+
+    A parameter without a default is the :class:`~ospc.cli.interruption.Interruption`. What the command returns is
+    its exit code, None for 0; ``exits`` explains them at the end of the help text.
+    """
+
+    def made(work: Callable[..., Any]) -> click.Command:
+        signature = inspect.signature(work).parameters
+        options = {name: p.default for name, p in signature.items() if isinstance(p.default, Declared)}
+
+        def call(**values: Any) -> Any:
+            given = {name: option.taken(name, values) for name, option in options.items()}
+            context = {name: click.get_current_context().obj for name in signature.keys() - options.keys()}
+            with ExitStack() as stack:
+                for folder in (given[name] for name, option in options.items() if option.reserve):
+                    if folder is not None:
+                        stack.enter_context(reserved(folder))
+                done = work(**context, **given)
+                return done.run() if hasattr(done, "run") else done
+
+        command = click.Command(
+            name,
+            callback=call,
+            params=[
+                made
+                for name, option in options.items()
+                for made in option.parameters(name, signature[name].annotation)
+            ],
+            **{"help": inspect.getdoc(work), "epilog": exits and _exit_codes(exits)} | attributes,
+        )
+        if group is not None:
+            group.add_command(command)
+        return command
+
+    return made
+
+
+def _exit_codes(meanings: Mapping[int, str]) -> str:
     """Return the list of exit codes for the end of a help text; that of errors and wrong usage is added."""
-    every = {1: "error", 2: "wrong usage"} | meanings
+    every = {1: "error", 2: "wrong usage", **meanings}
     width = max(len(str(code)) for code in every)
     lines = [
         textwrap.fill(
@@ -128,46 +157,44 @@ def exit_codes(meanings: dict[int, str]) -> str:
     return "\b\n" + "\n".join(["Exit codes:", *lines])
 
 
-def force_option(help: str) -> Callable[[_Command], _Command]:  # noqa: A002 (as click names it)
-    """Return the option to write into a folder that is in use."""
-    return click.option("--force", is_flag=True, help=help)
+class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic in new versions of click only
+    """A value that a function makes of a text; a ``SettingError`` of it is wrong usage."""
+
+    def __init__(self, name: str, parse: Callable[[str], Any]) -> None:
+        self.name, self._parse = name, parse
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the value."""
+        try:
+            return self._parse(value)
+        except SettingError as error:
+            self.fail(str(error), param, ctx)
 
 
-path_argument = click.argument("path", type=PATH)
-quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print only errors and warnings.")
-json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
-plot_option = click.option("--plot", type=PATH, callback=_writable, help="Draw the result into this picture.")
-kind_option = click.option(
-    "--kind", metavar="KIND", help="Kind of recording (tum_mono, euroc, …); by default recognised."
-)
-size_option = click.option(
-    "--size", metavar="WxH", type=SIZE, help="Size of the images; by default what the files state."
-)
-truth_option = click.option(
-    "--truth",
-    metavar="PATH",
-    help="A known calibration to compare with: calibration.json, or a folder with pcalib.txt and vignette.png.",
-)
-assume_missing_option = click.option(
-    "--assume-missing", is_flag=True, help="Take an unknown response as linear, and an unknown vignette as none."
-)
-unknown_exposures_option = click.option(
-    "--unknown-exposures",
-    is_flag=True,
-    help="Estimate the exposures from the images, whatever the recording says of them: everything is then known only "
-    "up to one exponent, and labelled so.",
-)
-list_topics_option = click.option(
-    "--list-topics", is_flag=True, help="Print the topics of the bag at PATH, and do nothing else."
-)
-correct_lag_option = click.option(
-    "--correct-lag",
-    metavar="auto|never|N",
-    type=_Lag(),
-    default="auto",
-    help="What to do where exposures are written beside other frames than theirs: correct that if the images show by "
-    "how many frames (auto), never, or correct it by N frames; positive if exposures come late.",
-)
+def _size(text: str, least: int, most: int) -> tuple[int, int]:
+    """Return width and height such as ``640x480``."""
+    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
+    size = (0, 0) if match is None else (int(match[1]), int(match[2]))
+    if not all(least <= side <= most for side in size):
+        raise SettingError(f"{text!r} is not a size such as 640x480, of {least} to {most} pixels a side")
+    return size
+
+
+def _lag(text: str) -> LagChoice:
+    from ospc.exposures.findings import lag_choice
+
+    choice = lag_choice(text)
+    if isinstance(choice, int) and abs(choice) > _MOST_LAG_FRAMES:
+        raise SettingError(f"no camera is {abs(choice)} frames late; at most {_MOST_LAG_FRAMES} can be corrected")
+    return choice
+
+
+def _writable(place: Path) -> Path:
+    """Refuse a file that cannot be written before anything is computed for it."""
+    if place.is_dir() or not place.parent.is_dir():
+        raise SettingError(f"{place}: is a folder, or lies in none; name a file in a folder that exists")
+    check_usable(place.parent)
+    return place
 
 
 def named(entries: Iterable[str], example: str) -> dict[str, str]:
@@ -179,3 +206,27 @@ def named(entries: Iterable[str], example: str) -> dict[str, str]:
             raise click.UsageError(f"{entry!r} is not NAME=VALUE, such as {example}")
         found[name] = value
     return found
+
+
+SIZE = Parsed("size", partial(_size, least=1, most=999_999))
+STUDY_SIZE = Parsed("size", partial(_size, least=16, most=8192))
+"""Size of the images of a study: smaller ones show nothing, and larger ones take days."""
+
+QUIET = option("Print only errors and warnings.", "-q", "--quiet")
+AS_JSON = option("Print the result as JSON on standard output.", "--json")
+PLOT = option("Draw the result into this picture.", then=_writable)
+IMAGE_SIZE = option("Size of the images; by default what the files state.", metavar="WxH", type=SIZE)
+TRUTH = option(
+    "A known calibration to compare with: calibration.json, or a folder with pcalib.txt and vignette.png.",
+    metavar="PATH",
+)
+ASSUME_MISSING = option("Take an unknown response as linear, and an unknown vignette as none.")
+KIND = option("Kind of recording (tum_mono, euroc, …); by default recognised.", metavar="KIND")
+LIST_TOPICS = option("Print the topics of the bag at PATH, and do nothing else.")
+CORRECT_LAG = option(
+    "What to do where exposures are written beside other frames than theirs: correct that if the images show by how "
+    "many frames (auto), never, or correct it by N frames; positive if exposures come late.",
+    metavar="auto|never|N",
+    type=Parsed("lag", _lag),
+    default="auto",
+)

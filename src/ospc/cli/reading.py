@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
-from ospc.cli.options import PATH
-from ospc.cli.terminal import console, say
+from ospc.cli.options import Declared, Parsed, Several, option
+from ospc.cli.terminal import say, say_table
 from ospc.errors import ExposureError, RecordingError, SettingError
 from ospc.recording import Recording, cameras_of
 from ospc.recording.derived import Region, masked, read_mask
 from ospc.recording.kinds import kinds
 from ospc.recording.options import ReadingOptions, declared_options
 
-EACH = "each"
+_EACH = "each"
 """Value of ``--channel`` for one calibration of each channel."""
 
 _EACH_HELP = " With each, 'ospc calibrate' calibrates red, green and blue into OUT/red, OUT/green and OUT/blue."
 _WIDTH_WHEN_PIPED = 200
 """Characters per line of a table that does not go to a terminal; long topic names fit."""
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
 _Opener = Callable[[], Recording]
 
 
@@ -39,14 +37,6 @@ class Reading:
     mask: Path | None = None
     region: Region | None = None
     each_channel: bool = False
-
-    @classmethod
-    def taken_from(cls, options: dict[str, Any]) -> Reading:
-        """Take these options out of all options of a command."""
-        each = options.get("channel") == EACH
-        if each:
-            del options["channel"]
-        return cls(taken_options(options), options.pop("kind"), options.pop("mask"), options.pop("roi"), each)
 
     def open(self, path: Path) -> Recording:
         """Open a recording; an error for want of exposures names the option to go without them."""
@@ -89,83 +79,81 @@ class Reading:
         return masked(recording, mask, self.region)
 
 
-def _check_kind(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
-    known = [kind.name for kind in kinds()] if value is not None else []
-    if value is not None and value not in known:
-        raise click.BadParameter(f"{value!r} is not a kind of recording; known: {', '.join(known)}")
-    return value
+def _reading(
+    kind: str | None, mask: Path | None, roi: Region | None, *, unknown_exposures: bool = False, **stated: str | None
+) -> Reading:
+    each = stated["channel"] == _EACH
+    options = ReadingOptions.of(stated | {"channel": None} if each else stated)
+    return Reading(replace(options, unknown_exposures=unknown_exposures), kind, mask, roi, each)
 
 
-def _parse_region(_ctx: click.Context, _param: click.Parameter, value: str | None) -> Region | None:
-    try:
-        return None if value is None else Region.parse(value)
-    except SettingError as error:
-        raise click.BadParameter(str(error)) from None
+def _known_kind(name: str) -> str:
+    known = [kind.name for kind in kinds()]
+    if name not in known:
+        raise SettingError(f"{name!r} is not a kind of recording; known: {', '.join(known)}")
+    return name
 
 
-def stated_option(name: str, *, each: bool = False) -> Callable[[_Command], _Command]:
-    """Make the command-line option for a field of :class:`~ospc.recording.options.ReadingOptions`.
-
-    With ``each``, it also takes :data:`EACH`.
-    """
-    option = declared_options()[name]
-    choices = (*option.choices, EACH) if each else option.choices
-    return click.option(
-        f"--{name.replace('_', '-')}",
-        *option.aliases,
-        name,
-        type=click.Choice(choices) if choices else None,
-        metavar=option.metavar,
-        help=option.help + (_EACH_HELP if each else ""),
-    )
+def _stated(name: str, *, each: bool = False) -> Any:
+    """Declare the option for a field of :class:`ReadingOptions`; with ``each``, it takes that word too."""
+    stated = declared_options()[name]
+    choices = (*stated.choices, _EACH) if each else stated.choices
+    flags = (f"--{name.replace('_', '-')}", *stated.aliases)
+    text = stated.help + (_EACH_HELP if each else "")
+    return option(text, *flags, type=click.Choice(choices) if choices else None, metavar=stated.metavar)
 
 
-def taken_options(options: dict[str, Any]) -> ReadingOptions:
-    """Take what the user states about a recording out of all options of a command."""
-    unknown_exposures = bool(options.pop("unknown_exposures", False))
-    texts = {name: options.pop(name) for name in declared_options() if name in options}
-    return replace(ReadingOptions.of(texts), unknown_exposures=unknown_exposures)
-
-
-def stated_options(command: _Command, *, each: bool = False) -> _Command:
-    """Give a command an option for every field but ``unknown_exposures``, which only some commands accept."""
-    names = [name for name in declared_options() if name != "unknown_exposures"]
-    for name in reversed(names):
-        command = stated_option(name, each=each and name == "channel")(command)
-    return command
-
-
-def reading_options(command: _Command) -> _Command:
-    """Give a command the options that :class:`Reading` takes; 'ospc calibrate' adds ``--unknown-exposures``."""
-    mask = click.option(
-        "--mask",
-        type=PATH,
+# Whoever reads a recording without knowing its exposures has to do something about them; only some commands do.
+_FIELDS = [name for name in declared_options() if name != "unknown_exposures"]
+_READING: dict[str, Declared] = {
+    "kind": option(
+        "Kind of recording, instead of recognising it (tum_mono, euroc, …).", type=Parsed("text", _known_kind)
+    ),
+    **{name: _stated(name, each=name == "channel") for name in _FIELDS},
+    "mask": option(
+        "Image of the frames' size; pixels that are black in it are not used.",
+        type=click.Path(path_type=Path),
         metavar="IMAGE",
-        help="Image of the frames' size; pixels that are black in it are not used.",
-    )
-    region = click.option(
-        "--roi", metavar="X,Y,W,H", callback=_parse_region, help="Use only this part of the image, in pixels."
-    )
-    kind = click.option(
-        "--kind", callback=_check_kind, help="Kind of recording, instead of recognising it (tum_mono, euroc, …)."
-    )
-    return kind(stated_options(mask(region(command)), each=True))
+    ),
+    "roi": option(
+        "Use only this part of the image, in pixels.", metavar="X,Y,W,H", type=Parsed("region", Region.parse)
+    ),
+}
+_UNKNOWN_EXPOSURES = option(
+    "Estimate the exposures from the images, whatever the recording says of them: everything is then known only up "
+    "to one exponent, and labelled so.",
+    is_flag=True,
+)
+
+READING: Any = Several(_reading, _READING)
+"""Declares a :class:`Reading`."""
+
+READING_OR_ESTIMATING: Any = Several(_reading, _READING | {"unknown_exposures": _UNKNOWN_EXPOSURES})
+"""The same with ``--unknown-exposures``, for commands that then estimate them."""
+
+STATED: Any = Several(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
+"""Declares :class:`ReadingOptions` alone."""
+
+STATED_OF_CAMERA: Any = Several(
+    lambda **stated: ReadingOptions.of(stated),
+    {name: _stated(name) for name in ("channel", "exposure_unit", "gain_unit")},
+)
+"""The same, as far as it matters for a camera that is connected."""
 
 
 def print_topics(path: Path) -> None:
     """Print the topics of a bag, and what each can be used for."""
-    from rich.table import Table
     from rich.text import Text
 
     from ospc.recording.bags.bag import Bag, uses
 
-    table = Table(show_edge=False, pad_edge=False, header_style="bold")
-    for heading in ("topic", "type", "messages", "holds"):
-        table.add_column(heading, overflow="fold", justify="right" if heading == "messages" else "left")
-    for topic, use in uses(Bag.at(path)):
-        count = "?" if topic.messages is None else str(topic.messages)
-        table.add_row(Text(topic.name), Text(topic.type), count, Text(use))
-    if table.row_count:
-        console(width=None if sys.stdout.isatty() else _WIDTH_WHEN_PIPED).print(table)
+    rows = [
+        (Text(topic.name), Text(topic.type), "?" if topic.messages is None else str(topic.messages), Text(use))
+        for topic, use in uses(Bag.at(path))
+    ]
+    if rows:
+        say_table(
+            ("topic", "type", "messages", "holds"), rows, right="messages", columns_when_piped=_WIDTH_WHEN_PIPED
+        )
     else:
         say(f"{path}: has no topics")

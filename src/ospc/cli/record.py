@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.calibration_report import say_notes
 from ospc.cli.interruption import Interruption
-from ospc.cli.options import out_option, quiet_option
+from ospc.cli.options import QUIET, argument, declared, option, out_option
 from ospc.cli.progress import progress_line
-from ospc.cli.reading import stated_option
-from ospc.cli.terminal import say
+from ospc.cli.reading import STATED_OF_CAMERA
+from ospc.cli.terminal import say, say_notes
 from ospc.errors import counted
+
+if TYPE_CHECKING:
+    from ospc.recording.options import ReadingOptions
 
 _MAX_FRAMES = 1_000_000
 """Most frames of one recording: nine hours at 30 per second."""
 
 
-@click.command("record")
-@click.argument("camera")
-@out_option(help="Folder to write, new or empty.")
-@click.option(
-    "-n", "--frames", type=click.IntRange(1, _MAX_FRAMES), help="Stop after this many frames; else with Ctrl-C."
-)
-@stated_option("channel")
-@stated_option("exposure_unit")
-@stated_option("gain_unit")
-@quiet_option
-@click.pass_obj
+@declared("record")
 def command(
-    interruption: Interruption, /, *, camera: str, out: Path, frames: int | None, quiet: bool, **stated: str | None
+    interruption: Interruption,
+    *,
+    camera: str = argument(),
+    out: Path = out_option("Folder to write, new or empty."),
+    frames: int | None = option(
+        "Stop after this many frames; else with Ctrl-C.", "-n", "--frames", type=click.IntRange(1, _MAX_FRAMES)
+    ),
+    stated: ReadingOptions = STATED_OF_CAMERA,
+    quiet: bool = QUIET,
 ) -> None:
     """Record CAMERA with the exposure of every frame, to be checked and calibrated.
 
@@ -42,10 +43,9 @@ def command(
     OUT gets images/ and times.txt. Ctrl-C stops the recording; what was recorded so far is complete.
     """
     from ospc.recording.live import open_camera
-    from ospc.recording.options import ReadingOptions
     from ospc.recording.writing.filming import film
 
-    with open_camera(camera, ReadingOptions.of(stated)) as source:
+    with open_camera(camera, stated) as source:
         if not quiet:
             say_notes(source.notes)
         with progress_line(quiet=quiet) as show, interruption.deferred():

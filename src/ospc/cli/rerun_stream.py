@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.cli.progress import Watcher
 from ospc.errors import FormatError, SettingError, counted, needs_extra
 from ospc.pace import Pace
 from ospc.photometry.calibration import PROFILE_RADII
@@ -54,7 +53,7 @@ class RerunStream:
     @contextmanager
     def opened(
         cls, recording: Recording, file: Path | None, *, spawn: bool, pace: Pace | None = None
-    ) -> Iterator[Watcher]:
+    ) -> Iterator[RerunStream]:
         """Open a stream to a file, to a viewer that is started, or both, and close it at the end."""
         with needs_extra("streaming to the Rerun viewer", "rerun"):
             import rerun as rr
@@ -83,10 +82,8 @@ class RerunStream:
             stream.flush()
             stream.disconnect()
 
-    def __call__(self, calibrator: OnlineCalibrator, stage: str, frame: Frame | None = None) -> None:
+    def __call__(self, calibrator: OnlineCalibrator, frame: Frame) -> None:
         """Stream what a frame brought."""
-        if frame is None:
-            return
         self._stream.set_time("frame", sequence=frame.index)
         self._stream.set_time("time", timestamp=frame.stamp_s)
         self._stream.log("exposure/stated", self._rr.Scalars(np.log2(frame.exposure_ms)))

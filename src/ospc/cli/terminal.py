@@ -5,12 +5,15 @@ Names of folders, topics, cameras and texts in files come from outside, and term
 
 from __future__ import annotations
 
+import json
+import math
+import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.errors import escaped
+from ospc.errors import OspcError, escaped
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType
@@ -31,6 +34,49 @@ def styled(text: str, **style: Any) -> Styled:
 def say(*parts: str, err: bool = False) -> None:
     """Print one line, on standard error if ``err``: :class:`Styled` parts as they are, any other text escaped."""
     click.echo("".join(part if isinstance(part, Styled) else escaped(part) for part in parts), err=err)
+
+
+def say_notes(notes: Iterable[str], label: str = "note") -> None:
+    """Print notes on standard error, one a line."""
+    for note in notes:
+        say(f"{label}: {note}", err=True)
+
+
+def say_table(
+    headings: Iterable[str], rows: Iterable[Iterable[Any]], *, right: str | None = None, columns_when_piped: int
+) -> None:
+    """Print rows of rich's texts below their headings; the column of the heading ``right`` is aligned to that."""
+    from rich.table import Table
+
+    table = Table(show_edge=False, pad_edge=False, header_style="bold")
+    for heading in headings:
+        table.add_column(heading, overflow="fold", justify="right" if heading == right else "left")
+    for row in rows:
+        table.add_row(*row)
+    console(width=None if sys.stdout.isatty() else columns_when_piped).print(table)
+
+
+def print_json(content: Any) -> None:
+    """Print one JSON document on standard output; numbers that are not finite become null."""
+    for line in json.dumps(_finite(content), indent=1, allow_nan=False).split("\n"):
+        say(line.replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {name: _finite(value) for name, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def concluded(content: dict[str, Any], *, as_json: bool) -> int:
+    """Print a result as JSON if that is asked for, and return its exit code; OspcError if the run failed."""
+    if as_json:
+        print_json(content)
+    if content["error"]:
+        raise OspcError(content["error"])
+    return int(content["exit_code"])
 
 
 def console(**options: Any) -> Console:

@@ -3,33 +3,34 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.calibration_report import print_json
-from ospc.cli.options import PATH, json_option, size_option
-from ospc.cli.terminal import say, styled
+from ospc.cli.options import AS_JSON, IMAGE_SIZE, argument, declared, option
+from ospc.cli.terminal import print_json, say, styled
 
 if TYPE_CHECKING:
+    from ospc.formats.rules import Program
     from ospc.formats.validation import Repair, Validation
 
 _COLOURS = {"error": "red", "warning": "yellow", "note": "blue"}
 
 
-@click.command("validate")
-@click.argument("files", nargs=-1, required=True, type=PATH)
-@click.option(
-    "--for",
-    "program",
-    type=click.Choice(["dso", "mono"]),
-    default="dso",
-    help="Apply the rules of DSO and its descendants, or of the TUM monocular data set's own tools.",
-)
-@size_option
-@click.option("--repair", "mend", is_flag=True, help="Write repaired copies <name>.repaired.<ext>.")
-@json_option
-def command(files: tuple[Path, ...], program: Any, size: tuple[int, int] | None, mend: bool, as_json: bool) -> int:
+@declared("validate")
+def command(
+    *,
+    files: tuple[Path, ...] = argument(required=True),
+    program: Program = option(
+        "Apply the rules of DSO and its descendants, or of the TUM monocular data set's own tools.",
+        "--for",
+        type=click.Choice(["dso", "mono"]),
+        default="dso",
+    ),
+    size: tuple[int, int] | None = IMAGE_SIZE,
+    mend: bool = option("Write repaired copies <name>.repaired.<ext>.", "--repair"),
+    as_json: bool = AS_JSON,
+) -> int:
     """Check pcalib.txt, vignette.png, times.txt and camera.txt, or folders that hold them.
 
     Reports what the program that reads the files would do with them, and what to do about it. The exit code is 0 if
