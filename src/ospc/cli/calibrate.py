@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -28,7 +28,7 @@ from ospc.cli.options import (
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
 from ospc.cli.terminal import concluded, print_json, say
-from ospc.errors import OspcError, RecordingError, SettingError
+from ospc.errors import NotObservableError, OspcError, RecordingError, SettingError
 
 if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
@@ -36,6 +36,12 @@ if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
     from ospc.recording import Recording
     from ospc.settings import Settings
+
+RIG_NAME = "rig.json"
+"""Name of the file with the relative scales in the folder of the cameras' folders."""
+
+_LARGE_MISFIT = 4.0
+"""Standard deviations by which overlaps contradict each other before the user is warned."""
 
 
 @dataclass(frozen=True)
@@ -225,8 +231,6 @@ def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
 
 def _calibrate_rig(request: _Request) -> int:
     """Calibrate one camera after the other; what goes wrong with one does not keep the others from it."""
-    from ospc.cli.rig_scale import add_rig_scale
-
     contents: dict[str, dict[str, Any]] = {}
     cameras = request.reading.cameras(request.path)
     for name, opened in cameras.items():
@@ -252,3 +256,36 @@ def _calibrate_rig(request: _Request) -> int:
     if request.as_json:
         print_json({"exit_code": code, "cameras": contents, "relative_scale": scale})
     return code
+
+
+def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool) -> dict[str, Any]:
+    """Find the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
+
+    ``out`` holds the folder of each camera.
+    """
+    from ospc.photometry.calibration import Calibration
+    from ospc.rig import rig_scale
+
+    (out / RIG_NAME).unlink(missing_ok=True)  # one of an earlier run would be of other calibrations
+    recordings, calibrations = {}, {}
+    for name, opened in cameras.items():
+        if (out / name / "calibration.json").exists():
+            recordings[name], calibrations[name] = opened(), Calibration.load(out / name)
+    try:
+        found = rig_scale(recordings, calibrations)
+    except NotObservableError as error:
+        if talkative:
+            say(f"no relative irradiance scale: {error}")
+        return {"error": str(error)}
+    found.save(out / RIG_NAME)
+    if talkative:
+        say(f"irradiance relative to {found.reference}, where views overlap:")
+        for name, scale in found.scale.items():
+            if name != found.reference:
+                say(f"  {name}: {scale:.4f} ± {found.sigma[name]:.4f}")
+        for name, why in found.left_out.items():
+            say(f"  {name}: unknown, {why}")
+        if found.misfit > _LARGE_MISFIT:
+            say(f"warning: overlaps contradict each other by {found.misfit:.0f} standard deviations", err=True)
+        say(f"written to {out / RIG_NAME}")
+    return found.as_dict()

@@ -101,7 +101,8 @@ def command(
     from ospc.live.capture import Capture
     from ospc.output import OutputFolder
 
-    with leaving("no result was written"), _opened(source, reading, pace) as opened:
+    with leaving("no result was written"), ExitStack() as stack:
+        opened = stack.enter_context(_opened(source, reading, pace))
         recording = opened.recording
         folder = OutputFolder.at(out, recording=None if recording is None else Path(source), force=force)
         if not (quiet or as_json):
@@ -109,21 +110,20 @@ def command(
         aim = goal or _GOAL
         if recording is not None:
             correct_lag = lag_choice_for(recording.kind, correct_lag)
-        with LiveCalibrator(correct_lag=correct_lag, goal=aim, source=opened.identity) as live:
-            capture = Capture(live, ends=goal > 0, out=str(out))
-            with ExitStack() as stack:
-                if not no_page:
-                    _show_page(stack, capture, port, browser=not no_browser)
-                try:
-                    result = ResultFolder(folder, recording, interruption, quiet, as_json, times=capture)
-                    content = _captured(capture, live, opened.frames, result, full=no_page)
-                except OspcError as error:
-                    capture.stage, capture.message = "failed", str(error)
-                    raise
-                if content["error"]:
-                    capture.stage, capture.message = "failed", content["error"]
-                else:
-                    capture.stage, capture.message = "written", f"Written to {out}. This page can be closed."
+        live = stack.enter_context(LiveCalibrator(correct_lag=correct_lag, goal=aim, source=opened.identity))
+        capture = Capture(live, ends=goal > 0, out=str(out))
+        if not no_page:
+            _show_page(stack, capture, port, browser=not no_browser)
+        try:
+            result = ResultFolder(folder, recording, interruption, quiet, as_json, times=capture)
+            content = _captured(capture, live, opened.frames, result, full=no_page)
+        except OspcError as error:
+            capture.stage, capture.message = "failed", str(error)
+            raise
+        if content["error"]:
+            capture.stage, capture.message = "failed", content["error"]
+        else:
+            capture.stage, capture.message = "written", f"Written to {out}. This page can be closed."
     return concluded(content, as_json=as_json)
 
 
@@ -167,7 +167,7 @@ def _captured(
     from ospc.output import Written
     from ospc.state.container import STATE_NAME
 
-    failure, interruption = "", result.interruption
+    failure, interruption, replayed = "", result.interruption, result.recording is not None
     with interruption.deferred():
         with shown(capture, quiet=not result.talkative, full=full) as show:
 
@@ -176,7 +176,7 @@ def _captured(
                 return interruption.requested
 
             try:
-                capture.run(interruption.until_requested(frames), stop, replayed=result.recording is not None)
+                capture.run(interruption.until_requested(frames), stop, replayed=replayed)
             except Exception as error:  # the frames before any error still give an estimate
                 failure = one_line(error)
         capture.stage = "estimating"
@@ -187,10 +187,10 @@ def _captured(
             raise OspcError(failure or str(error)) from None
         capture.stage = "writing"
         # Whoever ends a camera's capture has filmed enough; a recording has more to give.
-        early = interruption.requested and result.recording is not None
+        early = interruption.requested and replayed
         outcome = Outcome(replace(found, partial=early or bool(failure)), live.first_reasons, early, failure)
         place = result.folder.path
         place.mkdir(parents=True, exist_ok=True)
         state = Written((live.save_state(place / STATE_NAME),))
-        notes = [] if result.recording is not None else list(live.status.notes)
+        notes = [] if replayed else list(live.status.notes)
         return result.take(outcome, lambda: (state, notes))

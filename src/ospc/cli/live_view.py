@@ -8,22 +8,22 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.cli.terminal import console, say
 from ospc.errors import counted
+from ospc.live.capture import Capture
+from ospc.live.status import LiveStatus
+from ospc.methods.preview import Preview
 from ospc.pace import Pace
-
-if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
-    from rich.text import Text
-
-    from ospc.live.capture import Capture
-    from ospc.live.status import LiveStatus
-    from ospc.methods.preview import Preview
+from ospc.photometry.calibration import PROFILE_RADII
+from ospc.photometry.vignette import diagonal_profile
 
 _BARS = "▁▂▃▄▅▆▇█"
 _NOTHING = "·"
@@ -58,8 +58,6 @@ def drawn(curves: Iterable[tuple[FloatArray, str]], columns: int, rows: int) -> 
     A curve goes in even steps from the left edge to the right one, and has a style of rich. Heights are 0 at the foot
     and 1 at the head; what is outside is not drawn.
     """
-    from rich.text import Text
-
     marks, styles = np.zeros((2, rows, columns), dtype=np.int64)
     names = [""]
     # Several dots a column, so that steep parts have no gaps.
@@ -143,8 +141,6 @@ class LiveView:
     @contextmanager
     def shown(self) -> Iterator[Shown]:
         """Show it for the time of the context."""
-        from rich.live import Live
-
         on = self.console or console(stderr=True)
         with Live(console=on, transient=True, auto_refresh=False) as live:
 
@@ -157,9 +153,6 @@ class LiveView:
 
     def picture(self, width: int) -> RenderableType:
         """Return what to show, at most ``width`` characters wide, and remember its curves."""
-        from rich.console import Group
-        from rich.text import Text
-
         status, preview = self.capture.live.status, self.capture.live.preview
         parts: list[RenderableType] = [Text(status.advice, style="bold"), Text(_figures(status), style="dim")]
         for name, share in asdict(self.capture.bars).items():
@@ -170,9 +163,6 @@ class LiveView:
         return Group(*parts)
 
     def _remember(self, preview: Preview) -> None:
-        from ospc.photometry.calibration import PROFILE_RADII
-        from ospc.photometry.vignette import diagonal_profile
-
         if preview.response is None or preview.vignette is None or preview.vignette_sigma is None:
             return
         response = preview.response.inverse(np.linspace(0, 1, 101))
@@ -185,8 +175,6 @@ class LiveView:
         self._spreads[1].append(float(preview.vignette_sigma[-1]))
 
     def _curves(self, width: int) -> RenderableType:
-        from rich.table import Table
-
         columns = max(8, min(_MOST_COLUMNS, width // 2 - 3))
         table = Table(box=None, padding=(0, 2, 0, 0))
         drawings, captions = [], []
@@ -216,8 +204,6 @@ def _figures(status: LiveStatus) -> str:
 
 
 def _coverage(preview: Preview) -> RenderableType:
-    from rich.table import Table
-
     seen = preview.coverage
     low, high = seen.exposure_edges_ms[[0, -1]]
     table = Table.grid(padding=(0, 2, 0, 0))
