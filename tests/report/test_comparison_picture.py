@@ -4,7 +4,7 @@ import cv2
 
 from ospc.formats.opening import Photometry
 from ospc.photometry.response import Response
-from ospc.report.comparison import plot_photometries
+from ospc.report.pictures import plot_photometries
 
 
 def test_a_long_name_leaves_room_for_the_curves(tmp_path):

@@ -123,9 +123,8 @@ def hostile_findings():
         advice=(HOSTILE,),
         response=None,
     )
-    check = {"verdicts": {HOSTILE: vars(verdict)}, "notes": [HOSTILE]}
     examples = replace(examples_of(known, recording), notes=(HOSTILE,))
-    return Findings(known, EXPOSURES_MS, examples, Photometry(HOSTILE, None, VIGNETTE), check)
+    return Findings(known, EXPOSURES_MS, examples, Photometry(HOSTILE, None, VIGNETTE))
 
 
 def test_texts_from_outside_are_only_texts(tmp_path):
@@ -202,14 +201,6 @@ def test_all_advice_is_that_of_the_calibration():
     assert "Film darker things." in text
     assert "Pan." in text
     assert "nothing to improve" in Outline(page(Findings(replace(known, advice=())))).text
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_check_of_the_recording_is_shown():
-    check = {"verdicts": {"lag": {"state": "identifiable", "reason": "none seen", "remedy": ""}}, "notes": ["so"]}
-    text = Outline(page(Findings(calibration(), check=check))).text
-    assert "Check of the recording" in text
-    assert "none seen" in text
 
 
 def test_the_same_gives_the_same_file(report):

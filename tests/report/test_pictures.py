@@ -13,8 +13,7 @@ from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.report.charts import Findings
-from ospc.report.comparison import plot_photometries
-from ospc.report.pictures import PICTURES, pictures_of
+from ospc.report.pictures import PICTURES, pictures_of, plot_photometries
 
 EXPOSURES_MS = np.geomspace(1, 3, 41)
 

@@ -29,13 +29,14 @@ from ospc.cli.progress import progress_of
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
 from ospc.cli.terminal import concluded, print_json, say
 from ospc.errors import NotObservableError, OspcError, RecordingError, SettingError
+from ospc.recording import Recording
+from ospc.recording.image_source import is_image_name
+from ospc.settings import Settings, preset, with_overrides
 
 if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.findings import LagChoice
     from ospc.formats.opening import Photometry
-    from ospc.recording import Recording
-    from ospc.settings import Settings
 
 RIG_NAME = "rig.json"
 """Name of the file with the relative scales in the folder of the cameras' folders."""
@@ -131,8 +132,6 @@ class _Request:
 
     @property
     def settings(self) -> Settings:
-        from ospc.settings import preset, with_overrides
-
         try:
             return with_overrides(preset(self.preset_name), named(self.overrides, "max_points=20000"))
         except SettingError as error:
@@ -176,7 +175,6 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     from ospc.cli.checkpoints import Checkpoints
     from ospc.formats.opening import open_photometry
     from ospc.pooling.prior_calibration import PriorCalibration
-    from ospc.recording.image_source import is_image_name
 
     settings = request.settings
     prior = None if request.start_from is None else PriorCalibration.open(request.start_from)

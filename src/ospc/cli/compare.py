@@ -41,7 +41,7 @@ def command(
     if gamma:
         results["gamma_aligned"] = compare(first, second, aligning_exponent(first, second))
     if plot is not None:
-        from ospc.report.comparison import plot_photometries
+        from ospc.report.pictures import plot_photometries
 
         plot_photometries([first, second], plot)
     if as_json:

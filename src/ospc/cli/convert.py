@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -13,9 +12,8 @@ from ospc.cli.progress import progress_of
 from ospc.cli.reading import READING, Reading
 from ospc.cli.terminal import say, say_notes
 from ospc.errors import counted
-
-if TYPE_CHECKING:
-    from ospc.recording.writing.images import ImageFormat
+from ospc.recording.derived import with_exposure_lag
+from ospc.recording.writing.images import ImageFormat
 
 
 @declared("convert")
@@ -44,7 +42,6 @@ def command(
     OUT gets images/ or images.zip, times.txt with integer ids, stamps in seconds and exposures in milliseconds, and
     camera.txt if the recording has intrinsics. If the conversion fails or is interrupted, OUT is as it was before.
     """
-    from ospc.recording.derived import with_exposure_lag
     from ospc.recording.writing.conversion import convert_recording
 
     recording = with_exposure_lag(reading.open(path), lag)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -13,11 +12,10 @@ from ospc.cli.options import ASSUME_MISSING, KIND, QUIET, argument, declared, op
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import STATED
 from ospc.cli.terminal import say, say_notes
+from ospc.correction.settings import CorrectionSettings, Output
 from ospc.errors import counted
-
-if TYPE_CHECKING:
-    from ospc.correction.settings import Output
-    from ospc.recording.options import ReadingOptions
+from ospc.recording.channel import Channel
+from ospc.recording.options import ReadingOptions
 
 _REASONS_SHOWN = 3
 
@@ -72,10 +70,8 @@ def command(
     """
     from ospc.correction.folder import CorrectedFolder
     from ospc.correction.recording import correct_recording
-    from ospc.correction.settings import CorrectionSettings
     from ospc.correction.source import open_source
     from ospc.formats.opening import open_photometry
-    from ospc.recording.channel import Channel
 
     settings = CorrectionSettings(
         output=output,

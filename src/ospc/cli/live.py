@@ -25,13 +25,13 @@ from ospc.cli.options import (
 from ospc.cli.reading import READING, Reading
 from ospc.cli.terminal import concluded, say, say_notes
 from ospc.errors import OspcError, one_line
+from ospc.recording import Frame, Recording
 
 if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.findings import LagChoice
     from ospc.live.calibrator import LiveCalibrator
     from ospc.live.capture import Capture
-    from ospc.recording import Frame, Recording
 
 _GOAL = 0.005
 """As :data:`ospc.live.knowledge.GOAL`, which would take long to import for a help text."""

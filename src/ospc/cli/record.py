@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -13,9 +12,7 @@ from ospc.cli.progress import progress_line
 from ospc.cli.reading import STATED_OF_CAMERA
 from ospc.cli.terminal import say, say_notes
 from ospc.errors import counted
-
-if TYPE_CHECKING:
-    from ospc.recording.options import ReadingOptions
+from ospc.recording.options import ReadingOptions
 
 _MAX_FRAMES = 1_000_000
 """Most frames of one recording: nine hours at 30 per second."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -28,15 +28,14 @@ _HEIGHT_IN, _HEIGHT_WITH_PANELS_IN = 3.2, 4.6
 class Findings:
     """All that a report shows; None for what is not known.
 
-    ``exposures_ms`` are those of the metadata, shape (frames,), ``truth`` a reference to draw the calibration
-    against, and ``check`` the result of a check as ``ospc check --json`` prints it.
+    ``exposures_ms`` are those of the metadata, shape (frames,), and ``truth`` a reference to draw the calibration
+    against.
     """
 
     calibration: Calibration
     exposures_ms: FloatArray | None = None
     examples: Examples = field(default_factory=Examples)
     truth: Photometry | None = None
-    check: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

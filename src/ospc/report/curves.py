@@ -183,7 +183,10 @@ def _panels(cell: Any, curve: _Curve, observations: IntArray | None) -> list[Any
     heights = [height for height, is_shown in zip(_PANEL_HEIGHTS, shown, strict=True) if is_shown]
     grid = cell.subgridspec(len(heights), 1, height_ratios=heights, hspace=0.12)
     panels = [axes_in(grid[row]) for row in range(len(heights))]
-    _draw_curve(panels[0], curve)
+    _draw_bands(panels[0], curve)
+    panels[0].plot(curve.x, curve.value, color=curve.colour, lw=1.8, label="estimate")
+    if curve.reference is not None:
+        panels[0].plot(curve.x, curve.reference, "--", color=BLACK, lw=1.2, label="reference")
     if judged:
         _draw_error(panels[1], curve)
     if observations is not None:
@@ -196,13 +199,6 @@ def _panels(cell: Any, curve: _Curve, observations: IntArray | None) -> list[Any
         axes.tick_params(labelbottom=axes is panels[-1])
     panels[-1].set_xlabel(curve.x_label)
     return panels
-
-
-def _draw_curve(axes: Any, curve: _Curve) -> None:
-    _draw_bands(axes, curve)
-    axes.plot(curve.x, curve.value, color=curve.colour, lw=1.8, label="estimate")
-    if curve.reference is not None:
-        axes.plot(curve.x, curve.reference, "--", color=BLACK, lw=1.2, label="reference")
 
 
 def _draw_error(axes: Any, curve: _Curve) -> None:

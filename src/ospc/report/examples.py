@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ TRACKED_FRAMES = 12
 """Frames of the excerpt through which points are tracked: enough to show the effect, few enough to take no time."""
 
 _PICTURES = 2
-"""Pairs of frames to show."""
+"""Scenes to show."""
 
 _WIDTH_PX = 480
 """Width of the pictures, in pixels."""
@@ -37,37 +38,21 @@ _STILL = 0.98
 """Share of observations that keep their class of radius when the camera stands still."""
 
 
-@dataclass(frozen=True)
-class PicturePair:
-    """Two frames of one scene at different exposures, and both corrected to the longer exposure without vignette.
+Pictures: TypeAlias = tuple[tuple[Image, str], ...]
+"""Frames of one scene with captions, as recorded and then corrected to their longest exposure without vignette.
 
-    Images are 8 bit, reduced to the width of a page. The two frames are equal where there is only one.
-    """
-
-    frames: tuple[int, int]
-    exposures_ms: tuple[float, float]
-    recorded: tuple[Image, Image]
-    corrected: tuple[Image, Image]
-
-    @property
-    def pictures(self) -> list[tuple[Image, str]]:
-        """The pictures with their captions: first as recorded, then corrected."""
-        count = 1 if self.frames[0] == self.frames[1] else 2
-        return [
-            (images[i], f"frame {self.frames[i]}, {self.exposures_ms[i]:.4g} ms, {what}")
-            for images, what in ((self.recorded, "as recorded"), (self.corrected, "corrected"))
-            for i in range(count)
-        ]
+Images are 8 bit, reduced to the width of a page.
+"""
 
 
 @dataclass(frozen=True)
 class Examples:
-    """What was tried on the recording: pairs of frames, and points tracked through an excerpt.
+    """What was tried on the recording: scenes at different exposures, and points tracked through an excerpt.
 
     ``tracked`` is the first frame of the excerpt and the one after its last; ``notes`` say what could not be shown.
     """
 
-    pictures: tuple[PicturePair, ...] = ()
+    pictures: tuple[Pictures, ...] = ()
     tracking: TrackingComparison | None = None
     tracked: tuple[int, int] = (0, 0)
     notes: tuple[str, ...] = ()
@@ -85,13 +70,13 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
     corrector = Corrector(calibration.response, calibration.vignette, recording.max_grey, assume_missing=True)
     reach = min(len(recording), _STREAM_REACH if recording.kind in _STREAMS else len(recording))
     notes: list[str] = []
-    pictures: tuple[PicturePair, ...] = ()
+    pictures: tuple[Pictures, ...] = ()
     try:
         if _stands_still(calibration.coverage):
-            pairs = _far_exposures(recording.exposures_ms[:reach])
+            scenes = _far_exposures(recording.exposures_ms[:reach])
         else:
-            pairs = _chosen_pairs(calibration.exposure_ratios, reach)
-        pictures = _pictures(corrector, recording, pairs)
+            scenes = _chosen_pairs(calibration.exposure_ratios, reach)
+        pictures = _pictures(corrector, recording, scenes)
     except OspcError as error:
         notes.append(f"no pictures: {error}")
     if tracked_frames < 2:
@@ -125,11 +110,11 @@ def _where_exposure_changes(recording: Recording, count: int, reach: int) -> Der
     return DerivedRecording.of(recording, frames, recording.exposures_ms[frames], note="some frames only")
 
 
-def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
+def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, ...]]:
     """Return the pairs with the most different exposures among those that share much of their scene."""
     inside = np.all(ratios.frames < reach, axis=1)
     shared = ratios.samples >= max(_LEAST_SAMPLES, 0.5 * float(ratios.samples.max(initial=0)))
-    chosen: list[tuple[int, int]] = []
+    chosen: list[tuple[int, ...]] = []
     for pair in np.argsort(-np.abs(np.log(ratios.metadata)), kind="stable"):
         first, second = (int(frame) for frame in ratios.frames[pair])
         far = all(min(abs(first - a), abs(second - b)) > reach // 10 for a, b in chosen)
@@ -137,7 +122,7 @@ def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, int]]:
             chosen.append((first, second))
         if len(chosen) == _PICTURES:
             break
-    return chosen or [(reach // 2, reach // 2)]
+    return chosen or [(reach // 2,)]
 
 
 def _stands_still(coverage: Coverage | None) -> bool:
@@ -145,14 +130,14 @@ def _stands_still(coverage: Coverage | None) -> bool:
     return moves is not None and bool(moves.any()) and float(np.trace(moves) / moves.sum()) > _STILL
 
 
-def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, int]]:
+def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, ...]]:
     """Return the frames whose exposures have a fifth of all exposures below and above them."""
     order = np.argsort(exposures_ms, kind="stable")
     return [(int(order[len(order) // 5]), int(order[-1 - len(order) // 5]))]
 
 
-def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int, int]]) -> tuple[PicturePair, ...]:
-    wanted = {index for pair in pairs for index in pair}
+def _pictures(corrector: Corrector, recording: Recording, scenes: list[tuple[int, ...]]) -> tuple[Pictures, ...]:
+    wanted = {index for scene in scenes for index in scene}
     frames: dict[int, Frame] = {}
     for frame in recording:
         if frame.index in wanted:
@@ -160,16 +145,21 @@ def _pictures(corrector: Corrector, recording: Recording, pairs: list[tuple[int,
             frames[frame.index] = frame
         if len(frames) == len(wanted):
             break
-    found = []
-    for first, second in pairs:
-        if first in frames and second in frames:
-            a, b = frames[first], frames[second]
-            longer_ms = max(a.exposure_ms, b.exposure_ms)
-            raw = (a.image_8_bit, b.image_8_bit)
-            corrected = (corrected_picture(corrector, a, longer_ms), corrected_picture(corrector, b, longer_ms))
-            exposures_ms = (a.exposure_ms, b.exposure_ms)
-            found.append(PicturePair((first, second), exposures_ms, _reduced(raw), _reduced(corrected)))
-    return tuple(found)
+    return tuple(
+        _of_scene(corrector, [frames[index] for index in dict.fromkeys(scene)])
+        for scene in scenes
+        if frames.keys() >= set(scene)
+    )
+
+
+def _of_scene(corrector: Corrector, frames: list[Frame]) -> Pictures:
+    longest_ms = max(frame.exposure_ms for frame in frames)
+    recorded = [("as recorded", frame, frame.image_8_bit) for frame in frames]
+    corrected = [("corrected", frame, corrected_picture(corrector, frame, longest_ms)) for frame in frames]
+    return tuple(
+        (_reduced(image), f"frame {frame.index}, {frame.exposure_ms:.4g} ms, {what}")
+        for what, frame, image in recorded + corrected
+    )
 
 
 def corrected_picture(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
@@ -177,9 +167,9 @@ def corrected_picture(corrector: Corrector, frame: Frame, exposure_ms: float) ->
     return corrector.without_vignette(frame.image, frame.exposure_ms, white=1 / exposure_ms, mark_saturated=False)
 
 
-def _reduced(images: tuple[Image, Image]) -> tuple[Image, Image]:
-    height, width = images[0].shape
+def _reduced(image: Image) -> Image:
+    height, width = image.shape
     scale = min(1.0, _WIDTH_PX / width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
-    first, second = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images)
-    return first, second
+    reduced: Image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return reduced

@@ -14,7 +14,7 @@ from ospc.arrays import Image
 from ospc.formats.files import write_bytes
 from ospc.photometry.calibration import Verdict
 from ospc.report.charts import WIDTH_IN, Chart, Findings
-from ospc.report.examples import PicturePair
+from ospc.report.examples import Pictures
 from ospc.report.html import Html, document, join, tag
 from ospc.report.sections import SUMMARY, Section, basis_of, name_of, sections_of, shown
 from ospc.report.style import as_svg, new_figure, rules
@@ -57,7 +57,7 @@ def _section(section: Section, class_: str) -> Html:
         tag("ul", *(tag("li", item) for item in section.items)) if section.items else "",
         _parts(*(_verdict(name, verdict) for name, verdict in section.verdicts.items())),
         _parts(*(_drawn(chart) for chart in section.charts)),
-        *(_pictures(pair) for pair in section.pictures),
+        *(_pictures(scene) for scene in section.pictures),
         _figures(section.figures),
         tag("p", section.remark, class_="soft") if section.remark else "",
         _parts(*(join(tag("h3", heading), _table(content)) for heading, content in section.tables.items())),
@@ -85,10 +85,10 @@ def _drawn(chart: Chart) -> Html:
     return tag("figure", drawing, tag("figcaption", chart.caption))
 
 
-def _pictures(pair: PicturePair) -> Html:
+def _pictures(scene: Pictures) -> Html:
     figures = [
         tag("figure", tag("img", src=_as_jpeg(image), alt=caption), tag("figcaption", caption))
-        for image, caption in pair.pictures
+        for image, caption in scene
     ]
     return tag("div", *figures, class_="pictures")
 

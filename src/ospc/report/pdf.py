@@ -60,7 +60,7 @@ def pages(findings: Findings) -> Iterator[Any]:
     """Return the pages as matplotlib figures: the summary, all charts, all pictures, and the text."""
     summary, *sections = sections_of(findings)
     charts = [chart for section in sections for chart in section.charts]
-    pictures = [picture for section in sections for pair in section.pictures for picture in pair.pictures]
+    pictures = [picture for section in sections for scene in section.pictures for picture in scene]
     yield _first_page(findings.calibration, summary, charts[:2])
     for start in range(2, len(charts), 2 * _CHART_ROWS):
         yield _chart_page(charts[start : start + 2 * _CHART_ROWS])
@@ -156,20 +156,14 @@ def _wrapped(text: str, points: float, weight: str) -> list[str]:
     return lines or [""]
 
 
-def _divided(word: str, points: float, weight: str) -> list[str]:
-    """Return the pieces of a word, each as long as a line may be."""
-    pieces = []
+def _divided(word: str, points: float, weight: str) -> Iterator[str]:
+    """Give the pieces of a word, each as long as a line may be, and at least one character."""
     while word:
-        length = _fitting(word, points, weight)
-        pieces.append(word[:length])
-        word = word[length:]
-    return pieces
-
-
-def _fitting(word: str, points: float, weight: str) -> int:
-    """Return how many characters of a word a line holds, at least one. More of them are wider."""
-    lengths = range(1, len(word) + 1)
-    return max(1, bisect_right(lengths, _ROOM_POINTS, key=lambda length: _width(word[:length], points, weight)))
+        # More characters are wider.
+        lengths = range(1, len(word) + 1)
+        fitting = bisect_right(lengths, _ROOM_POINTS, key=lambda length: _width(word[:length], points, weight))
+        yield word[: max(1, fitting)]
+        word = word[max(1, fitting) :]
 
 
 def _width(text: str, points: float, weight: str) -> float:

@@ -1,18 +1,22 @@
-"""The pictures of a calibration that are written as PNG files."""
+"""The pictures of a calibration that are written as PNG files, and one that compares several calibrations."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import counted
-from ospc.photometry.calibration import Calibration
+from ospc.formats.opening import Photometry
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.vignette import diagonal_profile
 from ospc.report.charts import Chart, Findings, charts_of
-from ospc.report.style import DPI, ORANGE, as_image, new_figure, printable, rules
+from ospc.report.curves import RADIUS_LABEL
+from ospc.report.style import BLACK, BLUE, DPI, GREEN, ORANGE, as_image, new_figure, printable, rules, save
 
 _CONTENT = {
     "figure.png": ("response", "vignette", "ratios"),
@@ -36,6 +40,12 @@ _HEAD_IN, _LINE_IN = 0.32, 0.14
 
 _LETTERS = 58
 """Letters of a line that fit into the width of a chart."""
+
+_STYLES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (BLACK, ":"))
+"""Colours and lines of successive calibrations: those that lie on one another can still be told apart."""
+
+_NAME_LETTERS = 40
+"""Most letters of a name in a legend: a longer one would leave no room for the curves. Its end tells most."""
 
 
 def pictures_of(findings: Findings) -> dict[str, Image]:
@@ -90,3 +100,34 @@ def _title(calibration: Calibration) -> str:
     if calibration.partial:
         parts.append("partial: the run stopped before the end")
     return " · ".join(part for part in parts if part)
+
+
+def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> Path:
+    """Draw inverse responses and radial profiles of vignettes, and return the path of the picture."""
+    with rules():
+        figure = new_figure(9.6, 4.4)
+        left, right = figure.subplots(1, 2)
+        for number, photometry in enumerate(photometries):
+            colour, line = _STYLES[number % len(_STYLES)]
+            name = printable(photometry.name)
+            # A label that began with an underscore would be left out of the legend.
+            label = f" {name}" if len(name) <= _NAME_LETTERS else f" …{name[-_NAME_LETTERS:]}"
+            if photometry.response is not None:
+                response = photometry.response
+                left.plot(255 * response.levels, response.inverse_table, line, color=colour, label=label)
+                if response.inverse_sigma is not None:
+                    low, high = (response.inverse_table + s * response.inverse_sigma for s in (-2, 2))
+                    left.fill_between(255 * response.levels, low, high, color=colour, alpha=0.2, lw=0)
+            if photometry.vignette is not None:
+                profile = diagonal_profile(photometry.vignette, PROFILE_RADII)
+                right.plot(PROFILE_RADII, profile, line, color=colour, label=label)
+        left.set(
+            title="Inverse response, with ±2σ of its shape", xlabel="grey level, of 255", ylabel="irradiance g(M)"
+        )
+        left.set(xlim=(0, 255), ylim=(0, 1.02))
+        right.set(title="Vignette", xlabel=RADIUS_LABEL, ylabel="attenuation V", xlim=(0, 1))
+        for axes in (left, right):
+            if axes.lines:
+                for text in axes.legend().get_texts():
+                    text.set_parse_math(False)
+        return save(figure, Path(path))

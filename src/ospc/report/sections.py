@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 from ospc.errors import counted
@@ -13,7 +12,7 @@ from ospc.evaluation.tracking import TrackingComparison
 from ospc.evaluation.tracks import TrackFigures
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.report.charts import Chart, Findings, charts_of
-from ospc.report.examples import PicturePair
+from ospc.report.examples import Pictures
 from ospc.report.words import facts, headline
 
 SUMMARY = "Summary"
@@ -41,7 +40,7 @@ class Section:
     items: tuple[str, ...] = ()
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
     charts: tuple[Chart, ...] = ()
-    pictures: tuple[PicturePair, ...] = ()
+    pictures: tuple[Pictures, ...] = ()
     figures: tuple[tuple[str, str, str, str], ...] = ()
     remark: str = ""
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -78,12 +77,6 @@ def sections_of(findings: Findings) -> Iterator[Section]:
     improvements = [sentence(advice) for advice in calibration.advice if advice]
     nothing = () if improvements else ("This recording shows nothing to improve.",)
     yield Section("How to improve it", nothing, tuple(improvements))
-    if findings.check is not None:
-        verdicts = {
-            str(name): Verdict(verdict["state"], str(verdict["reason"]), str(verdict["remedy"]))
-            for name, verdict in findings.check["verdicts"].items()
-        }
-        yield Section("Check of the recording", (), tuple(map(str, findings.check["notes"])), verdicts)
     tables = {
         "Settings": calibration.settings,
         "Recording": calibration.source,
@@ -106,22 +99,22 @@ def _tracking(tracking: TrackingComparison, first: int, end: int) -> Section:
 def tracking_rows(tracking: TrackingComparison) -> Iterator[tuple[str, str, str, str]]:
     """Give label, figure as recorded, figure corrected, and unit of each row."""
 
-    def row(label: str, figure: Callable[[TrackFigures], str], unit: str = "") -> tuple[str, str, str, str]:
-        return label, figure(tracking.raw), figure(tracking.corrected), unit
+    def figures(tracks: TrackFigures) -> list[str]:
+        median = f"> {tracking.horizon}" if tracks.median_life is None else str(tracks.median_life)
+        lost = (f"{count / max(tracks.steps, 1):.2%}" for count in (sum(tracks.lost.values()), *tracks.lost.values()))
+        return [f"{tracks.mean_life:.1f}", median, *lost, f"{tracks.residual:.3f}"]
 
-    def median(figures: TrackFigures) -> str:
-        return f"> {tracking.horizon}" if figures.median_life is None else str(figures.median_life)
-
-    def lost(figures: TrackFigures, *causes: str) -> str:
-        return f"{sum(figures.lost[cause] for cause in causes) / max(figures.steps, 1):.2%}"
-
-    causes = tuple(tracking.raw.lost)
-    yield row("mean life of a track", lambda f: f"{f.mean_life:.1f}", f"frames, of at most {tracking.horizon}")
-    yield row("median life", median, "frames")
-    yield row("tracks lost", lambda f: lost(f, *causes), "of the steps from frame to frame")
-    for cause in causes:
-        yield row(f"  {cause}", partial(lambda name, f: lost(f, name), cause))
-    yield row("brightness residual", lambda f: f"{f.residual:.3f}", "of the local contrast, median")
+    labels = {
+        "mean life of a track": f"frames, of at most {tracking.horizon}",
+        "median life": "frames",
+        "tracks lost": "of the steps from frame to frame",
+        **{f"  {cause}": "" for cause in tracking.raw.lost},
+        "brightness residual": "of the local contrast, median",
+    }
+    for (label, unit), before, after in zip(
+        labels.items(), figures(tracking.raw), figures(tracking.corrected), strict=True
+    ):
+        yield label, before, after, unit
 
 
 def name_of(calibration: Calibration) -> str:
