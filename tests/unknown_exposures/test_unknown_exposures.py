@@ -119,6 +119,8 @@ def test_the_command_asks_for_it_explicitly_and_labels_every_output(folder: Path
     refused = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out)])
     assert isinstance(refused.exception, RecordingError)
     assert "has no exposures" in str(refused.exception)
+    out.mkdir()
+    (out / "state.ospc").write_bytes(b"of an earlier run, with which the new result has nothing to do")
     result = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out), "--unknown-exposures"])
     assert result.exit_code == 3, (result.output, result.exception)
     assert "up to one exponent" in " ".join(result.stdout.split())

@@ -14,13 +14,12 @@ from typing import Any
 from ospc.calibrator import OnlineCalibrator, Status, drive
 from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
 from ospc.cli.checkpoints import Checkpoints
-from ospc.cli.interruption import Interruption, leaving
+from ospc.cli.interruption import leaving
 from ospc.cli.progress import progress_line
 from ospc.cli.terminal import say, say_notes
 from ospc.errors import OspcError, counted, one_line
 from ospc.exposures.findings import LagChoice
 from ospc.output import Written
-from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording, identity
 from ospc.report import style
 from ospc.settings import Settings
@@ -42,27 +41,16 @@ class CalibrationRun:
     viewer: bool = False
     stream: Path | None = None
 
-    @property
-    def interruption(self) -> Interruption:
-        """Tells when to stop."""
-        return self.result.interruption
-
     def calibrate(self) -> dict[str, Any]:
         """Calibrate, write the folder, print the result, and return it as JSON-compatible values.
 
         The values ``exit_code`` and ``error`` say how it ended; after a failure, a partial result is written.
-
-        Raises
-        ------
-        OspcError
-            If nothing could be estimated.
-        KeyboardInterrupt
-            If the user gave up before anything was written.
+        OspcError if nothing could be estimated, KeyboardInterrupt if the user gave up before anything was written.
         """
         if self.result.talkative:
             say_notes(self.recording.notes)
         load_drawing()
-        with leaving("no result was written"), self.interruption.deferred():
+        with leaving("no result was written"), self.result.interruption.deferred():
             calibrator, outcome = self._estimated()
             with ThreadPoolExecutor(1, "ospc-state") as second:
                 # Most of it is compression, which leaves the interpreter to those who draw.
@@ -84,7 +72,6 @@ class CalibrationRun:
 
                 stream = stack.enter_context(RerunStream.opened(self.recording, self.stream, spawn=self.viewer))
             bar = stack.enter_context(progress_line(quiet=not visible))
-            stack.enter_context(self.interruption.deferred())
             calibrator = OnlineCalibrator.of(self.recording, self.settings, correct_lag=self.correct_lag)
             calibrator.source = identification(self.recording)
             calibrator = self.checkpoints.resumed(calibrator)
@@ -98,19 +85,24 @@ class CalibrationRun:
                     stream(calibrator, frame)
                 show("comparing", calibrator.frames, len(self.recording))
                 self.checkpoints.after_frame(calibrator)
-                self.interruption.check()
+                self.result.interruption.check()
 
             failure = self._push_all(calibrator, after)
-            early = self.interruption.requested
+            early = self.result.interruption.requested
             if early:
                 self.checkpoints.before_estimating(calibrator)
             show("estimating")
             if early and not self.result.quiet:
                 frames = counted(calibrator.frames, "frame")
                 say(f"interrupted: estimating from {frames}; Ctrl-C again gives up", err=True)
-            calibration = labelled(_estimate(calibrator, failure, early=early), self.recording)
-        stopped = self.interruption.requested
-        calibration = replace(calibration, partial=stopped or bool(failure))
+            try:
+                calibration = calibrator.calibration()
+            except Exception as error:
+                if early:
+                    raise KeyboardInterrupt(one_line(error)) from error
+                raise OspcError(failure or one_line(error)) from error
+        stopped = self.result.interruption.requested
+        calibration = replace(labelled(calibration, self.recording), partial=stopped or bool(failure))
         return calibrator, Outcome(calibration, calibrator.first_reasons, stopped, failure)
 
     def _push_all(self, calibrator: OnlineCalibrator, after: Callable[[Frame, bool], None]) -> str:
@@ -122,16 +114,6 @@ class CalibrationRun:
         except Exception as error:  # the frames before any error still give an estimate
             return one_line(error)
         return ""
-
-
-def _estimate(calibrator: OnlineCalibrator, failure: str, *, early: bool) -> Calibration:
-    """Return the estimate from the frames pushed so far."""
-    try:
-        return calibrator.calibration()
-    except Exception as error:
-        if early:
-            raise KeyboardInterrupt(one_line(error)) from error
-        raise OspcError(failure or one_line(error)) from error
 
 
 def figures(status: Status) -> str:

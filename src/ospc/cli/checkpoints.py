@@ -45,16 +45,9 @@ class Checkpoints:
         self._failed = False
 
     def resumed(self, calibrator: OnlineCalibrator) -> OnlineCalibrator:
-        """Return a new calibrator as it is, or the one that goes on from the checkpoint.
+        """Return a new calibrator with its settings and source as it is, or one that goes on from the checkpoint.
 
-        It has its settings and the identification of its recording.
-
-        Raises
-        ------
-        FormatError
-            If the checkpoint is torn, damaged or of another version.
-        SettingError
-            If it is of another recording or of other settings, or the method has none.
+        FormatError if that is damaged, SettingError if it is of another recording or of other settings.
         """
         with self._pace.look():
             pass  # the first is due only after that time

@@ -41,15 +41,17 @@ class Declared:
     """The default of a parameter, which declares the option or argument that its value comes from.
 
     ``then`` makes the value of what was given; an :class:`~ospc.errors.OspcError` of it ends the command. With
-    ``reserve``, a folder is made, and kept for this process alone while the command runs.
+    ``reserve``, a folder is made, and kept for this process alone while the command runs. Other attributes are
+    click's.
     """
+
+    reserve = False
 
     def __init__(
         self,
         kind: type[click.Parameter],
-        flags: tuple[str, ...] = (),
+        *flags: str,
         then: Callable[[Any], Any] | None = None,
-        *,
         reserve: bool = False,
         **attributes: Any,
     ) -> None:
@@ -77,7 +79,6 @@ class Several(Declared):
 
     def __init__(self, make: Callable[..., Any], parts: Mapping[str, Declared]) -> None:
         self._make, self._parts = make, parts
-        self.reserve = False
 
     def parameters(self, _name: str, _annotation: str) -> list[click.Parameter]:
         """Return what click is to parse."""
@@ -88,9 +89,9 @@ class Several(Declared):
         return self._make(**{name: part.taken(name, values) for name, part in self._parts.items()})
 
 
-def option(help: str | None, *flags: str, then: Callable[[Any], Any] | None = None, **attributes: Any) -> Any:  # noqa: A002
-    """Declare an option, by default with the parameter's name as its flag; ``attributes`` are click's."""
-    return Declared(click.Option, flags, then, help=help, **attributes)
+def option(help: str | None, *flags: str, **attributes: Any) -> Any:  # noqa: A002
+    """Declare an option, by default with the parameter's name as its flag."""
+    return Declared(click.Option, *flags, help=help, **attributes)
 
 
 def argument(**attributes: Any) -> Any:
@@ -101,7 +102,7 @@ def argument(**attributes: Any) -> Any:
 def out_option(help: str, *, folder: bool = True, **attributes: Any) -> Any:  # noqa: A002
     """Declare the option for the file or folder to write, which is required unless there is a default."""
     usual = {} if "default" in attributes else {"required": True}
-    return Declared(click.Option, ("-o", "--out"), reserve=folder, help=help, **usual | attributes)
+    return Declared(click.Option, "-o", "--out", reserve=folder, help=help, **usual | attributes)
 
 
 def declared(

@@ -14,6 +14,7 @@ from ospc.cli.options import Declared, Parsed, Several, option
 from ospc.cli.terminal import say, say_table
 from ospc.errors import ExposureError, RecordingError, SettingError
 from ospc.recording import Recording, cameras_of
+from ospc.recording.channel import Channel
 from ospc.recording.derived import Region, masked, read_mask
 from ospc.recording.kinds import kinds
 from ospc.recording.options import ReadingOptions, declared_options
@@ -50,20 +51,16 @@ class Reading:
         """Return an opener for each camera of a rig by its name, or for each of its channels if asked for."""
         if not self.each_channel:
             return {name: partial(self._camera, path, name) for name in cameras_of(path, self.kind, self.options)}
-        of_channels = {name: self._of_channel(name).cameras(path) for name in ("red", "green", "blue")}
-        several = len(of_channels["green"]) > 1
-        return {
-            f"{name}_{channel}" if several else channel: opener
-            for channel, cameras in of_channels.items()
-            for name, opener in cameras.items()
-        }
+        openers = {}
+        for channel in (Channel.RED, Channel.GREEN, Channel.BLUE):
+            one = replace(self, options=replace(self.options, channel=channel), each_channel=False)
+            cameras = one.cameras(path)
+            for name, opener in cameras.items():
+                openers[f"{name}_{channel.value}" if len(cameras) > 1 else channel.value] = opener
+        return openers
 
     def _camera(self, path: Path, name: str) -> Recording:
         return self._opened(path, lambda options: cameras_of(path, self.kind, options)[name]())
-
-    def _of_channel(self, name: str) -> Reading:
-        channel = ReadingOptions.of({"channel": name}).channel
-        return replace(self, options=replace(self.options, channel=channel), each_channel=False)
 
     def _opened(self, path: Path, opener: Callable[[ReadingOptions], Recording]) -> Recording:
         try:

@@ -48,26 +48,22 @@ def command(
         except OspcError as error:
             failures.append(str(error))
     if as_json:
-        _print_json(result, repairs, failures)
+        content = {
+            "program": result.program,
+            "size": result.size,
+            "valid": result.valid,
+            "files": [{"path": str(file.path), "kind": file.kind} for file in result.files],
+            "findings": [vars(finding) for finding in result.findings],
+            "repairs": [
+                {"source": str(r.source), "path": str(r.path) if r.changes else None, "changes": r.changes}
+                for r in repairs
+            ],
+            "not_repaired": failures,
+        }
+        print_json(content)
     else:
         _print_text(result, repairs, failures)
     return 0 if result.valid else 1
-
-
-def _print_json(result: Validation, repairs: list[Repair], failures: list[str]) -> None:
-    content = {
-        "program": result.program,
-        "size": result.size,
-        "valid": result.valid,
-        "files": [{"path": str(file.path), "kind": file.kind} for file in result.files],
-        "findings": [vars(finding) for finding in result.findings],
-        "repairs": [
-            {"source": str(r.source), "path": str(r.path) if r.changes else None, "changes": r.changes}
-            for r in repairs
-        ],
-        "not_repaired": failures,
-    }
-    print_json(content)
 
 
 def _print_text(result: Validation, repairs: list[Repair], failures: list[str]) -> None:

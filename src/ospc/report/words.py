@@ -29,11 +29,11 @@ def headline(calibration: Calibration) -> str:
     unknown = [name for name, state in states.items() if state == "not identifiable"]
     parts = []
     if known:
-        parts.append(f"The {_both(known)} of this camera {_are(known)} well determined.")
+        parts.append(f"The {_listed(known)} of this camera {'is' if len(known) == 1 else 'are'} well determined.")
     if rough:
-        parts.append(f"The {_both(rough)} {_are(rough)} known only roughly.")
+        parts.append(f"The {_listed(rough)} {'is' if len(rough) == 1 else 'are'} known only roughly.")
     if unknown:
-        parts.append(f"This recording does not determine the {_both(unknown)}; no estimate is given.")
+        parts.append(f"This recording does not determine the {_listed(unknown)}; no estimate is given.")
     if calibration.exponent_sigma:
         parts.append(f"{calibration.caveat}, chosen so that the response resembles that of a typical camera.")
     elif calibration.caveat:
@@ -135,10 +135,6 @@ def _percent(share: float, sigma: float | None = None) -> str:
     return f"{percent:.{digits}f} %" if sigma is None else f"{percent:.{digits}f} ± {spread:.{digits}f} %"
 
 
-def _both(names: list[str]) -> str:
+def _listed(names: list[str]) -> str:
     *first, last = names
     return f"{', the '.join(first)} and the {last}" if first else last
-
-
-def _are(names: list[str]) -> str:
-    return "is" if len(names) == 1 else "are"
