@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from command_line import ospc
-from ospc.cli.interruption import INTERRUPTED, Interruption
+from ospc.cli.interruption import Interruption
+from ospc.cli.terminal import INTERRUPTED
 from ospc.errors import FrameError, OspcError
 from ospc.recording import ArrayRecording, open_recording
 from ospc.recording.writing.conversion import convert_recording

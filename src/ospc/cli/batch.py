@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
+from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, QUIET, argument, declared, named, option, out_option
 from ospc.cli.progress import progress_line
-from ospc.cli.terminal import print_json, say, say_notes
+from ospc.cli.terminal import INTERRUPTED, print_json, say, say_notes
 from ospc.errors import counted
 
 if TYPE_CHECKING:

@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
+from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import (
     AS_JSON,
-    COMPLETE,
     CORRECT_LAG,
     LIST_TOPICS,
     QUIET,
     TRUTH,
-    UNDETERMINED,
     argument,
     declared,
     named,
@@ -27,7 +25,7 @@ from ospc.cli.options import (
 )
 from ospc.cli.progress import progress_of
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
-from ospc.cli.terminal import concluded, print_json, say
+from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, print_json, say
 from ospc.errors import NotObservableError, OspcError, RecordingError, SettingError
 from ospc.recording import Recording
 from ospc.recording.image_source import is_image_name
@@ -162,7 +160,7 @@ command = declared(
     "calibrate",
     exits={
         COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-        1: "error; a partial result is written if possible",
+        FAILED: "error; a partial result is written if possible",
         UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
         "changed during the recording",
         INTERRUPTED: "interrupted; the partial result is written",
@@ -237,13 +235,13 @@ def _calibrate_rig(request: _Request) -> int:
         try:
             contents[name] = _calibrate_one(request.of_camera(name), opened)
         except OspcError as error:
-            contents[name] = {"exit_code": 1, "error": str(error)}
+            contents[name] = {"exit_code": FAILED, "error": str(error)}
         if contents[name]["error"]:
             say(f"ospc: error: {name}: {contents[name]['error']}", err=True)
         if request.interruption.requested:
             break
     codes = {content["exit_code"] for content in contents.values()}
-    code = next((c for c in (INTERRUPTED, 1, 3) if c in codes), 0)
+    code = next((c for c in (INTERRUPTED, FAILED, UNDETERMINED) if c in codes), COMPLETE)
     scale = None
     if len(cameras) > 1 and not request.interruption.requested:
         try:

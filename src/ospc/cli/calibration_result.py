@@ -7,19 +7,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from ospc.cli.interruption import INTERRUPTED, Interruption
-from ospc.cli.options import COMPLETE, UNDETERMINED
+from ospc.cli.interruption import Interruption
 from ospc.cli.progress import progress_line
-from ospc.cli.terminal import say, say_notes, say_table, styled
+from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, say, say_notes, say_table, styled
 from ospc.errors import counted
 from ospc.evaluation.comparison import Comparison, compare
 from ospc.formats.opening import Photometry
 from ospc.output import OutputFolder, Times, Written
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.recording import Recording
-
-_FAILED = 1
-"""Exit code of a run that failed; a partial result is written."""
 
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
 _WIDTH_WHEN_PIPED = 110
@@ -54,7 +50,7 @@ class Outcome:
     def exit_code(self) -> int:
         """Exit code of the command."""
         if self.failure:
-            return _FAILED
+            return FAILED
         if self.interrupted:
             return INTERRUPTED
         return COMPLETE if self.calibration.complete else UNDETERMINED

@@ -10,20 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ospc.cli.interruption import INTERRUPTED, Interruption, leaving
-from ospc.cli.options import (
-    AS_JSON,
-    COMPLETE,
-    CORRECT_LAG,
-    QUIET,
-    UNDETERMINED,
-    argument,
-    declared,
-    option,
-    out_option,
-)
+from ospc.cli.interruption import Interruption, leaving
+from ospc.cli.options import AS_JSON, CORRECT_LAG, QUIET, argument, declared, option, out_option
 from ospc.cli.reading import READING, Reading
-from ospc.cli.terminal import concluded, say, say_notes
+from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, say, say_notes
 from ospc.errors import OspcError, one_line
 from ospc.recording import Frame, Recording
 
@@ -51,7 +41,7 @@ class _Source:
     "live",
     exits={
         COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-        1: "error; a partial result is written if possible",
+        FAILED: "error; a partial result is written if possible",
         UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
         "changed meanwhile",
         INTERRUPTED: "interrupted before a recording's end; the partial result is written",

@@ -11,8 +11,8 @@ from io import TextIOWrapper
 import click
 
 from ospc import __version__
-from ospc.cli.interruption import INTERRUPTED, Interruption
-from ospc.cli.terminal import escaped_lines, say
+from ospc.cli.interruption import Interruption
+from ospc.cli.terminal import INTERRUPTED, escaped_lines, say
 from ospc.errors import OspcError, one_line
 
 _COMMANDS = {

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ospc.cli.interruption import Interruption
-from ospc.cli.options import AS_JSON, COMPLETE, QUIET, TRUTH, UNDETERMINED, argument, declared, option, out_option
-from ospc.cli.terminal import concluded, say_notes
+from ospc.cli.options import AS_JSON, QUIET, TRUTH, argument, declared, option, out_option
+from ospc.cli.terminal import COMPLETE, UNDETERMINED, concluded, say_notes
 from ospc.errors import FormatError
 
 if TYPE_CHECKING:

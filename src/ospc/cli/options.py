@@ -33,9 +33,6 @@ _OF_ANNOTATION: Mapping[str, Mapping[str, Any]] = {
 }
 """What the annotation of a parameter says about its option; ``tuple[…, ...]`` takes several."""
 
-COMPLETE, UNDETERMINED = 0, 3
-"""Exit codes of every command that calibrates: everything is identifiable and nothing warns, or something is not."""
-
 
 class Declared:
     """The default of a parameter, which declares the option or argument that its value comes from.

@@ -1,4 +1,4 @@
-"""The only way to standard output and standard error: what a terminal would interpret is escaped.
+"""The only way to standard output and standard error, where what a terminal would interpret is escaped; exit codes.
 
 Names of folders, topics, cameras and texts in files come from outside, and terminals obey escape sequences in them.
 """
@@ -18,6 +18,11 @@ from ospc.errors import OspcError, escaped
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType
     from rich.segment import Segment
+
+
+COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
+"""Exit codes: everything is identifiable and nothing warns; an error; something is not, or warns; and, after Ctrl-C,
+what shells expect, 128 + SIGINT."""
 
 
 class Styled(str):
