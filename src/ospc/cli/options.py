@@ -129,9 +129,9 @@ def declared(
             name,
             callback=call,
             params=[
-                made
+                parameter
                 for name, option in options.items()
-                for made in option.parameters(name, signature[name].annotation)
+                for parameter in option.parameters(name, signature[name].annotation)
             ],
             **{"help": inspect.getdoc(work), "epilog": exits and _exit_codes(exits)} | attributes,
         )

@@ -99,16 +99,19 @@ def _tracking(tracking: TrackingComparison, first: int, end: int) -> Section:
 def tracking_rows(tracking: TrackingComparison) -> Iterator[tuple[str, str, str, str]]:
     """Give label, figure as recorded, figure corrected, and unit of each row."""
 
+    causes = tuple(tracking.raw.lost)
+
     def figures(tracks: TrackFigures) -> list[str]:
         median = f"> {tracking.horizon}" if tracks.median_life is None else str(tracks.median_life)
-        lost = (f"{count / max(tracks.steps, 1):.2%}" for count in (sum(tracks.lost.values()), *tracks.lost.values()))
-        return [f"{tracks.mean_life:.1f}", median, *lost, f"{tracks.residual:.3f}"]
+        lost = [tracks.lost[cause] for cause in causes]
+        shares = [f"{count / max(tracks.steps, 1):.2%}" for count in (sum(lost), *lost)]
+        return [f"{tracks.mean_life:.1f}", median, *shares, f"{tracks.residual:.3f}"]
 
     labels = {
         "mean life of a track": f"frames, of at most {tracking.horizon}",
         "median life": "frames",
         "tracks lost": "of the steps from frame to frame",
-        **{f"  {cause}": "" for cause in tracking.raw.lost},
+        **{f"  {cause}": "" for cause in causes},
         "brightness residual": "of the local contrast, median",
     }
     for (label, unit), before, after in zip(
