@@ -98,7 +98,6 @@ def _tracking(tracking: TrackingComparison, first: int, end: int) -> Section:
 
 def tracking_rows(tracking: TrackingComparison) -> Iterator[tuple[str, str, str, str]]:
     """Give label, figure as recorded, figure corrected, and unit of each row."""
-
     causes = tuple(tracking.raw.lost)
 
     def figures(tracks: TrackFigures) -> list[str]:
