@@ -34,15 +34,16 @@ _EXPERIMENTS = {
 _AMBIGUITY_FRAMES = 300
 _SIZE = option("Size of simulated images.", type=STUDY_SIZE, metavar="WxH", default="320x240")
 
-command = click.Group(
-    "experiments",
-    help="""Reproduce the paper's figures and tables, on given recordings or on simulated stand-ins.
 
-RECORDINGS are folders in the layout of the TUM monocular data set; their pcalib.txt and vignette.png are the
-truth. Without any, recordings are simulated: with the data set's narrow camera and real exposures where --data
-(or OSPC_DATA) names a folder that holds them, with an analytic camera otherwise. Finished recordings are kept in
-OUT/cache: the same command continues an interrupted run, and computes again only what has changed.""",
-)
+@click.group("experiments")
+def command() -> None:
+    """Reproduce the paper's figures and tables, on given recordings or on simulated stand-ins.
+
+    RECORDINGS are folders in the layout of the TUM monocular data set; their pcalib.txt and vignette.png are the
+    truth. Without any, recordings are simulated: with the data set's narrow camera and real exposures where --data
+    (or OSPC_DATA) names a folder that holds them, with an analytic camera otherwise. Finished recordings are kept in
+    OUT/cache: the same command continues an interrupted run, and computes again only what has changed.
+    """
 
 
 @dataclass(frozen=True)
