@@ -42,16 +42,9 @@ _OTHER_SCENE = 10_007
 
 @dataclass(frozen=True)
 class HeldOutPair:
-    """Grey levels of scene points in two frames.
+    """Grey levels in [0, 1] of scene points in two frames, shape (n,), and where, in pixels (x, y), shape (n, 2).
 
-    Attributes
-    ----------
-    grey0, grey1
-        In [0, 1], shape (n,).
-    points0, points1
-        Where, in pixels (x, y), shape (n, 2).
-    exposure_ratio
-        True k = e₀/e₁.
+    The exposure ratio is the true k = e₀/e₁.
     """
 
     grey0: FloatArray
@@ -89,12 +82,8 @@ def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:
     The radiance comes from rendered views of a room that the recording does not show. A light meter with some error
     exposes the first frame of a pair; |ln k| of the second is between 0.1 and 1. All points lie on one part of the
     scene, which the turning camera displaces by up to half of the half diagonal: over the whole image, an error of
-    the vignette would cancel. Clipped points are left out; without noise this causes no selection bias.
-
-    Parameters
-    ----------
-    settings
-        Those of the recording that the camera was calibrated from. If it is at rest there, points do not move.
+    the vignette would cancel. A camera that is at rest in the recording is so here. Clipped points are left out;
+    without noise this causes no selection bias.
     """
     response, vignette = make_response(settings.response), make_vignette(settings)
     views = _radiances(settings)

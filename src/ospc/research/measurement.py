@@ -14,18 +14,10 @@ Kind = Literal["error", "bias", "share"]
 
 @dataclass(frozen=True)
 class Metric:
-    """How a figure is named, summarised and printed.
+    """How a figure, a key of :attr:`Measurement.figures`, is named, summarised and printed.
 
-    Attributes
-    ----------
-    figure
-        Key in :attr:`Measurement.figures`.
-    label, short
-        Its name where there is room, and as the heading of a column.
-    kind
-        An "error" is best when small, a "bias" when near zero; a "share" is the coverage of an uncertainty.
-    digits
-        Digits after the point; of a share, in percent.
+    ``label`` is its name where there is room, ``short`` the heading of a column. An "error" is best when small, a
+    "bias" when near zero; a "share" is the coverage of an uncertainty, whose ``digits`` are those in percent.
     """
 
     figure: str
@@ -80,8 +72,6 @@ class Measurement:
 
     Attributes
     ----------
-    recording, method
-        Names.
     figures
         The errors that are known, by :attr:`Metric.figure`.
     failure
@@ -89,7 +79,7 @@ class Measurement:
     group, factors
         The group of recordings this one belongs to, and its level of each factor that varies within the group.
     states, reasons
-        The verdict on "response" and "vignette", and its reason.
+        The verdicts by quantity, and why.
     limits
         What limits the comparison itself: how uncertain the truth is, how wrong the stated exposures are.
     seconds
@@ -127,10 +117,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure of a method over recordings, typical and worst as :class:`Metric` defines them.
-
-    ``known`` of ``cases`` recordings have the figure; ``worst_case`` is the recording with the worst.
-    """
+    """Typical and worst figure over recordings (see :class:`Metric`), ``known`` of so many ``cases``."""
 
     typical: float
     worst: float
@@ -141,10 +128,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Contest:
-    """On how many of ``both`` recordings the first of two methods was nearer to the truth.
-
-    On ``only_first`` and ``only_second``, one of them has no figure.
-    """
+    """On how many of ``both`` recordings the first of two methods was nearer; on the rest only one has a figure."""
 
     nearer: int
     both: int
@@ -162,9 +146,23 @@ def recordings_of(rows: Sequence[Measurement]) -> list[str]:
     return list(dict.fromkeys(row.recording for row in rows))
 
 
+def groups_of(rows: Sequence[Measurement]) -> dict[str, list[Measurement]]:
+    """Return the measurements by the group of their recording."""
+    groups: dict[str, list[Measurement]] = {}
+    for row in rows:
+        groups.setdefault(row.group, []).append(row)
+    return groups
+
+
 def known_metrics(rows: Sequence[Measurement]) -> list[Metric]:
     """Return the metrics that at least one measurement has."""
     return [metric for metric in METRICS if any(metric.figure in row.figures for row in rows)]
+
+
+def typical(rows: Sequence[Measurement], metric: Metric) -> float | None:
+    """Return the typical figure of measurements; None where it is never known."""
+    values = [row.figures[metric.figure] for row in rows if metric.figure in row.figures]
+    return metric.typical(values) if values else None
 
 
 def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread | None:

@@ -40,14 +40,8 @@ from ospc.settings import PaperSettings
 class Estimate:
     """What a method found; None for what it did not.
 
-    Attributes
-    ----------
-    response, vignette
-        The curves.
-    calibration
-        The whole calibration, with uncertainties and verdicts, of methods of this project.
-    exposures
-        The exposures by the index of the frame, up to a factor, of methods that estimate them.
+    ``calibration`` is whole, with uncertainties and verdicts, of methods of this project. Exposures are by the index
+    of the frame, up to a factor.
     """
 
     response: Response | None = None
@@ -119,6 +113,17 @@ def run_methods(
 def failure(error: Exception) -> str:
     """Return an error as an outcome; errors the library does not raise on purpose are named."""
     return str(error) if isinstance(error, OspcError) else f"{type(error).__name__}: {error}"
+
+
+def outcomes_of(variants: Mapping[str, Callable[[], Estimate]]) -> dict[str, Outcome]:
+    """Return the outcome of every variant by its name; one that breaks down leaves the others alone."""
+    outcomes: dict[str, Outcome] = {}
+    for name, estimate in variants.items():
+        try:
+            outcomes[name] = estimate()
+        except Exception as error:
+            outcomes[name] = failure(error)
+    return outcomes
 
 
 def with_and_without(

@@ -36,17 +36,8 @@ _COVERED_RADII = PROFILE_RADII > 0.1
 class Truth:
     """What is known of the camera of a recording.
 
-    Attributes
-    ----------
-    response, vignette
-        The curves; None where they are not known.
-    greys
-        Lowest and highest grey value between which the response is known, if not everywhere. Only the shape is
-        compared then, and only there.
-    exposures_ms
-        True exposure by the index of the frame.
-    limits
-        What limits the comparison: see :attr:`Measurement.limits`.
+    Where ``greys`` are given, the response is known between these two grey values only: its shape is compared, and
+    only there. Exposures are by the index of the frame; ``limits`` are those of :class:`Measurement`.
     """
 
     response: Response | None = None
@@ -59,14 +50,8 @@ class Truth:
 def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut) -> Measurement:
     """Compare the outcome of a method on a recording with the truth."""
     outcome = result.outcome
-    row = Measurement(
-        source.name,
-        result.variant,
-        group=source.group,
-        factors=source.factors,
-        limits=truth.limits,
-        seconds=result.seconds,
-    )
+    about = {"group": source.group, "factors": source.factors, "limits": truth.limits, "seconds": result.seconds}
+    row = Measurement(source.name, result.variant, **about)
     if isinstance(outcome, str):
         return replace(row, failure=outcome)
     row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
@@ -83,18 +68,21 @@ def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut)
     )
 
 
-def score(estimate: Estimate, truth: Truth, held_out: HeldOut | None = None) -> dict[str, float]:
+def score(estimate: Estimate, truth: Truth, held_out: HeldOut = HeldOut()) -> dict[str, float]:  # noqa: B008 - frozen
     """Return the figures of an estimate that are known, by the names in :data:`~ospc.research.measurement.METRICS`.
 
     Where the response is the very one taken for the truth, its predictions are all there is to judge.
     """
     figures: dict[str, float] = {}
-    response, vignette = estimate.response, estimate.vignette
-    true = truth.response
+    response, vignette, true = estimate.response, estimate.vignette, truth.response
     if response is not None and true is not None and not np.array_equal(response.inverse_table, true.inverse_table):
         figures |= _response_figures(response, true, truth.greys)
-    if response is not None and held_out is not None:
-        figures |= _prediction_figures(response, vignette, held_out)
+    if response is not None and held_out.pairs:
+        error = prediction_error(held_out.pairs, response, vignette)
+        figures |= {"ratio_median_abs": error.median_abs, "ratio_bias": error.bias}
+    if response is not None and held_out.factor_pairs:
+        found = [predicted_ratio(p, response, vignette) / p.exposure_ratio for p in held_out.factor_pairs]
+        figures["factor_error_percent"] = float(np.median(np.abs(np.array(found) - 1) * 100))
     if vignette is not None and truth.vignette is not None:
         sigma = None if estimate.calibration is None else estimate.calibration.vignette_sigma
         figures |= _vignette_figures(vignette, truth.vignette, sigma)
@@ -116,17 +104,6 @@ def _response_figures(estimate: Response, truth: Response, greys: tuple[int, int
     return figures
 
 
-def _prediction_figures(response: Response, vignette: Vignette | None, held_out: HeldOut) -> dict[str, float]:
-    figures: dict[str, float] = {}
-    if held_out.pairs:
-        error = prediction_error(held_out.pairs, response, vignette)
-        figures |= {"ratio_median_abs": error.median_abs, "ratio_bias": error.bias}
-    if held_out.factor_pairs:
-        found = [predicted_ratio(p, response, vignette) / p.exposure_ratio for p in held_out.factor_pairs]
-        figures["factor_error_percent"] = float(np.median(np.abs(np.array(found) - 1) * 100))
-    return figures
-
-
 def _vignette_figures(estimate: Vignette, truth: Vignette, sigma: FloatArray | None) -> dict[str, float]:
     figures = {"vignette_rmse": vignette_rmse(estimate, truth)}
     if estimate.size == truth.size:
@@ -138,17 +115,15 @@ def _vignette_figures(estimate: Vignette, truth: Vignette, sigma: FloatArray | N
 
 
 def _coverage(part: str, estimate: FloatArray, sigma: FloatArray, truth: FloatArray) -> dict[str, float]:
-    share = coverage(estimate, sigma, truth)
-    return {f"{part}_within_1_sigma": share[0], f"{part}_within_2_sigma": share[1]}
+    return dict(
+        zip((f"{part}_within_1_sigma", f"{part}_within_2_sigma"), coverage(estimate, sigma, truth), strict=True)
+    )
 
 
 def exposure_error(estimate: Mapping[int, float], truth: Mapping[int, float]) -> float:
     """Return the root mean square error of ln e by frame, after the best common factor, which cannot be observed.
 
-    Raises
-    ------
-    ExposureError
-        If an estimate is not positive, or belongs to a frame that the recording does not have.
+    Estimates that are not positive, or of frames that the recording does not have, are an ExposureError.
     """
     values = np.array(list(estimate.values()), dtype=np.float64)
     if not np.all(np.isfinite(values) & (values > 0)):
@@ -175,6 +150,5 @@ def curves_of(found: Estimate | Truth) -> dict[str, list[float]]:
     if found.response is not None:
         curves["response"] = found.response.inverse(np.arange(256) / 255).tolist()
     if found.vignette is not None:
-        profile = radial_profile(found.vignette)
-        curves["vignette"] = (profile / profile[:3].mean()).tolist()
+        curves["vignette"] = radial_profile(found.vignette).tolist()
     return curves

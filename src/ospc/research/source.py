@@ -114,12 +114,16 @@ class MeasuringTask:
         return [asdict(found) for found in judge(source, results, source.held_out())]
 
 
-def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = None) -> list[Measurement]:
+def judge(
+    source: Source,
+    results: Sequence[Result],
+    held_out: HeldOut = HeldOut(),  # noqa: B008 - a frozen value
+) -> list[Measurement]:
     """Compare outcomes with the truth of a recording."""
     truth = source.truth()
     if any(isinstance(r.outcome, Estimate) and r.outcome.exposures is not None for r in results):
         truth = replace(truth, exposures_ms=source.exposures_ms())
-    return [measurement(source, result, truth, held_out or HeldOut()) for result in results]
+    return [measurement(source, result, truth, held_out) for result in results]
 
 
 def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:

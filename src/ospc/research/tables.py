@@ -91,18 +91,10 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
 
 @dataclass(frozen=True)
 class StudyReport:
-    """What a study found, to be printed and written.
+    """What a study found: tables to be printed, and files to be written, by name.
 
-    Attributes
-    ----------
-    tables
-        To be printed.
-    texts, pictures
-        Files by name; pictures are functions that draw to a path.
-    notes
-        Remarks, and why something has no result.
-    content
-        Everything as JSON-compatible values; None where nothing asks for that.
+    Pictures are functions that draw to a path. Notes are remarks, and say why something has no result; ``content`` is
+    everything as JSON-compatible values, None where nothing asks for that.
     """
 
     tables: Sequence[Table]

@@ -56,14 +56,9 @@ _DARKEST, _BRIGHTEST = 5, 250
 
 @dataclass(frozen=True)
 class ChartSeries:
-    """Four exposures of the chart under one illuminant.
+    """Four exposures of the chart under one illuminant: JPEG and RAW, shape (4, height, width, 3), growing.
 
-    Attributes
-    ----------
-    jpeg, raw
-        Shape (4, height, width, 3), channels as in :data:`CHANNELS`; the exposure grows.
-    patches
-        Centres (x, y) of the patches in pixels, shape (n, 2), the neutral ones last.
+    Channels are :data:`CHANNELS`; patches are centres (x, y) in pixels, shape (n, 2), the neutral ones last.
     """
 
     jpeg: Image
@@ -192,14 +187,7 @@ class ChartSource(Source):
     """One colour channel of one camera.
 
     Methods get the JPEGs under the first illuminant with the stated exposures; the RAW files give the truth. Exposure
-    factors are predicted for the JPEGs under the second illuminant.
-
-    Attributes
-    ----------
-    folder
-        The camera's photographs.
-    channel
-        Index into :data:`~ospc.research.accuracy.charts.CHANNELS`.
+    factors are predicted for the JPEGs under the second illuminant. ``channel`` is an index into :data:`CHANNELS`.
     """
 
     folder: Path

@@ -219,13 +219,7 @@ _FLATTEST = 1e-6
 
 
 def read_database(path: str | Path) -> list[Response]:
-    """Read the curves of a MATLAB file with irradiances ``I`` and brightnesses ``B``, one curve a row.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be read, or does not hold such curves.
-    """
+    """Read the curves of a MATLAB file with irradiances ``I`` and brightnesses ``B``, one curve a row."""
     place = Path(path)
     irradiance, brightness = _arrays(place)
     if irradiance.ndim != 2 or irradiance.shape != brightness.shape or irradiance.shape[1] < 2:

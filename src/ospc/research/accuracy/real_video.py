@@ -122,15 +122,8 @@ def flat_pair(
 ) -> HeldOutPair | None:
     """Return the grey levels of flat places in both frames; None where the frames do not match.
 
-    Parameters
-    ----------
-    first, second
-        The frames.
-    greys
-        Lowest and highest grey level, in [0, 1], of what is returned. Smoothing leaves so little noise that choosing
-        by grey level does not choose by noise.
-    max_radial_displacement
-        Largest |R₀ − R₁| of what is returned: none that the vignette could be seen in.
+    They lie between ``greys``, in [0, 1]: smoothing leaves so little noise that this does not choose by noise. |R₀ −
+    R₁| is up to ``max_radial_displacement``: none that the vignette could be seen in.
     """
     points0, points1 = _matches(first, second)
     if len(points0) < _FEWEST_MATCHES:

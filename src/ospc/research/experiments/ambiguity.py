@@ -38,17 +38,9 @@ _FEWEST_VIEWS = 3
 class Ambiguity:
     """How well powers of the truth explain a recording.
 
-    Attributes
-    ----------
-    exponents
-        γ, n values.
-    free, known
-        Robust standard deviation of the grey levels that g^γ and V^γ leave unexplained, in full scale, n values:
-        with exposures e^γ, and with those of the metadata.
-    starts, reached
-        Exponent at which joint estimation was started, and the exponent of its result, m values.
-    costs
-        Mean robust residual of the result, m values.
+    By exponent γ: the robust standard deviation of the grey levels that g^γ and V^γ leave unexplained, in full scale,
+    with exposures e^γ (``free``) and with those of the metadata (``known``). By the exponent that joint estimation
+    started at: the exponent of its result, and its mean robust residual (``costs``).
     """
 
     exponents: Sequence[float]

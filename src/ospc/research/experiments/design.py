@@ -53,18 +53,14 @@ class Experiment(Methods):
 
     Attributes
     ----------
-    comparison
-        The picture of errors.
     stand_ins
         Number of simulated recordings, and frames of each, where nothing else is asked for.
     variants
         Settings of the paper's method by name, each group with its own matching of features.
     rivals
         Makes the other methods for a recording.
-    speed
-        Factor of the speed of the simulated motion.
-    at_rest
-        Whether the simulated camera is at rest.
+    speed, at_rest
+        Of the simulated camera: a factor of its speed, and whether it does not move.
     with_ratios
         Whether exposure ratios are compared with the metadata too.
     """

@@ -48,20 +48,10 @@ _Make = Callable[[Response | None], Method]
 
 @dataclass(frozen=True)
 class System(Methods):
-    """A system, by its name.
+    """A system, by its name, with authors and year of its publication, and what it needs and recovers.
 
-    Attributes
-    ----------
-    authors, year
-        Of its publication.
-    needs, recovers
-        In a few words.
-    method
-        Makes the method, given the true response of which it may use what it says.
-    with_point, without_point
-        Its variants with a known point of the truth and without; empty where there is none.
-    colour
-        Whether it takes frames in colour.
+    ``method`` makes the method, given the true response of which it may use what it says. Its variants with a known
+    point of the truth and without have names; empty where there is none. Some take frames in ``colour``.
     """
 
     authors: str

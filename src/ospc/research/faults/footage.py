@@ -33,16 +33,9 @@ STRENGTHS = ("weak", "medium", "strong")
 class Camera:
     """How the images were made, so that a fault can act on the light before the sensor sees it.
 
-    Attributes
-    ----------
-    irradiance
-        e·V·L of every frame without noise, 1 saturates, shape (frames, height, width).
-    exposures_ms
-        True exposure of every frame, shape (frames,).
-    attenuation
-        V of every pixel, shape (height, width).
-    expose
-        Makes the image of an irradiance, with noise, response and quantisation; takes the number of the frame.
+    ``irradiance`` is e·V·L of every frame without noise, 1 saturates, shape (frames, height, width); ``attenuation``
+    is V of every pixel, shape (height, width). ``expose`` makes the image of an irradiance, with noise, response and
+    quantisation; it takes the number of the frame.
     """
 
     irradiance: Float32Array
@@ -61,18 +54,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class Footage:
-    """A recording in memory, 8 bits a pixel.
+    """A recording in memory: images of 8 bits a pixel, what the metadata say of each, and its id, such as "00012".
 
     Attributes
     ----------
-    images
-        Images of shape (height, width).
-    exposures_ms, stamps_s
-        What the metadata say of every image, shape (frames,).
-    names
-        Ids of the images, such as "00012".
-    camera
-        How the images were made.
     responses
         The responses that count as true. A curve that a fault puts on every grey level alike has two: the camera's,
         for who undoes the curve, and that with the curve, for who does not.

@@ -47,24 +47,18 @@ _CENTRE = 0.1
 
 @dataclass(frozen=True)
 class Run:
-    """What became of a recording with a fault.
+    """What became of a recording with a fault of a strength, by its name and its value.
 
     Attributes
     ----------
-    recording, fault, strength, value
-        The recording, the fault, the name of its strength, and the strength itself.
-    outcome
-        How it ended.
     kappa
         Log-ratio error of the response.
     step, step_sigma
         Error of ln g(0.75)/g(0.25) and its stated standard deviation.
     vignette, vignette_sigmas
         RMSE of the vignette's profile; the same over the root mean square of the stated standard deviation.
-    states
-        Verdicts by name.
-    said
-        The error, warnings, notes, or reasons of verdicts that are not "identifiable".
+    states, said
+        Verdicts by name; the error, or warnings, notes, and reasons of verdicts that are not "identifiable".
     skipped
         Frames that could not be used.
     false_alarm

@@ -59,13 +59,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Brightness:
-    """A pyramid of an image; level 0 is the finest.
-
-    Attributes
-    ----------
-    levels
-        Brightness, its derivatives along x and y, shape (height, width, 3) each.
-    """
+    """A pyramid of an image: brightness and its derivatives along x and y, shape (height, width, 3), finest first."""
 
     levels: tuple[Float32Array, ...]
 
@@ -122,19 +116,9 @@ def align(
 ) -> Aligned:
     """Return the motion from a camera with known points to the camera of another image.
 
-    Gauss-Newton steps from coarse to fine on Huber's function of brightness differences.
-
-    Parameters
-    ----------
-    points_m, reference
-        Points in the frame of the first camera, shape (n, 3), and their brightness on each level of its image, shape
-        (levels, n).
-    image, camera
-        The image of the second camera, and the geometry of both.
-    start
-        Initial motion.
-    affine
-        Whether the brightness of the second image is a·I + b, with a and b estimated too.
+    Gauss-Newton steps from coarse to fine on Huber's function of brightness differences. The points, shape (n, 3),
+    are in the frame of the first camera; ``reference`` is their brightness on each level, shape (levels, n).
+    With ``affine``, the brightness of the second image is a·I + b, and a and b are estimated too.
     """
     problem = _Problem(points_m, reference, image, camera, affine)
     motion, gain, agreeing = start, np.zeros(2), 0.0

@@ -102,22 +102,9 @@ _SUFFIXES = (".png", ".jpg", ".jpeg")
 
 @dataclass(frozen=True)
 class OdometryInput:
-    """A recording under a condition.
+    """A recording under a condition: its folder, with a camera.txt, and what odometry is given.
 
-    Attributes
-    ----------
-    place
-        Folder of the recording, which has a camera.txt.
-    images
-        Folder that holds its images and nothing else, one file a frame, in temporal order by name.
-    stamps_s, exposures_ms
-        Time stamps, and the exposures given to odometry, shape (frames,).
-    condition
-        The condition.
-    photometry
-        Response and vignette, as far as there are any.
-    recording_identity
-        What identifies the recording.
+    ``images`` is a folder that holds its images and nothing else, one file a frame, in temporal order by name.
     """
 
     place: Path

@@ -27,17 +27,9 @@ _ONE_THREAD = {"OMP_NUM_THREADS": "1"}
 
 @dataclass(frozen=True)
 class Program:
-    """A program with the command line of DSO.
+    """A program with the command line of DSO, and further arguments.
 
-    Attributes
-    ----------
-    executable
-        Its path. It is started with ``files= calib= mode= gamma= vignette=`` in a folder of its own and leaves
-        ``result.txt`` there.
-    timeout_s
-        Time limit of a run in seconds.
-    arguments
-        Further arguments.
+    Started with ``files= calib= mode= gamma= vignette=`` in a folder of its own, it leaves ``result.txt`` there.
     """
 
     executable: Path

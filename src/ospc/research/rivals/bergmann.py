@@ -25,14 +25,8 @@ _ITERATIONS_ONLINE, _ITERATIONS = 20, 60
 class Bergmann:
     """Joint estimation from frames, whose exposures are not used, with one point of the true response and without.
 
-    Parameters
-    ----------
-    truth
-        The true response, of which one point is used; None for the variant without only.
-    online
-        Whether an estimate is made every so often from the latest frames, or one from all frames at the end.
-    window, every
-        Frames that an online estimate uses, and frames from one to the next.
+    It is ``online`` where an estimate is made ``every`` so many frames from the latest ``window``, not one from all
+    frames at the end.
     """
 
     def __init__(self, truth: Response | None, *, online: bool, window: int = WINDOW, every: int = EVERY) -> None:

@@ -42,15 +42,7 @@ _FEWEST_UNSATURATED = 100
 
 @dataclass(frozen=True)
 class ExposureSeries:
-    """Images of one view at several exposures.
-
-    Attributes
-    ----------
-    images
-        Grey levels of 8 bits, shape (n, height, width), uint8.
-    exposures_ms
-        Shape (n,).
-    """
+    """8-bit images of one view, shape (n, height, width), and their exposures, shape (n,)."""
 
     images: npt.NDArray[np.uint8]
     exposures_ms: FloatArray
@@ -104,10 +96,7 @@ def response_of_values(values: FloatArray, name: str) -> Response:
     between, gaps are interpolated, and where noise made the curve fall, the nearest curve that does not is taken, by
     least squares.
 
-    Raises
-    ------
-    NotObservableError
-        If too few values are known, or they do not increase.
+    It is a NotObservableError if too few values are known, or they do not increase.
     """
     levels = np.arange(LEVELS)
     known = np.flatnonzero(np.isfinite(values) & (values > 0) & (levels >= _DARKEST) & (levels <= _BRIGHTEST))

@@ -57,18 +57,10 @@ _MOST_PAIRS = 60
 
 @dataclass(frozen=True)
 class TrackedPair:
-    """Grey levels, in [0, 255], of tracked windows in both images, and gradients of the second one.
+    """Grey levels, in [0, 255], of tracked windows in both images, shape (features, pixels).
 
-    Attributes
-    ----------
-    first, second
-        Shape (features, pixels).
-    gradient
-        Of the second image along x and y, shape (features, pixels, 2).
-    displacement
-        Shape (features, 2).
-    log_ratio
-        K.
+    The gradient is that of the second image along x and y, shape (features, pixels, 2); displacements have the shape
+    (features, 2), and ``log_ratio`` is K.
     """
 
     first: FloatArray

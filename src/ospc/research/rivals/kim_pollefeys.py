@@ -64,10 +64,7 @@ def estimate_decoupled(
     ``known`` is the number of a pair and ln of its exposure ratio e₀/e₁, which fixes the exponent; where None, that
     of the pair whose brightness changes most is assumed to be 1.5 or 1/1.5.
 
-    Raises
-    ------
-    NotObservableError
-        If no pair changes its brightness, or too few points move along the radius.
+    It is a NotObservableError if no pair changes its brightness, or too few points move along the radius.
     """
     found = [(number, _transfer(pair)) for number, pair in enumerate(pairs)]
     transfers = [(number, *transfer) for number, transfer in found if transfer is not None]

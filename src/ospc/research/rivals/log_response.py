@@ -32,13 +32,7 @@ _RIDGE = 1e-4
 
 @dataclass(frozen=True)
 class LogModel:
-    """The model at 256 grey levels.
-
-    Attributes
-    ----------
-    mean, components
-        g₀ and hₖ, shapes (256,) and (5, 256); coefficients of usual curves have a variance of 1.
-    """
+    """g₀, shape (256,), and hₖ, shape (5, 256); coefficients of usual curves have a variance of 1."""
 
     mean: FloatArray
     components: FloatArray

@@ -57,18 +57,9 @@ _FEWEST = 300
 
 @dataclass(frozen=True)
 class KeyFramePoints:
-    """Grey levels of scene points in key frames.
+    """Grey levels in [0, 1] of scene points, by number, in key frames, by index, all of shape (n,).
 
-    Attributes
-    ----------
-    size
-        Width and height of the frames.
-    point, frame
-        Number of the scene point and index of the key frame of each observation, shape (n,).
-    grey
-        In [0, 1], shape (n,).
-    position
-        Relative to the image centre, in half diagonals, shape (n, 2).
+    Positions are relative to the image centre, in half diagonals, shape (n, 2); ``size`` is that of the frames.
     """
 
     size: ImageSize

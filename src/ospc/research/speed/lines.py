@@ -66,16 +66,7 @@ _COMMANDS = (
 class SpeedTask:
     """One measurement, made in a process of its own, so that its peak memory is its own too.
 
-    Attributes
-    ----------
-    name
-        What it measures.
-    size, frames
-        Width and height of the frames, and how many of them may be simulated.
-    measure
-        Measures, given the frames.
-    judged
-        Adds goal and verdict.
+    At most so many ``frames`` are simulated; ``judged`` adds goal and verdict.
     """
 
     name: str
@@ -105,17 +96,7 @@ def row_of(stored: dict[str, Any]) -> SpeedRow:
 def speed_tasks(
     presets: tuple[str, ...], sizes: tuple[ImageSize, ...], frames: int, live_s: float, rate_hz: float
 ) -> list[SpeedTask]:
-    """Return all measurements.
-
-    Parameters
-    ----------
-    presets, sizes
-        Names of presets, and sizes of the frames.
-    frames
-        Frames at most; of preset "paper" fewer.
-    live_s, rate_hz
-        Seconds that a camera is simulated live, 0 for none, and its frames per second.
-    """
+    """Return all measurements, with so many frames at most, of preset "paper" fewer, and ``live_s`` seconds live."""
     return [task for size in sizes for task in _tasks_of(size, presets, frames, live_s, rate_hz)]
 
 

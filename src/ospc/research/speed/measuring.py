@@ -40,16 +40,10 @@ class SpeedRow:
 
     Attributes
     ----------
-    what
-        What was measured.
-    size
-        Width and height of the frames.
     frames, seconds, cpu_s
         Frames, the time of all of them with all that belongs to it, and the processor time of all threads.
-    against
-        What it is compared with: ``"decoding"`` the same frames in one thread, or ``"copying"`` the same data.
-    against_s, against_cpu_s
-        Time, and processor time, of that.
+    against, against_s, against_cpu_s
+        What it is compared with, "decoding" the same frames in one thread, or "copying" the same data, and its times.
     push_ms
         Median, 99th percentile and maximum of the time of one push; None where nothing is pushed.
     peak_mb
@@ -58,8 +52,6 @@ class SpeedRow:
         Seconds by stage; the last, "other", is the rest. Empty where they are not known.
     goal, met
         What it should reach, and whether it does; None where there is no goal.
-    notes
-        Remarks.
     """
 
     what: str
@@ -99,13 +91,7 @@ class SpeedRow:
 
 
 def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRow:
-    """Measure pushing frames and the final calibration with a preset in this process, with clocks in its steps.
-
-    Raises
-    ------
-    OspcError
-        If the recording cannot be calibrated.
-    """
+    """Measure pushing frames and the final calibration with a preset in this process, with clocks in its steps."""
     from ospc.calibrator import OnlineCalibrator, drive
     from ospc.research.speed.reel import clocks, with_rest
 

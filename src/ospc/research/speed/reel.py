@@ -34,13 +34,7 @@ _SEED = 7
 
 @dataclass(frozen=True)
 class Reel:
-    """Encoded frames of a simulated walk, played forward and backward.
-
-    Attributes
-    ----------
-    images, exposures_ms
-        Grey JPEG files, and the exposure of each in milliseconds.
-    """
+    """Encoded frames of a simulated walk, grey JPEG files with their exposures, played forward and backward."""
 
     images: tuple[bytes, ...]
     exposures_ms: tuple[float, ...]
