@@ -97,62 +97,34 @@ def _paper(_truth: Response | None) -> Method:
 SYSTEMS = (
     System("ours", "this project", 2026, _EXPOSURES, _BOTH, lambda _: OwnMethod(variant="ours"), "", "ours"),
     System("paper", "Haidar, Khalil, Asmar", 2024, _EXPOSURES, _BOTH, _paper, "", "paper"),
-    System(
-        "debevec-malik", "Debevec, Malik", 1997, _REST, "response",
-        lambda _: CameraAtRest("debevec-malik", debevec_malik), "", "debevec-malik",
-    ),
-    System(
-        "mitsunaga-nayar", "Mitsunaga, Nayar", 1999, _REST, "response",
+    System("debevec-malik", "Debevec, Malik", 1997, _REST, "response",
+        lambda _: CameraAtRest("debevec-malik", debevec_malik), "", "debevec-malik"),
+    System("mitsunaga-nayar", "Mitsunaga, Nayar", 1999, _REST, "response",
         lambda _: CameraAtRest("mitsunaga-nayar", lambda series: mitsunaga_nayar(series).response),
-        "", "mitsunaga-nayar",
-    ),
-    System(
-        "engel", "Engel, Usenko, Cremers", 2016, _REST, "response",
-        lambda _: CameraAtRest("engel", engel_response), "", "engel",
-    ),
-    System(
-        "lin-2004", "Lin, Gu, Yamazaki, Shum", 2004, "one colour image", "response",
-        lambda _: single.from_edges("lin-2004-without", edge_colour_response), "", "lin-2004-without", colour=True,
-    ),
-    System(
-        "lin-zhang-2005", "Lin, Zhang", 2005, "one grey image", "response",
-        lambda _: single.from_edges("lin-zhang-2005-without", edge_histogram_response), "", "lin-zhang-2005-without",
-    ),
-    System(
-        "kim-frahm-pollefeys", "Kim, Frahm, Pollefeys", 2007, _UNKNOWN, "response, exposures",
-        KimFrahmPollefeys, *_variants("kim-frahm-pollefeys"),
-    ),
-    System(
-        "kim-pollefeys", "Kim, Pollefeys", 2008, "aligned images", _ALL,
-        lambda _: KimPollefeys(), "kim-pollefeys-known", "kim-pollefeys-assumed",
-    ),
-    System(
-        "zheng-2008", "Zheng, Lin, Kambhamettu, Yu, Kang", 2008, "one image, its response", "vignette",
-        single.zheng_2008, *_variants("zheng-2008"),
-    ),
-    System(
-        "zheng-segments", "Zheng, Lin, Kambhamettu, Yu, Kang", 2009, "one image, its response", "vignette",
-        single.zheng_segments, *_variants("zheng-segments"),
-    ),
-    System(
-        "grundmann", "Grundmann, McClanahan, Kang, Essa", 2013, _UNKNOWN, "responses, exposures",
-        Grundmann, *_variants("grundmann"),
-    ),
-    System(
-        "bergmann", "Bergmann, Wang, Cremers", 2018, _UNKNOWN, _ALL,
-        lambda truth: Bergmann(truth, online=True), "joint-online-wgt", "joint-online-wogt",
-    ),
-    System(
-        "quenzel", "Quenzel, Horn, Houben, Behnke", 2018, _UNKNOWN, _ALL, Quenzel, *_variants("quenzel"),
-    ),
-    System(
-        "mo", "Mo, Shi, Yeung, Matsushita", 2019, "images of one scene, in colour", "response",
-        Mo, *_variants("mo"), colour=True,
-    ),
-    System(
-        "fallback", "this project, --fallback single-image", 2026, "one image", _BOTH,
-        lambda _: single.fallback(), "", "fallback-without", colour=True,
-    ),
+        "", "mitsunaga-nayar"),
+    System("engel", "Engel, Usenko, Cremers", 2016, _REST, "response",
+        lambda _: CameraAtRest("engel", engel_response), "", "engel"),
+    System("lin-2004", "Lin, Gu, Yamazaki, Shum", 2004, "one colour image", "response",
+        lambda _: single.from_edges("lin-2004-without", edge_colour_response), "", "lin-2004-without", colour=True),
+    System("lin-zhang-2005", "Lin, Zhang", 2005, "one grey image", "response",
+        lambda _: single.from_edges("lin-zhang-2005-without", edge_histogram_response), "", "lin-zhang-2005-without"),
+    System("kim-frahm-pollefeys", "Kim, Frahm, Pollefeys", 2007, _UNKNOWN, "response, exposures",
+        KimFrahmPollefeys, *_variants("kim-frahm-pollefeys")),
+    System("kim-pollefeys", "Kim, Pollefeys", 2008, "aligned images", _ALL,
+        lambda _: KimPollefeys(), "kim-pollefeys-known", "kim-pollefeys-assumed"),
+    System("zheng-2008", "Zheng, Lin, Kambhamettu, Yu, Kang", 2008, "one image, its response", "vignette",
+        single.zheng_2008, *_variants("zheng-2008")),
+    System("zheng-segments", "Zheng, Lin, Kambhamettu, Yu, Kang", 2009, "one image, its response", "vignette",
+        single.zheng_segments, *_variants("zheng-segments")),
+    System("grundmann", "Grundmann, McClanahan, Kang, Essa", 2013, _UNKNOWN, "responses, exposures",
+        Grundmann, *_variants("grundmann")),
+    System("bergmann", "Bergmann, Wang, Cremers", 2018, _UNKNOWN, _ALL,
+        lambda truth: Bergmann(truth, online=True), "joint-online-wgt", "joint-online-wogt"),
+    System("quenzel", "Quenzel, Horn, Houben, Behnke", 2018, _UNKNOWN, _ALL, Quenzel, *_variants("quenzel")),
+    System("mo", "Mo, Shi, Yeung, Matsushita", 2019, "images of one scene, in colour", "response",
+        Mo, *_variants("mo"), colour=True),
+    System("fallback", "this project, --fallback single-image", 2026, "one image", _BOTH,
+        lambda _: single.fallback(), "", "fallback-without", colour=True),
 )  # fmt: skip
 """All systems, in the order of their years, after ours and the paper's."""
 

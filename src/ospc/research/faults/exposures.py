@@ -77,59 +77,37 @@ def _shuffled(e: FloatArray, share: float, random: np.random.Generator) -> Float
 
 FAULTS = (
     _stated("offset", "{} ms added to every exposure", (0.5, 1, 2), lambda e, x, _: e + x),
-    _stated(
-        "offset-down", "{} of the shortest exposure taken off every one", (0.2, 0.5, 0.8),
-        lambda e, x, _: e - x * e.min(),
-    ),
+    _stated("offset-down", "{} of the shortest exposure taken off every one", (0.2, 0.5, 0.8),
+        lambda e, x, _: e - x * e.min()),
     _stated("logarithm", "log2 of the exposure plus {}", (8, 5, 2), lambda e, x, _: np.log2(e) + x),
     _stated("power", "exposures to the power of {}", (0.95, 0.9, 0.8), lambda e, x, _: e**x),
     _stated("power-up", "exposures to the power of {}", (1.05, 1.1, 1.25), lambda e, x, _: e**x),
     _stated("reciprocal", "1000 over the exposure to the power of {}", (0.2, 1, 2), lambda e, x, _: 1000.0 * e**-x),
-    _stated(
-        "ceiling", "exposures above their quantile {} are a hidden gain", (0.95, 0.85, 0.5),
-        lambda e, x, _: np.minimum(e, np.quantile(e, x)),
-    ),
-    _stated(
-        "floor", "exposures below their quantile {} are an iris", (0.05, 0.15, 0.5),
-        lambda e, x, _: np.maximum(e, np.quantile(e, x)),
-    ),
-    _stated(
-        "dual-gain", "a hidden gain of {} above the middle exposure", (1.05, 1.2, 2),
-        lambda e, x, _: np.where(e > np.median(e), e / x, e),
-    ),
-    _stated(
-        "gain-when-dark", "a hidden gain of {} in the fifth of the longest exposures", (1.1, 1.5, 4),
-        lambda e, x, _: np.where(e > np.quantile(e, 0.8), e / x, e),
-    ),
+    _stated("ceiling", "exposures above their quantile {} are a hidden gain", (0.95, 0.85, 0.5),
+        lambda e, x, _: np.minimum(e, np.quantile(e, x))),
+    _stated("floor", "exposures below their quantile {} are an iris", (0.05, 0.15, 0.5),
+        lambda e, x, _: np.maximum(e, np.quantile(e, x))),
+    _stated("dual-gain", "a hidden gain of {} above the middle exposure", (1.05, 1.2, 2),
+        lambda e, x, _: np.where(e > np.median(e), e / x, e)),
+    _stated("gain-when-dark", "a hidden gain of {} in the fifth of the longest exposures", (1.1, 1.5, 4),
+        lambda e, x, _: np.where(e > np.quantile(e, 0.8), e / x, e)),
     _stated("hidden-gain", "a hidden gain of ±{} that switches every 10 frames", (0.02, 0.05, 0.1), _hidden_gain),
-    _stated(
-        "drift", "exposures that drift from the truth to a factor of {}", (1.05, 1.2, 1.5),
-        lambda e, x, _: e * np.geomspace(1, x, e.size),
-    ),
-    _stated(
-        "stale", "exposures written anew only every {} frames", (3, 10, 30),
-        lambda e, x, _: e[np.arange(e.size) // int(x) * int(x)],
-    ),
+    _stated("drift", "exposures that drift from the truth to a factor of {}", (1.05, 1.2, 1.5),
+        lambda e, x, _: e * np.geomspace(1, x, e.size)),
+    _stated("stale", "exposures written anew only every {} frames", (3, 10, 30),
+        lambda e, x, _: e[np.arange(e.size) // int(x) * int(x)]),
     _stated("late", "exposures {} frames late", (1, 2, 3), lambda e, x, _: _moved(e, x)),
     _stated("early", "exposures {} frames early", (1, 2, 3), lambda e, x, _: _moved(e, -x)),
     _stated("late-by-a-part", "exposures {} of a frame late", (0.25, 0.5, 0.75), lambda e, x, _: _moved(e, x)),
     _stated("changing-lag", "exposures 1 frame late, a share of {} 2 frames", (0.1, 0.3, 0.5), _changing_lag),
-    _stated(
-        "lag-midway", "exposures {} frames late from half-way on", (1, 2, 3),
-        lambda e, x, _: _moved(e, np.where(np.arange(e.size) >= e.size // 2, float(x), 0.0)),
-    ),
+    _stated("lag-midway", "exposures {} frames late from half-way on", (1, 2, 3),
+        lambda e, x, _: _moved(e, np.where(np.arange(e.size) >= e.size // 2, float(x), 0.0))),
     _stated("smoothed", "a mean over {} frames instead of each exposure", (3, 5, 9), _smoothed),
-    _stated(
-        "stops", "exposures rounded to {} stops", (0.25, 0.5, 1),
-        lambda e, x, _: 2.0 ** (np.rint(np.log2(e) / x) * x),
-    ),
-    _stated(
-        "rounded", "exposures rounded to {} ms", (0.5, 1, 5), lambda e, x, _: np.maximum(np.rint(e / x), 1) * x
-    ),
-    _stated(
-        "jitter", "exposures that scatter by {}", (0.01, 0.03, 0.1),
-        lambda e, x, random: e * np.exp(x * random.standard_normal(e.size)),
-    ),
+    _stated("stops", "exposures rounded to {} stops", (0.25, 0.5, 1),
+        lambda e, x, _: 2.0 ** (np.rint(np.log2(e) / x) * x)),
+    _stated("rounded", "exposures rounded to {} ms", (0.5, 1, 5), lambda e, x, _: np.maximum(np.rint(e / x), 1) * x),
+    _stated("jitter", "exposures that scatter by {}", (0.01, 0.03, 0.1),
+        lambda e, x, random: e * np.exp(x * random.standard_normal(e.size))),
     _in_lines("tenfold", "ten times the exposure in a share of {} of lines", (0.002, 0.01, 0.05), lambda e: 10 * e),
     _in_lines("not-a-number", "no number in a share of {} of lines", (0.01, 0.05, 0.2), lambda _: np.nan),
     _in_lines("zero", "0 in a share of {} of lines", (0.01, 0.05, 0.2), lambda _: 0.0),
@@ -137,10 +115,8 @@ FAULTS = (
     _in_lines("mixed-units", "microseconds in a share of {} of lines", (0.01, 0.1, 0.5), lambda e: 1000 * e),
     _in_lines("lost-digit", "the first digit lost in a share of {} of lines", (0.01, 0.05, 0.2), _lost_digit),
     _stated("another-unit", "{} times all exposures", (0.001, 1000, 1e6), lambda e, x, _: x * e),
-    _stated(
-        "constant-written", "one exposure written for the first {} of frames", (0.2, 0.5, 1),
-        lambda e, x, _: np.where(np.arange(e.size) < x * e.size, np.median(e), e),
-    ),
+    _stated("constant-written", "one exposure written for the first {} of frames", (0.2, 0.5, 1),
+        lambda e, x, _: np.where(np.arange(e.size) < x * e.size, np.median(e), e)),
     _stated("swapped", "exposures of neighbours swapped at a share of {} of frames", (0.05, 0.2, 0.5), _swapped),
     _stated("shuffled", "exposures shuffled among a share of {} of frames", (0.05, 0.2, 1), _shuffled),
 )  # fmt: skip

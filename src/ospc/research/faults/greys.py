@@ -165,84 +165,50 @@ def _disc(footage: Footage, radius: float, _random: np.random.Generator) -> Foot
 
 
 FAULTS = (
-    Fault(
-        "limited-range", "video of limited range that is not expanded, black at {}", (8, 16, 32),
-        lambda f, black, _: _curved(f, black + _GREYS * _limited_scale(black)),
-    ),
-    Fault(
-        "expanded-twice", "full range expanded as if its black were at {}", (8, 16, 32),
-        lambda f, black, _: _curved(f, (_GREYS - black) / _limited_scale(black)),
-    ),
+    Fault("limited-range", "video of limited range that is not expanded, black at {}", (8, 16, 32),
+        lambda f, black, _: _curved(f, black + _GREYS * _limited_scale(black))),
+    Fault("expanded-twice", "full range expanded as if its black were at {}", (8, 16, 32),
+        lambda f, black, _: _curved(f, (_GREYS - black) / _limited_scale(black))),
     Fault("pedestal", "{} grey levels added", (5, 10, 20), lambda f, x, _: _curved(f, _GREYS + x)),
-    Fault(
-        "pedestal-drift", "a pedestal that grows to {} grey levels", (5, 10, 20),
-        lambda f, x, _: _looked_up(f, lambda i: _GREYS + x * i / len(f)),
-    ),
-    Fault(
-        "white-clipped", "grey values end at {}", (250, 235, 200),
-        lambda f, x, _: _looked_up(f, lambda _i: np.minimum(_GREYS, x)),
-    ),
-    Fault(
-        "gamma-midway", "an exponent of {} on the second half", (1.1, 1.2, 1.5),
-        lambda f, x, _: _looked_up(f, lambda i: _gamma(x if i >= half(f) else 1.0)),
-    ),
-    Fault(
-        "gamma-drift", "an exponent that drifts to {}", (1.1, 1.2, 1.5),
-        lambda f, x, _: _looked_up(f, lambda i: _gamma(x ** (i / len(f)))),
-    ),
+    Fault("pedestal-drift", "a pedestal that grows to {} grey levels", (5, 10, 20),
+        lambda f, x, _: _looked_up(f, lambda i: _GREYS + x * i / len(f))),
+    Fault("white-clipped", "grey values end at {}", (250, 235, 200),
+        lambda f, x, _: _looked_up(f, lambda _i: np.minimum(_GREYS, x))),
+    Fault("gamma-midway", "an exponent of {} on the second half", (1.1, 1.2, 1.5),
+        lambda f, x, _: _looked_up(f, lambda i: _gamma(x if i >= half(f) else 1.0))),
+    Fault("gamma-drift", "an exponent that drifts to {}", (1.1, 1.2, 1.5),
+        lambda f, x, _: _looked_up(f, lambda i: _gamma(x ** (i / len(f))))),
     Fault(
         "gamma-by-brightness", "an exponent that follows brightness, base {}", (1.1, 1.3, 1.6), _gamma_by_brightness
     ),
     Fault("two-gammas", "an exponent of {} on three frames of ten", (1.1, 1.2, 1.5), _two_gammas),
     Fault("auto-contrast", "every frame stretched to the full scale, a share of {}", (0.25, 0.5, 1), _auto_contrast),
-    Fault(
-        "equalised", "histograms equalised, a share of {}", (0.1, 0.3, 1),
-        lambda f, x, _: _each(f, lambda image: cv2.addWeighted(image, 1 - x, cv2.equalizeHist(image), x, 0)),
-    ),
-    Fault(
-        "clahe", "local histogram equalisation with clip limit {}", (1, 2, 4),
-        lambda f, x, _: _each(f, cv2.createCLAHE(clipLimit=x, tileGridSize=(8, 8)).apply),
-    ),
+    Fault("equalised", "histograms equalised, a share of {}", (0.1, 0.3, 1),
+        lambda f, x, _: _each(f, lambda image: cv2.addWeighted(image, 1 - x, cv2.equalizeHist(image), x, 0))),
+    Fault("clahe", "local histogram equalisation with clip limit {}", (1, 2, 4),
+        lambda f, x, _: _each(f, cv2.createCLAHE(clipLimit=x, tileGridSize=(8, 8)).apply)),
     Fault("tone-mapping", "surroundings compressed by an exponent of {}", (0.05, 0.1, 0.25), _tone_mapped),
-    Fault(
-        "bilateral", "bilateral filter, {} grey levels", (10, 25, 60),
-        lambda f, x, _: _each(f, lambda image: cv2.bilateralFilter(image, 7, x, 3)),
-    ),
+    Fault("bilateral", "bilateral filter, {} grey levels", (10, 25, 60),
+        lambda f, x, _: _each(f, lambda image: cv2.bilateralFilter(image, 7, x, 3))),
     Fault("temporal-denoising", "average with earlier frames, share {}", (0.3, 0.5, 0.7), _temporal),
-    Fault(
-        "median-filter", "median filter of {} pixels a side", (3, 5, 7),
-        lambda f, x, _: _each(f, lambda image: cv2.medianBlur(image, int(x))),
-    ),
-    Fault(
-        "blur", "Gaussian blur of {} pixels", (1, 2, 4),
-        lambda f, x, _: _filtered(f, lambda image: np.asarray(cv2.GaussianBlur(image, (0, 0), x))),
-    ),
-    Fault(
-        "sharpening", "unsharp mask of strength {}", (0.5, 1, 2),
-        lambda f, x, _: _filtered(f, lambda image: image + x * (image - cv2.GaussianBlur(image, (0, 0), 1.5))),
-    ),
-    Fault(
-        "jpeg", "JPEG of quality {}", (60, 30, 10), lambda f, x, _: _each(f, lambda image: _compressed(image, x))
-    ),
-    Fault(
-        "upscaled", "enlarged from images {} times smaller", (1.5, 2, 4),
-        lambda f, x, _: _each(f, lambda image: _enlarged(image, x)),
-    ),
-    Fault(
-        "fewer-levels", "only every {}th grey level", (2, 4, 16),
-        lambda f, x, _: _looked_up(f, lambda _i: (_GREYS // x + 0.5) * x),
-    ),
-    Fault(
-        "noise", "Gaussian noise of {} grey levels", (3, 6, 12),
-        lambda f, x, random: _filtered(f, lambda image: image + x * random.standard_normal(image.shape)),
-    ),
+    Fault("median-filter", "median filter of {} pixels a side", (3, 5, 7),
+        lambda f, x, _: _each(f, lambda image: cv2.medianBlur(image, int(x)))),
+    Fault("blur", "Gaussian blur of {} pixels", (1, 2, 4),
+        lambda f, x, _: _filtered(f, lambda image: np.asarray(cv2.GaussianBlur(image, (0, 0), x)))),
+    Fault("sharpening", "unsharp mask of strength {}", (0.5, 1, 2),
+        lambda f, x, _: _filtered(f, lambda image: image + x * (image - cv2.GaussianBlur(image, (0, 0), 1.5)))),
+    Fault("jpeg", "JPEG of quality {}", (60, 30, 10), lambda f, x, _: _each(f, lambda image: _compressed(image, x))),
+    Fault("upscaled", "enlarged from images {} times smaller", (1.5, 2, 4),
+        lambda f, x, _: _each(f, lambda image: _enlarged(image, x))),
+    Fault("fewer-levels", "only every {}th grey level", (2, 4, 16),
+        lambda f, x, _: _looked_up(f, lambda _i: (_GREYS // x + 0.5) * x)),
+    Fault("noise", "Gaussian noise of {} grey levels", (3, 6, 12),
+        lambda f, x, random: _filtered(f, lambda image: image + x * random.standard_normal(image.shape))),
     Fault("impulses", "a share of {} of pixels black or white, anew in every frame", (0.001, 0.01, 0.05), _impulses),
     Fault("dead-pixels", "a share of {} of pixels always black or white", (0.0001, 0.001, 0.01), _dead_pixels),
     Fault("fixed-columns", "a fixed offset for each column of {} grey levels", (1, 2, 4), _fixed_columns),
-    Fault(
-        "row-noise", "an offset for each row and frame of {} grey levels", (1, 2, 4),
-        lambda f, x, random: _filtered(f, lambda image: image + x * random.standard_normal((len(image), 1))),
-    ),
+    Fault("row-noise", "an offset for each row and frame of {} grey levels", (1, 2, 4),
+        lambda f, x, random: _filtered(f, lambda image: image + x * random.standard_normal((len(image), 1)))),
     Fault("overlay", "a clock in a box over a share of {} of the image", (0.02, 0.05, 0.1), _overlay),
     Fault("watermark", "a watermark of opacity {}", (0.1, 0.3, 0.6), _watermark),
     Fault("letterbox", "black bars over a share of {} of the image", (0.05, 0.15, 0.3), _letterbox),

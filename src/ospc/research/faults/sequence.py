@@ -157,41 +157,27 @@ def _duplicate_ids(footage: Footage, share: float, random: np.random.Generator) 
 
 
 FAULTS = (
-    Fault(
-        "lost-images", "a share of {} of images lost, numbering goes on", (0.005, 0.02, 0.1),
-        lambda f, x, random: _renumbered(f, ~some(len(f), x, random)),
-    ),
+    Fault("lost-images", "a share of {} of images lost, numbering goes on", (0.005, 0.02, 0.1),
+        lambda f, x, random: _renumbered(f, ~some(len(f), x, random))),
     Fault("lost-block", "{} images lost at once, numbering goes on", (3, 10, 40), _lost_block),
     Fault("stutter", "a share of {} of images repeated, exposures go on", (0.005, 0.02, 0.1), _stutter),
     Fault("repeated", "a share of {} of frames repeated with their exposures", (0.05, 0.2, 0.5), _repeated),
     Fault("frozen", "the picture frozen for a share of {}", (0.05, 0.15, 0.5), _frozen),
-    Fault(
-        "dropped", "a share of {} of frames dropped", (0.05, 0.2, 0.6),
-        lambda f, x, random: f.chosen(~some(len(f), x, random)),
-    ),
-    Fault(
-        "time-lapse", "every {}th frame only", (2, 4, 10),
-        lambda f, x, _: f.chosen(np.arange(len(f)) % int(x) == 0),
-    ),
-    Fault(
-        "short", "a share of {} of the recording", (0.5, 0.2, 0.08),
-        lambda f, x, _: f.chosen(np.arange(len(f)) < max(2, x * len(f))),
-    ),
+    Fault("dropped", "a share of {} of frames dropped", (0.05, 0.2, 0.6),
+        lambda f, x, random: f.chosen(~some(len(f), x, random))),
+    Fault("time-lapse", "every {}th frame only", (2, 4, 10),
+        lambda f, x, _: f.chosen(np.arange(len(f)) % int(x) == 0)),
+    Fault("short", "a share of {} of the recording", (0.5, 0.2, 0.08),
+        lambda f, x, _: f.chosen(np.arange(len(f)) < max(2, x * len(f)))),
     Fault("cuts", "pieces of {} frames in another order", (50, 10, 1), _cuts),
-    Fault(
-        "covered", "a share of {} of images black", (0.02, 0.1, 0.3),
-        lambda f, x, random: _changed(f, x, random, np.zeros_like),
-    ),
+    Fault("covered", "a share of {} of images black", (0.02, 0.1, 0.3),
+        lambda f, x, random: _changed(f, x, random, np.zeros_like)),
     Fault("torn", "the lower half missing in a share of {} of images", (0.01, 0.05, 0.2), _torn),
     Fault("interlaced", "every other row from {} frames later", (1, 2, 4), _interlaced),
-    Fault(
-        "resized", "{} times the size from half-way on", (0.9, 0.75, 0.5),
-        lambda f, x, _: _since_midway(f, lambda image: np.asarray(cv2.resize(image, None, fx=x, fy=x))),
-    ),
-    Fault(
-        "zoom", "a digital zoom of {} from half-way on", (1.05, 1.2, 1.5),
-        lambda f, x, _: _since_midway(f, lambda image: _zoomed_in(image, x)),
-    ),
+    Fault("resized", "{} times the size from half-way on", (0.9, 0.75, 0.5),
+        lambda f, x, _: _since_midway(f, lambda image: np.asarray(cv2.resize(image, None, fx=x, fy=x)))),
+    Fault("zoom", "a digital zoom of {} from half-way on", (1.05, 1.2, 1.5),
+        lambda f, x, _: _since_midway(f, lambda image: _zoomed_in(image, x))),
     Fault("stabilised", "digital stabilisation that moves images by {} pixels", (1, 3, 8), _stabilised),
     Fault("rolling-shutter", "images sheared by {} pixels", (2, 5, 12), _sheared),
     Fault("mirrored", "images mirrored in the first {}", (0.1, 0.3, 0.5), _mirrored),
@@ -199,16 +185,10 @@ FAULTS = (
     Fault("missing-lines", "a share of {} of lines missing in times.txt", (0.01, 0.1, 0.5), _missing_lines),
     Fault("missing-files", "a share of {} of image files missing", (0.01, 0.1, 0.5), _missing_files),
     Fault("duplicate-ids", "the id before in a share of {} of lines", (0.01, 0.1, 0.5), _duplicate_ids),
-    Fault(
-        "decimal-commas", "decimal commas in a share of {} of lines", (0.01, 0.3, 1),
-        lambda f, x, random: _rewritten(f, x, random, lambda line: [part.replace(".", ",") for part in line]),
-    ),
-    Fault(
-        "swapped-columns", "stamp and exposure swapped in a share of {} of lines", (0.01, 0.3, 1),
-        lambda f, x, random: _rewritten(f, x, random, lambda line: [line[0], line[2], line[1]]),
-    ),
-    Fault(
-        "cut-lines", "no exposure in a share of {} of lines", (0.01, 0.1, 0.5),
-        lambda f, x, random: _rewritten(f, x, random, lambda line: line[:2]),
-    ),
+    Fault("decimal-commas", "decimal commas in a share of {} of lines", (0.01, 0.3, 1),
+        lambda f, x, random: _rewritten(f, x, random, lambda line: [part.replace(".", ",") for part in line])),
+    Fault("swapped-columns", "stamp and exposure swapped in a share of {} of lines", (0.01, 0.3, 1),
+        lambda f, x, random: _rewritten(f, x, random, lambda line: [line[0], line[2], line[1]])),
+    Fault("cut-lines", "no exposure in a share of {} of lines", (0.01, 0.1, 0.5),
+        lambda f, x, random: _rewritten(f, x, random, lambda line: line[:2])),
 )  # fmt: skip
