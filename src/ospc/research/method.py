@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from time import process_time
 from typing import Protocol, TypeAlias
 
@@ -30,7 +31,7 @@ from ospc.methods.paper import (
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
-from ospc.recording.frame import Frame
+from ospc.recording.frame import Frame, size_of
 from ospc.research.held_out import HeldOutPair
 from ospc.research.runner import OnProgress
 from ospc.settings import PaperSettings
@@ -64,11 +65,9 @@ class Method(Protocol):
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
-        ...
 
     def found(self) -> dict[str, Outcome]:
         """Return the outcome of every variant by its name."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -173,12 +172,11 @@ class PaperVariants:
         """Take the next frame; a variant that breaks down leaves the others alone."""
         if not self._methods:
             shared: dict[tuple[object, ...], SharedMatcher] = {}
-            size = (frame.image.shape[1], frame.image.shape[0])
             for name, settings in self._variants.items():
                 alike = tuple(getattr(settings, setting) for setting in _MATCHING)
                 if alike not in shared:
                     shared[alike] = SharedMatcher(FeatureMatcher(settings))
-                self._methods[name] = PaperMethod(settings, size, frame.max_grey, shared[alike])
+                self._methods[name] = PaperMethod(settings, size_of(frame.image), frame.max_grey, shared[alike])
         self._exposures.append(frame.exposure_ms)
         for name in self._methods.keys() - self._failures.keys():
             try:
@@ -188,13 +186,12 @@ class PaperVariants:
 
     def found(self) -> dict[str, Outcome]:
         """Return the calibrations."""
-        outcomes: dict[str, Outcome] = {}
-        for name, method in self._methods.items():
-            try:
-                outcomes[name] = self._failures.get(name) or Estimate.of(method.calibration(self._exposures))
-            except Exception as error:
-                outcomes[name] = failure(error)
-        return outcomes
+        left = {name: method for name, method in self._methods.items() if name not in self._failures}
+        found = outcomes_of({name: partial(self._estimate, method) for name, method in left.items()})
+        return {name: self._failures.get(name) or found[name] for name in self._methods}
+
+    def _estimate(self, method: PaperMethod) -> Estimate:
+        return Estimate.of(method.calibration(self._exposures))
 
 
 class SharedMatcher:
@@ -227,13 +224,12 @@ class SolversKnowingResponse:
         self._response, self._settings = response, settings
         self._matcher = FeatureMatcher(settings)
         self._recent: deque[tuple[Features, float]] = deque()
-        self._rows: list[FloatArray] = []
-        self._targets: list[FloatArray] = []
+        self._equations: list[tuple[FloatArray, FloatArray]] = []
         self._size: ImageSize = (0, 0)
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
-        self._size = (frame.image.shape[1], frame.image.shape[0])
+        self._size = size_of(frame.image)
         features = self._matcher.features(frame)
         self._recent.append((features, frame.exposure_ms))
         if len(self._recent) <= self._settings.vignette_offset:
@@ -242,16 +238,15 @@ class SolversKnowingResponse:
         found = self._matcher.correspondences(left, features, self._size)
         exposed = (np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1)
         moving = found.radial_displacement >= self._settings.vignette_min_radial_displacement
-        rows, targets = vignette_rows(found.select(exposed & moving), left_ms / frame.exposure_ms, self._response)
-        self._rows.append(rows)
-        self._targets.append(targets)
+        pairs = found.select(exposed & moving)
+        self._equations.append(vignette_rows(pairs, left_ms / frame.exposure_ms, self._response))
 
     def found(self) -> dict[str, Outcome]:
         """Return the vignette of each solver."""
-        count = sum(map(len, self._targets))
+        count = sum(len(targets) for _, targets in self._equations)
         if count < self._settings.min_samples:
             return {f"true g/{name}": f"only {count} points move along the radius" for name in VIGNETTE_SOLVERS}
-        rows, targets = np.concatenate(self._rows), np.concatenate(self._targets)
+        rows, targets = (np.concatenate(parts) for parts in zip(*self._equations, strict=True))
         outcomes: dict[str, Outcome] = {}
         for name in VIGNETTE_SOLVERS:
             coefficients = tuple(solve_vignette(rows, targets, name, self._settings.huber_tuning).tolist())

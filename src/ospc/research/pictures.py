@@ -6,7 +6,6 @@ A picture that cannot be written is a :class:`~ospc.errors.FormatError`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,20 +21,6 @@ _FEWEST_SAMPLES = 10
 
 _PANEL_IN = (7.5, 4.6)
 """Width and height of a panel of errors in inches."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A picture of errors with a panel for each metric.
-
-    ``varied`` is the value of the setting on the ``axis``, by the name of the method; empty where methods differ in
-    kind.
-    """
-
-    title: str
-    metrics: tuple[Metric, ...]
-    varied: dict[str, float] = field(default_factory=dict)
-    axis: str = ""
 
 
 def look(number: int) -> dict[str, Any]:
@@ -54,27 +39,39 @@ def figure_of_panels(count: int, most_columns: int, panel_in: tuple[float, float
     return figure, panels[:count]
 
 
-def draw_errors(comparison: Comparison, rows: Sequence[Measurement], path: Path) -> Path:
-    """Draw the errors of every recording and their medians, by method or over the varied setting."""
+def draw_errors(
+    title: str,
+    metrics: Sequence[Metric],
+    rows: Sequence[Measurement],
+    path: Path,
+    *,
+    varied: Mapping[str, float] | None = None,
+    axis: str = "",
+) -> Path:
+    """Draw the errors of every recording and their medians in a panel for each metric, by method.
+
+    Where methods differ in the value of a setting, that is ``varied`` by their names, and what the ``axis`` shows.
+    """
     with rules():
-        figure, panels = figure_of_panels(len(comparison.metrics), 2, _PANEL_IN)
-        figure.suptitle(comparison.title)
-        for axes, metric in zip(panels, comparison.metrics, strict=True):
-            _draw_panel(axes, comparison, metric, rows)
+        figure, panels = figure_of_panels(len(metrics), 2, _PANEL_IN)
+        figure.suptitle(title)
+        for axes, metric in zip(panels, metrics, strict=True):
+            _draw_panel(axes, metric, rows, varied or {})
+            if varied:
+                axes.set(xlabel=axis)
         return save(figure, path)
 
 
-def _draw_panel(axes: Any, comparison: Comparison, metric: Metric, rows: Sequence[Measurement]) -> None:
+def _draw_panel(axes: Any, metric: Metric, rows: Sequence[Measurement], varied: Mapping[str, float]) -> None:
     middle = medians(rows, metric.figure)
-    places = {name: comparison.varied.get(name, float(number)) for number, name in enumerate(middle)}
+    places = {name: varied.get(name, float(number)) for number, name in enumerate(middle)}
     values = [(places[row.method], row.figures[metric.figure]) for row in rows if metric.figure in row.figures]
     if values:
         axes.plot(*zip(*values, strict=True), "o", color=GREY, ms=4, alpha=0.7)
     finite = {name: value for name, value in middle.items() if np.isfinite(value)}
     xs, ys = [places[name] for name in finite], list(finite.values())
-    if comparison.varied:
+    if varied:
         axes.plot(xs, ys, "-o", color=BLUE, ms=6, label="median")
-        axes.set(xlabel=comparison.axis)
     else:
         axes.plot(xs, ys, "_", color=BLUE, ms=28, mew=3, label="median")
         axes.set_xticks(list(places.values()), list(places), rotation=20, ha="right")

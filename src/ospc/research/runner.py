@@ -92,15 +92,12 @@ class Task(Protocol):
     @property
     def name(self) -> str:
         """Its name, for people."""
-        ...
 
     def describe(self) -> dict[str, Any]:
         """Return everything the result depends on, as JSON-compatible values."""
-        ...
 
     def run(self, progress: OnProgress) -> Any:
         """Compute the result, of JSON-compatible values."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,14 @@ class Truth:
 def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut) -> Measurement:
     """Compare the outcome of a method on a recording with the truth."""
     outcome = result.outcome
-    about = {"group": source.group, "factors": source.factors, "limits": truth.limits, "seconds": result.seconds}
-    row = Measurement(source.name, result.variant, **about)
+    row = Measurement(
+        source.name,
+        result.variant,
+        group=source.group,
+        factors=source.factors,
+        limits=truth.limits,
+        seconds=result.seconds,
+    )
     if isinstance(outcome, str):
         return replace(row, failure=outcome)
     row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))

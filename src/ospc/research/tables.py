@@ -64,6 +64,11 @@ def as_json(content: Any) -> str:
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
+def rounded(value: float, digits: int = 6) -> float:
+    """Return a value as a table of numbers holds it, with so many significant digits."""
+    return float(f"{value:.{digits}g}")
+
+
 def measurements_csv(rows: Sequence[Measurement]) -> str:
     """Return one line for each measurement, with all digits."""
     factors = list(dict.fromkeys(name for row in rows for name in row.factors))
@@ -80,7 +85,7 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
             row.method,
             *(row.figures.get(name) for name in figures),
             *(row.limits.get(name) for name in limits),
-            None if row.seconds is None else float(f"{row.seconds:.3g}"),
+            None if row.seconds is None else rounded(row.seconds, 3),
             *(said.get(part) for said in (row.states, row.reasons) for part in parts),
             row.failure,
         ]

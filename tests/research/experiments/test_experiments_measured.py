@@ -104,8 +104,8 @@ def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source)
         assert pickle.loads(pickle.dumps(experiment)) == experiment
         descriptions.append(MeasuringTask(source, experiment).describe())
     assert all(descriptions.count(one) == 1 for one in descriptions)
-    assert list(EXPERIMENTS["offsets"].comparison.varied.values()) == list(OFFSETS)
-    assert set(EXPERIMENTS["offsets"].comparison.varied) == set(EXPERIMENTS["offsets"].variants["offsets"])
+    assert list(EXPERIMENTS["offsets"].varied.values()) == list(OFFSETS)
+    assert set(EXPERIMENTS["offsets"].varied) == set(EXPERIMENTS["offsets"].variants["offsets"])
 
 
 def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):

@@ -10,7 +10,7 @@ scene, motion and noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -45,13 +45,13 @@ FRAMES, STATIC_FRAMES = 500, 150
 
 _SEED = 2024
 _NAMED = ("linear", "srgb", "log", "filmic", "tum_narrow")
-VIGNETTES: dict[str, tuple[str, tuple[float, ...]]] = {
-    "strong": ("polynomial", (-0.45, 0.05, -0.15)),
-    "weak": ("polynomial", (-0.12, 0.0, -0.03)),
-    "cos4": ("cos4", ()),
-    "decentred": ("decentred", (-0.35, 0.05, -0.15)),
+VIGNETTES: dict[str, dict[str, Any]] = {
+    "strong": {"vignette": "polynomial", "vignette_coefficients": (-0.45, 0.05, -0.15)},
+    "weak": {"vignette": "polynomial", "vignette_coefficients": (-0.12, 0.0, -0.03)},
+    "cos4": {"vignette": "cos4"},
+    "decentred": {"vignette": "decentred", "vignette_coefficients": (-0.35, 0.05, -0.15)},
 }
-"""Model and coefficients of the vignettes by name; none where the model has none."""
+"""Settings of the vignettes by name."""
 
 _NOISE: tuple[NoisePreset, NoisePreset] = ("low", "high")
 _MOVING_OBJECTS = 6
@@ -71,7 +71,6 @@ class HasName(Protocol):
     @property
     def name(self) -> str:
         """Its name."""
-        ...
 
 
 _Item = TypeVar("_Item", bound=HasName)
@@ -118,7 +117,7 @@ def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Sour
     database, no_database = _given(data, FILE, "gamma curves take the place of measured responses")
     video, no_video = _given(data, VIDEO, "no real video")
     charts, no_charts = _given(data, CHARTS, "no photographs of charts")
-    sources: list[Source] = [*moving_sources(_measured(database), frames), *static_sources(frames)]
+    sources: list[Source] = [*_moving_sources(_measured(database), frames), *_static_sources(frames)]
     if video is not None:
         sources.append(VideoSource(VIDEO, video))
     if charts is not None:
@@ -147,55 +146,37 @@ def select(items: Sequence[_Item], pattern: str | None, what: str = "recording")
     return chosen
 
 
-def moving_sources(measured: list[tuple[str, Response]], frames: int) -> list[SimulatedSource]:
-    """Return the simulated recordings with the camera in motion; eight measured responses take the places of two."""
-    families: list[list[_Named]] = [[(name, name, name)] * len(VIGNETTES) for name in _NAMED]
+def _moving_sources(measured: list[tuple[str, Response]], frames: int) -> Iterator[SimulatedSource]:
+    """Give the simulated recordings with the camera in motion; eight measured responses take the places of two."""
     kind = measured[0][0].rstrip("0123456789.")
-    families += [
-        [(name, kind, response) for name, response in measured[first : first + len(VIGNETTES)]]
-        for first in range(0, len(measured), len(VIGNETTES))
-    ]
-    return [
-        _moving_source(place, column, frames, family[column])
-        for place, family in enumerate(families)
-        for column in range(len(VIGNETTES))
-    ]
-
-
-def _moving_source(place: int, column: int, frames: int, named: _Named) -> SimulatedSource:
-    """Return the recording of the response number ``place`` with the vignette number ``column``."""
-    name, family, response = named
-    vignette, (model, coefficients) = list(VIGNETTES.items())[column]
-    noise = _NOISE[(column % 2) ^ _NOISE_SWAPPED[place]]
-    moving = bool((column // 2) ^ _SCENES_SWAPPED[place])
-    scene = "moving" if moving else "still"
-    settings = SimulationSettings(
-        frames=frames,
-        seed=_SEED + len(VIGNETTES) * place + column,
-        response=response,
-        vignette=model,
-        noise=noise,
-        moving_objects=_MOVING_OBJECTS if moving else 0,
-    )
-    if coefficients:
-        settings = replace(settings, vignette_coefficients=coefficients)
-    factors = {"response": family, "vignette": vignette, "noise": noise, "scene": scene}
-    return SimulatedSource(f"{name}-{vignette}-{noise}-{scene}", settings, with_pairs=True, factors=factors)
-
-
-def static_sources(frames: int) -> list[SimulatedSource]:
-    """Return sweeps of the exposure with the camera at rest."""
-    count = max(2, round(frames * STATIC_FRAMES / FRAMES))
-    return [
-        SimulatedSource(
-            f"static-{response}",
-            replace(SWEEP, frames=count, seed=_SEED + 100 + number, response=response),
-            with_pairs=True,
-            group="static",
-            factors={"response": response},
+    named: list[_Named] = [(name, name, name) for name in _NAMED for _ in VIGNETTES]
+    named += [(name, kind, response) for name, response in measured]
+    for number, (name, family, response) in enumerate(named):
+        place, column = divmod(number, len(VIGNETTES))
+        vignette = list(VIGNETTES)[column]
+        noise = _NOISE[(column % 2) ^ _NOISE_SWAPPED[place]]
+        moving = bool((column // 2) ^ _SCENES_SWAPPED[place])
+        scene = "moving" if moving else "still"
+        settings = SimulationSettings(
+            frames=frames,
+            seed=_SEED + number,
+            response=response,
+            noise=noise,
+            moving_objects=_MOVING_OBJECTS if moving else 0,
+            **VIGNETTES[vignette],
         )
-        for number, response in enumerate(("srgb", "tum_narrow"))
-    ]
+        factors = {"response": family, "vignette": vignette, "noise": noise, "scene": scene}
+        yield SimulatedSource(f"{name}-{vignette}-{noise}-{scene}", settings, with_pairs=True, factors=factors)
+
+
+def _static_sources(frames: int) -> Iterator[SimulatedSource]:
+    """Give sweeps of the exposure with the camera at rest."""
+    count = max(2, round(frames * STATIC_FRAMES / FRAMES))
+    for number, response in enumerate(("srgb", "tum_narrow")):
+        settings = replace(SWEEP, frames=count, seed=_SEED + 100 + number, response=response)
+        yield SimulatedSource(
+            f"static-{response}", settings, with_pairs=True, group="static", factors={"response": response}
+        )
 
 
 def _measured(database: Path | None) -> list[tuple[str, Response]]:
@@ -218,37 +199,31 @@ _FLATTEST = 1e-6
 """Least growth of g over its table where a measured curve is a step; small against any noise."""
 
 
-def read_database(path: str | Path) -> list[Response]:
+def read_database(path: Path) -> list[Response]:
     """Read the curves of a MATLAB file with irradiances ``I`` and brightnesses ``B``, one curve a row."""
-    place = Path(path)
-    irradiance, brightness = _arrays(place)
-    if irradiance.ndim != 2 or irradiance.shape != brightness.shape or irradiance.shape[1] < 2:
-        raise FormatError(f"{place}: I and B have shapes {irradiance.shape} and {brightness.shape}; both need (n, m)")
-    return [
-        _response(i, b, f"{place}, curve {number}")
-        for number, (i, b) in enumerate(zip(irradiance, brightness, strict=True))
-    ]
-
-
-def _arrays(place: Path) -> tuple[FloatArray, FloatArray]:
-    """Return the arrays I and B; the file states their sizes before anything is unpacked."""
     from scipy.io import loadmat, whosmat
 
     try:
-        if place.stat().st_size > _MAX_FILE_BYTES:
-            raise FormatError(f"{place}: too large for a database of responses; give a .mat file with I and B")
-        sizes = {name: math.prod(shape) for name, shape, _ in whosmat(place)}
+        if path.stat().st_size > _MAX_FILE_BYTES:
+            raise FormatError(f"{path}: too large for a database of responses; give a .mat file with I and B")
+        # The file states their sizes before anything is unpacked.
+        sizes = {name: math.prod(shape) for name, shape, _ in whosmat(path)}
         if max(sizes["I"], sizes["B"]) > _MAX_VALUES:
             raise FormatError(
-                f"{place}: I and B hold more than {_MAX_VALUES} values; that is no database of responses"
+                f"{path}: I and B hold more than {_MAX_VALUES} values; that is no database of responses"
             )
-        content = loadmat(place, variable_names=["I", "B"])
+        content = loadmat(path, variable_names=["I", "B"])
         irradiance, brightness = (np.asarray(content[name], dtype=np.float64) for name in ("I", "B"))
     except FormatError:
         raise
     except Exception as error:  # the reader has no error of its own for damaged files
-        raise FormatError(f"{place}: not readable as a database of responses ({error}); it needs I and B") from None
-    return irradiance, brightness
+        raise FormatError(f"{path}: not readable as a database of responses ({error}); it needs I and B") from None
+    if irradiance.ndim != 2 or irradiance.shape != brightness.shape or irradiance.shape[1] < 2:
+        raise FormatError(f"{path}: I and B have shapes {irradiance.shape} and {brightness.shape}; both need (n, m)")
+    return [
+        _response(i, b, f"{path}, curve {number}")
+        for number, (i, b) in enumerate(zip(irradiance, brightness, strict=True))
+    ]
 
 
 def _response(irradiance: FloatArray, brightness: FloatArray, name: str) -> Response:

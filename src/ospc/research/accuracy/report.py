@@ -8,15 +8,16 @@ from typing import Any, TypeVar
 
 from ospc.research.measurement import (
     Measurement,
-    Spread,
     contest,
+    groups_of,
     known_metrics,
     methods_of,
     metrics,
     recordings_of,
     spread,
+    typical,
 )
-from ospc.research.pictures import Comparison, draw_errors
+from ospc.research.pictures import draw_errors
 from ospc.research.tables import StudyReport, Table, as_json, benchmark_content, document, measurements_csv
 from ospc.settings import as_dict, preset
 
@@ -45,7 +46,7 @@ def accuracy_report(rows: Sequence[Measurement], presets: Sequence[str], notes: 
         SCHEMA,
         notes,
         presets={name: as_dict(preset(name)) for name in presets},
-        summary={group: _spreads(members) for group, members in _groups_of(rows).items()},
+        summary={group: _spreads(members) for group, members in groups_of(rows).items()},
         measurements=[row.summary() for row in rows],
     )
     texts = {
@@ -53,14 +54,14 @@ def accuracy_report(rows: Sequence[Measurement], presets: Sequence[str], notes: 
         "results.csv": measurements_csv(rows),
         "table.md": document("Accuracy", _NOTE, notes, "ospc bench accuracy", tables),
     }
-    errors = partial(draw_errors, Comparison("Errors of all recordings", _MAIN), rows)
+    errors = partial(draw_errors, "Errors of all recordings", _MAIN, rows)
     return StudyReport(tables, texts, {"errors.png": errors}, notes, content)
 
 
 def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:
     """Return for each group: a summary, how often a method is nearer, medians by factor, and every measurement."""
     tables: list[Table] = []
-    for group, members in _groups_of(rows).items():
+    for group, members in groups_of(rows).items():
         title = _TITLES.get(group, group)
         tables.append(_summary(title, members))
         if len(recordings_of(members)) > 1:
@@ -68,13 +69,6 @@ def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:
             tables.append(_by_factor(f"{title}: medians by factor", members))
         tables.append(_every(f"{title}: every recording", members))
     return [table for table in tables if table.rows]
-
-
-def _groups_of(rows: Sequence[Measurement]) -> dict[str, list[Measurement]]:
-    groups: dict[str, list[Measurement]] = {}
-    for row in rows:
-        groups.setdefault(row.group, []).append(row)
-    return groups
 
 
 def _spreads(rows: Sequence[Measurement]) -> dict[str, dict[str, Any]]:
@@ -87,20 +81,20 @@ def _spreads(rows: Sequence[Measurement]) -> dict[str, dict[str, Any]]:
 def _summary(title: str, members: Sequence[Measurement]) -> Table:
     """Return a line for each metric, with typical and worst value of each method."""
     several = len(recordings_of(members)) > 1
-    header = ["metric"]
-    for method in methods_of(members):
-        header += [f"{method}: typical", "worst"] if several else [method]
+    columns = ("{}: typical", "worst") if several else ("{}",)
+    header = ("metric", *(column.format(method) for method in methods_of(members) for column in columns))
     lines = []
     for metric in known_metrics(members):
         line = [metric.label]
         for method in methods_of(members):
             found = spread(members, method, metric)
-            typical = metric.text(_typical(found))
-            if found is not None and found.known < found.cases:
-                typical += f" ({found.known} of {found.cases})"
-            line += [typical, metric.text(None if found is None else found.worst)] if several else [typical]
+            if found is None:
+                line += ["–"] * len(columns)
+                continue
+            of_cases = f" ({found.known} of {found.cases})" if found.known < found.cases else ""
+            line += [metric.text(found.typical) + of_cases, metric.text(found.worst)][: len(columns)]
         lines.append(tuple(line))
-    return Table(title, tuple(header), tuple(lines))
+    return Table(title, header, tuple(lines))
 
 
 def _contests(title: str, members: Sequence[Measurement]) -> Table:
@@ -124,10 +118,10 @@ def _by_factor(title: str, members: Sequence[Measurement]) -> Table:
     levels.sort(key=lambda level: list(members[0].factors).index(level[0]))
     lines = []
     for factor, level in levels:
-        there = [row for row in members if row.factors.get(factor) == level]
-        texts = {
-            method: tuple(m.text(_typical(spread(there, method, m))) for m in shown) for method in methods_of(members)
-        }
+        texts = {}
+        for method in methods_of(members):
+            there = [row for row in members if row.method == method and row.factors.get(factor) == level]
+            texts[method] = tuple(metric.text(typical(there, metric)) for metric in shown)
         lines += [(f"{factor} = {level}", names, *figures) for figures, names in _alike(texts).items()]
     return Table(title, ("level", "method", *(m.short for m in shown)), tuple(lines), names=2)
 
@@ -155,7 +149,3 @@ def _alike(found: Mapping[str, _Outcome]) -> dict[_Outcome, str]:
     for name, outcome in found.items():
         members.setdefault(outcome, []).append(name)
     return {outcome: ", ".join(names) for outcome, names in members.items()}
-
-
-def _typical(found: Spread | None) -> float | None:
-    return None if found is None else found.typical

@@ -18,7 +18,7 @@ from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.report.style import BLUE, GREY, ORANGE, new_figure, printable, rules, save
 from ospc.research.runner import OnProgress, made_with
 from ospc.research.source import Source
-from ospc.research.tables import StudyReport
+from ospc.research.tables import StudyReport, rounded
 from ospc.robust import robust_scale
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.response_model import learned_model
@@ -147,7 +147,7 @@ def ambiguity_report(found: Ambiguity, name: str) -> StudyReport:
 
 def _columns(columns: Mapping[str, Sequence[float]]) -> str:
     rows = zip(*columns.values(), strict=True)
-    return csv_text([columns, *([float(f"{value:.6g}") for value in row] for row in rows)])
+    return csv_text([columns, *(map(rounded, row) for row in rows)])
 
 
 def _draw(found: Ambiguity, name: str, path: Path) -> Path:

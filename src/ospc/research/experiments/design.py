@@ -13,7 +13,7 @@ from ospc.formats.files import csv_text
 from ospc.photometry.response import Response
 from ospc.research.measurement import Measurement, medians, methods_of, metrics, recordings_of
 from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, PaperVariants, SolversKnowingResponse
-from ospc.research.pictures import Comparison, draw_curves, draw_errors
+from ospc.research.pictures import draw_curves, draw_errors
 from ospc.research.rivals.bergmann import Bergmann
 from ospc.research.rivals.camera_at_rest import (
     CameraAtRest,
@@ -26,7 +26,7 @@ from ospc.research.rivals.camera_at_rest import (
 from ospc.research.rivals.kim_pollefeys import KimPollefeys
 from ospc.research.scoring import curves_of
 from ospc.research.source import Methods, Source
-from ospc.research.tables import StudyReport, Table, measurements_csv
+from ospc.research.tables import StudyReport, Table, measurements_csv, rounded
 from ospc.settings import PaperSettings
 
 FEATURES = ("sift", "surf", "orb")
@@ -53,6 +53,9 @@ class Experiment(Methods):
 
     Attributes
     ----------
+    title, figure, varied, axis
+        Of the picture of errors: its title, the figure shown, and, where methods differ in the value of a setting
+        only, that value by the name of the method, and what it is.
     stand_ins
         Number of simulated recordings, and frames of each, where nothing else is asked for.
     variants
@@ -65,12 +68,15 @@ class Experiment(Methods):
         Whether exposure ratios are compared with the metadata too.
     """
 
-    comparison: Comparison
+    title: str
+    figure: str
     stand_ins: tuple[int, int]
     variants: dict[str, dict[str, PaperSettings]] = field(default_factory=dict)
-    rivals: Callable[[Source], dict[str, Method]] | None = None
+    rivals: Callable[[Source], dict[str, Method]] = lambda _source: {}
     speed: float = 1.0
     at_rest: bool = False
+    varied: dict[str, float] = field(default_factory=dict)
+    axis: str = ""
     with_ratios: bool = False
 
     def describe(self) -> dict[str, Any]:
@@ -80,12 +86,7 @@ class Experiment(Methods):
 
     def make(self, source: Source) -> dict[str, Method]:
         """Return new methods for a recording."""
-        rivals = {} if self.rivals is None else self.rivals(source)
-        return {**rivals, **{name: PaperVariants(group) for name, group in self.variants.items()}}
-
-
-def _compared(title: str, figure: str, varied: dict[str, float] | None = None, axis: str = "") -> Comparison:
-    return Comparison(title, metrics(figure), varied or {}, axis)
+        return {**self.rivals(source), **{name: PaperVariants(group) for name, group in self.variants.items()}}
 
 
 def _ours(_source: Source) -> dict[str, Method]:
@@ -118,68 +119,23 @@ def _threshold(high: float) -> PaperSettings:
 
 
 _ALL = (
-    Experiment(
-        "parameters",
-        _compared("Photometric parameters against the truth", "response_rmse"),
-        (1, 600),
-        {"paper": {"paper": PaperSettings()}},
-        _ours,
-        with_ratios=True,
-    ),
-    Experiment(
-        "joint",
-        _compared("Joint estimation and known exposures", "vignette_rmse"),
-        (8, 400),
-        rivals=_joint_rivals,
-    ),
-    Experiment(
-        "solvers",
-        _compared("Solvers of the vignette", "vignette_rmse"),
-        (4, 500),
+    Experiment("parameters", "Photometric parameters against the truth", "response_rmse", (1, 600),
+        {"paper": {"paper": PaperSettings()}}, _ours, with_ratios=True),
+    Experiment("joint", "Joint estimation and known exposures", "vignette_rmse", (8, 400), rivals=_joint_rivals),
+    Experiment("solvers", "Solvers of the vignette", "vignette_rmse", (4, 500),
         {"paper": {f"paper/{name}": replace(_UNCHECKED, vignette_solver=name) for name in VIGNETTE_SOLVERS}},
-        _solver_rivals,
-        _SLOW,
-    ),
-    Experiment(
-        "features",
-        _compared("Features behind the response", "response_rmse"),
-        (4, 300),
-        {name: {f"paper/{name}": replace(_UNCHECKED, features=name)} for name in FEATURES},
-        _ours,
-        _SLOW,
-    ),
-    Experiment(
-        "offsets",
-        _compared(
-            "Offset between the frames of a pair",
-            "vignette_rmse",
-            {f"offset {n}": float(n) for n in OFFSETS},
-            "offset in frames",
-        ),
-        (4, 500),
-        {"offsets": {f"offset {n}": replace(_UNCHECKED, vignette_offset=n) for n in OFFSETS}},
-        speed=_SLOW,
-    ),
-    Experiment(
-        "thresholds",
-        _compared(
-            "Least exposure ratio of a pair",
-            "response_rmse",
-            {f"k ≥ {high}": high for high in THRESHOLDS},
-            "least exposure ratio k",
-        ),
-        (4, 300),
-        {"thresholds": {f"k ≥ {high}": _threshold(high) for high in THRESHOLDS}},
-        speed=_SLOW,
-    ),
-    Experiment(
-        "static",
-        _compared("Responses from a camera at rest", "response_rmse"),
-        (6, 60),
-        rivals=_static_rivals,
-        at_rest=True,
-    ),
-)
+        _solver_rivals, _SLOW),
+    Experiment("features", "Features behind the response", "response_rmse", (4, 300),
+        {name: {f"paper/{name}": replace(_UNCHECKED, features=name)} for name in FEATURES}, _ours, _SLOW),
+    Experiment("offsets", "Offset between the frames of a pair", "vignette_rmse", (4, 500),
+        {"offsets": {f"offset {n}": replace(_UNCHECKED, vignette_offset=n) for n in OFFSETS}}, speed=_SLOW,
+        varied={f"offset {n}": float(n) for n in OFFSETS}, axis="offset in frames"),
+    Experiment("thresholds", "Least exposure ratio of a pair", "response_rmse", (4, 300),
+        {"thresholds": {f"k ≥ {high}": _threshold(high) for high in THRESHOLDS}}, speed=_SLOW,
+        varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="least exposure ratio k"),
+    Experiment("static", "Responses from a camera at rest", "response_rmse", (6, 60), rivals=_static_rivals,
+        at_rest=True),
+)  # fmt: skip
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
 """The experiments by name."""
 
@@ -192,15 +148,18 @@ def experiment_report(experiment: Experiment, sources: Sequence[Source], rows: S
     """Return the report, with ``measurements.csv``, ``table.md``, ``errors.png`` and the curves by recording."""
     table = median_table(rows)
     texts = {"measurements.csv": measurements_csv(rows), "table.md": table.as_markdown()}
-    pictures: dict[str, Callable[[Path], Path]] = {"errors.png": partial(draw_errors, experiment.comparison, rows)}
+    errors = partial(draw_errors, experiment.title, metrics(experiment.figure), rows)
+    pictures: dict[str, Callable[[Path], Path]] = {
+        "errors.png": partial(errors, varied=experiment.varied, axis=experiment.axis)
+    }
     for source in sources:
         found = [row for row in rows if row.recording == source.name]
+        ratios = found if experiment.with_ratios else []
         curves = {"truth": curves_of(source.truth()), **{row.method: row.curves for row in found}}
         texts[f"curves-{source.name}.csv"] = _curves_csv({name: c for name, c in curves.items() if c})
-        ratios = found if experiment.with_ratios else []
         if ratios:
             texts[f"ratios-{source.name}.csv"] = _ratios_csv(ratios)
-        if not experiment.comparison.varied:
+        if not experiment.varied:
             pictures[f"curves-{source.name}.png"] = partial(draw_curves, source.name, curves, ratios)
     problems = [f"{row.recording}, {row.method}: {row.problem}" for row in rows if row.problem]
     return StudyReport([table], texts, pictures, problems)
@@ -228,23 +187,22 @@ def median_table(rows: Sequence[Measurement]) -> Table:
 
 def _curves_csv(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
     """Return g at 256 grey levels and V at 50 radii, one column a method."""
-    rows: list[list[object]] = []
-    for letter, part, places in (
-        ("g", "response", range(256)),
-        ("V", "vignette", [round((ring + 0.5) / 50, 2) for ring in range(50)]),
-    ):
+    rows: list[list[object]] = [["curve", "at", *curves]]
+    radii = [round((ring + 0.5) / 50, 2) for ring in range(50)]
+    for letter, part, places in (("g", "response", range(256)), ("V", "vignette", radii)):
         for number, place in enumerate(places):
-            values = [float(f"{c[part][number]:.6g}") if part in c else None for c in curves.values()]
+            values = [rounded(c[part][number]) if part in c else None for c in curves.values()]
             rows.append([letter, place, *values])
-    return csv_text([["curve", "at", *curves], *rows])
+    return csv_text(rows)
 
 
 def _ratios_csv(rows: Sequence[Measurement]) -> str:
-    columns = ("frames", "metadata", "estimated", "samples")
     lines = [
-        [row.method, *pair, float(f"{k:.6g}"), float(f"{estimate:.6g}"), samples]
+        [row.method, *pair, rounded(k), rounded(estimate), samples]
         for row in rows
         if row.ratios
-        for pair, k, estimate, samples in zip(*(row.ratios[name] for name in columns), strict=True)
+        for pair, k, estimate, samples in zip(
+            *(row.ratios[name] for name in ("frames", "metadata", "estimated", "samples")), strict=True
+        )
     ]
     return csv_text([["method", "first", "second", "metadata", "estimated", "samples"], *lines])

@@ -176,10 +176,8 @@ def _own_cameras(count: int, frames: int, size: ImageSize, data: Path | None) ->
     recordings = stand_ins(count, frames, size, data, seed=_SEED)
     found = []
     for number, (source, name) in enumerate(zip(recordings, names, strict=True)):
-        vignette, (model, coefficients) = list(VIGNETTES.items())[number % len(VIGNETTES)]
-        settings = replace(source.settings, response=curves[name], vignette=model)
-        if coefficients:
-            settings = replace(settings, vignette_coefficients=coefficients)
+        vignette = list(VIGNETTES)[number % len(VIGNETTES)]
+        settings = replace(source.settings, response=curves[name], **VIGNETTES[vignette])
         found.append(replace(source, settings=settings, factors={"response": name, "vignette": vignette}))
     return found
 

@@ -11,17 +11,12 @@ import numpy as np
 
 from ospc.report.style import BLUE, GREY, ORANGE, new_figure, rules, save
 from ospc.research.experiments.systems import System
-from ospc.research.measurement import METRICS, Measurement, metrics, recordings_of
+from ospc.research.measurement import METRICS, Measurement, groups_of, metrics, recordings_of, typical
 from ospc.research.tables import StudyReport, Table, measurements_csv
 
 _PANELS = metrics("response_shape_rmse", "vignette_rmse")
-_GROUPS = {
-    "simulated": ("simulated", "o"),
-    "given": ("given", "o"),
-    "video": ("video", "*"),
-    "charts": ("charts", "^"),
-}
-"""What to call groups of recordings, and their markers."""
+_MARKERS = {"simulated": "o", "given": "o", "video": "*", "charts": "^"}
+"""Markers of the groups of recordings in the picture."""
 
 _COVERAGE = tuple(metric for metric in METRICS if metric.kind == "share")
 
@@ -41,12 +36,9 @@ def systems_report(systems: Sequence[System], rows: Sequence[Measurement], frame
 
 def system_tables(systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int]) -> list[Table]:
     """Return the table of every group of recordings, one line a system, and that of the bands' coverage."""
-    groups = list(dict.fromkeys(row.group for row in rows))
-    tables = [_table(group, systems, [row for row in rows if row.group == group], frames) for group in groups]
+    tables = [_table(group, systems, members, frames) for group, members in groups_of(rows).items()]
     covered = [row for row in rows if any(metric.figure in row.figures for metric in _COVERAGE)]
-    if covered:
-        tables.append(_coverage_table(covered))
-    return tables
+    return [*tables, _coverage_table(covered)] if covered else tables
 
 
 def _table(group: str, systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int]) -> Table:
@@ -57,18 +49,16 @@ def _table(group: str, systems: Sequence[System], rows: Sequence[Measurement], f
         mine = [row for row in rows if row.method in (*variants, system.name)]
         if not mine:
             continue
-        cells = [metric.text(_median(part, metric.figure)) for metric in _PANELS for part in own]
+        # Failures are counted in a column of their own.
+        cells = [metric.text(typical(part, metric)) for metric in _PANELS for part in own]
         times = [1000 * row.seconds / frames[row.recording] for row in mine if row.seconds is not None]
+        time = f"{np.median(times):.2f}" if times else "–"
         # Not by figures: a vignette may be found where the true one is unknown.
         solved = {row.recording for row in mine if row.curves}
-        failed = len(recordings_of(mine)) - len(solved)
-        time = f"{np.median(times):.2f}" if times else "–"
-        name = f"{system.authors} {system.year}"
-        lines.append(
-            (system.name, name, system.needs, system.recovers, *cells, time, f"{failed}/{len(recordings_of(mine))}")
-        )
-    count = len(recordings_of(rows))
-    title = f"Medians over {count} recordings, {_GROUPS.get(group, (group, ''))[0]}"
+        count = len(recordings_of(mine))
+        about = (system.name, f"{system.authors} {system.year}", system.needs, system.recovers)
+        lines.append((*about, *cells, time, f"{count - len(solved)}/{count}"))
+    title = f"Medians over {len(recordings_of(rows))} recordings, {group}"
     header = (
         "system", "publication", "needs", "recovers", "response, with its known point", "without",
         "vignette, with", "without", "ms per frame", "no result",
@@ -76,22 +66,12 @@ def _table(group: str, systems: Sequence[System], rows: Sequence[Measurement], f
     return Table(title, header, tuple(lines), names=4)
 
 
-def _median(rows: Sequence[Measurement], figure: str) -> float | None:
-    """Return the median of those that have the figure; failures are counted in a column of their own."""
-    values = [row.figures[figure] for row in rows if figure in row.figures]
-    return float(np.median(values)) if values else None
-
-
 def _coverage_table(rows: Sequence[Measurement]) -> Table:
     """Return how often the truth is within the bands of the methods that state some."""
     lines = []
     for group, name in dict.fromkeys((row.group, row.method) for row in rows):
         mine = [row for row in rows if (row.group, row.method) == (group, name)]
-        shares = []
-        for metric in _COVERAGE:
-            values = [row.figures[metric.figure] for row in mine if metric.figure in row.figures]
-            shares.append(metric.text(metric.typical(values)) if values else "–")
-        lines.append((name, _GROUPS.get(group, (group, ""))[0], *shares))
+        lines.append((name, group, *(metric.text(typical(mine, metric)) for metric in _COVERAGE)))
     header = ("method", "recordings", *(metric.label for metric in _COVERAGE))
     return Table("Coverage of the bands", header, tuple(lines), names=2)
 
@@ -111,8 +91,7 @@ def _draw(systems: Sequence[System], rows: Sequence[Measurement], path: Path) ->
         for label, colour in (("with its known point", BLUE), ("without, or needs none", ORANGE)):
             panels[0].plot([], [], "o", color=colour, label=label)
         for group in dict.fromkeys(row.group for row in rows):
-            label, marker = _GROUPS.get(group, (group, "s"))
-            panels[0].plot([], [], marker, color=GREY, label=f"median, {label}")
+            panels[0].plot([], [], _MARKERS.get(group, "s"), color=GREY, label=f"median, {group}")
         figure.legend(loc="outside lower center", ncols=5)
         return save(figure, path)
 
@@ -121,4 +100,4 @@ def _draw_errors(axes: Any, rows: Sequence[Measurement], figure: str, place: flo
     for group in dict.fromkeys(row.group for row in rows):
         values = [row.figures[figure] for row in rows if row.group == group]
         axes.plot(values, np.full(len(values), place), ".", color=colour, ms=3, alpha=0.35)
-        axes.plot(np.median(values), place, _GROUPS.get(group, (group, "s"))[1], color=colour, ms=7)
+        axes.plot(np.median(values), place, _MARKERS.get(group, "s"), color=colour, ms=7)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from operator import itemgetter
 from pathlib import Path
 from time import process_time
 from typing import Any, Literal
@@ -110,13 +111,13 @@ class FaultTask:
 
     def run(self, progress: OnProgress) -> dict[str, Any]:
         """Return the judged run as JSON-compatible values."""
-        footage, value = good_footage(self.source), None
+        footage = good_footage(self.source)
+        run = Run(self.source.name, CLEAN, "", None, "harmless")
         if self.fault is not None:
             value = self.fault.strengths[self.strength]
             footage = self.fault.put_on(footage, value)
+            run = replace(run, fault=self.fault.name, strength=STRENGTHS[self.strength], value=value)
         progress(0.5)
-        name, strength = (CLEAN, "") if self.fault is None else (self.fault.name, STRENGTHS[self.strength])
-        run = Run(self.source.name, name, strength, value, "harmless")
         began = process_time()
         try:
             found = calibrated(footage)
@@ -155,27 +156,30 @@ def _write(footage: Footage, folder: Path) -> None:
 def judged(found: Calibration, footage: Footage, run: Run) -> Run:
     """Return a run with the errors of its calibration, what was said, and the outcome."""
     figures: dict[str, Any] = {}
-    if found.response is not None:
+    if (response := found.response) is not None:
         # Where a curve was put on all grey levels, the estimate may be of the camera with or without it.
-        truth = min(footage.responses, key=lambda known: _kappa(found.response, known))
-        figures["kappa"] = _kappa(found.response, truth)
-        figures["step"] = _step(found.response) - _step(truth)
-        figures["step_sigma"] = step_sigma(found)
+        kappa, truth = min(((log_ratio_error(response, one), one) for one in footage.responses), key=itemgetter(0))
+        figures |= {"kappa": kappa, "step": _step(response) - _step(truth), "step_sigma": step_sigma(found)}
     if found.vignette is not None and footage.vignette is not None:
         figures |= _vignette_figures(found.vignette, found.vignette_sigma, footage.vignette, footage.reach)
     doubts = [f"{name}: {v.reason}" for name, v in found.verdicts.items() if v.state != "identifiable"]
     states = {name: verdict.state for name, verdict in found.verdicts.items()}
     skipped = found.counts.get("skipped", 0)
-    said = tuple(dict.fromkeys((*found.warnings, *found.notes, *doubts)))
     parts = ("response", "exposures") if footage.vignette is None else ("response", "vignette", "exposures")
-    outcome = outcome_of(
-        {name: states.get(name, "not identifiable") for name in parts},
-        figures,
-        warned=bool(found.warnings),
-        corrected=bool(found.notes) or skipped > 0,
+    return replace(
+        run,
+        **figures,
+        states=states,
+        said=tuple(dict.fromkeys((*found.warnings, *found.notes, *doubts))),
+        skipped=skipped,
+        false_alarm=bool(found.warnings) or states.get("exposures") == "not identifiable",
+        outcome=outcome_of(
+            {name: states.get(name, "not identifiable") for name in parts},
+            figures,
+            warned=bool(found.warnings),
+            corrected=bool(found.notes) or skipped > 0,
+        ),
     )
-    values = vars(run) | figures | {"states": states, "said": said, "skipped": skipped, "outcome": outcome}
-    return Run(**values | {"false_alarm": bool(found.warnings) or states.get("exposures") == "not identifiable"})
 
 
 def outcome_of(
@@ -224,10 +228,6 @@ def step_sigma(found: Calibration) -> float | None:
 def _step(response: Response) -> float:
     low, high = response.inverse([_LOW, _HIGH])
     return float(np.log(high / low))
-
-
-def _kappa(estimate: Response | None, truth: Response) -> float:
-    return np.inf if estimate is None else log_ratio_error(estimate, truth)
 
 
 def _vignette_figures(

@@ -17,8 +17,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray
-from ospc.errors import OspcError, RecordingError, SettingError
+from ospc.errors import OspcError, RecordingError
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
+from ospc.formats.files import read_text
 from ospc.recording import Frame, open_recording
 from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
 from ospc.research.odometry.experiment import Tracked
@@ -44,17 +45,14 @@ class SceneDepth:
     @classmethod
     def of(cls, folder: Path) -> SceneDepth:
         """Build the scene of a simulated recording."""
-        place = folder / _TRUTH
         try:
-            if place.stat().st_size > _MOST_BYTES:
-                raise ValueError("too large")
-            content = json.loads(place.read_text(encoding="utf-8"))
+            content = json.loads(read_text(folder / _TRUTH, _MOST_BYTES))
             settings = content["settings"]
             scene_seed = settings["seed"] if settings["scene_seed"] is None else settings["scene_seed"]
             width, height = (int(n) for n in settings["size"])
             focal = float(content["focal_px"])
             scene = Scene.of(SimulationSettings(scene_seed=int(scene_seed), size=(width, height)))
-        except (OSError, ValueError, KeyError, TypeError, RecursionError, SettingError) as error:
+        except (OspcError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise RecordingError(
                 f"{folder}: the built-in odometry needs the depth of a simulated scene, which {_TRUTH} does not "
                 f"describe ({type(error).__name__}); make the recording with 'ospc simulate', or use --program"

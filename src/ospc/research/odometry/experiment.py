@@ -34,11 +34,9 @@ class Odometry(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Return what its results depend on, as JSON-compatible values."""
-        ...
 
     def track(self, source: OdometryInput, run: int) -> Tracked:
         """Run once; failures are results, not exceptions."""
-        ...
 
 
 @dataclass(frozen=True)

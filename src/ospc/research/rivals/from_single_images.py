@@ -10,7 +10,7 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.research.method import Estimate, Outcome, failure
+from ospc.research.method import Estimate, Outcome, outcomes_of
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
 from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
@@ -39,13 +39,7 @@ class FromSingleImages:
 
     def found(self) -> dict[str, Outcome]:
         """Return the outcomes."""
-        outcomes: dict[str, Outcome] = {}
-        for name, estimate in self._variants.items():
-            try:
-                outcomes[name] = estimate(self._images)
-            except Exception as error:  # of one variant, not of the others
-                outcomes[name] = failure(error)
-        return outcomes
+        return outcomes_of({name: partial(estimate, self._images) for name, estimate in self._variants.items()})
 
 
 def from_edges(name: str, response_of: Callable[[EdgePatches], Response]) -> FromSingleImages:

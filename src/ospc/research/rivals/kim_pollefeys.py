@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import cv2
 import numpy as np
@@ -22,7 +23,7 @@ from ospc.methods.paper import Correspondences
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
-from ospc.research.method import Estimate, Outcome, failure
+from ospc.research.method import Estimate, Outcome, outcomes_of
 from ospc.research.rivals.log_response import log_model
 from ospc.robust import robust_scale
 from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
@@ -204,13 +205,11 @@ class KimPollefeys:
 
     def found(self) -> dict[str, Outcome]:
         """Return both variants."""
-        outcomes: dict[str, Outcome] = {}
-        for name, known in (("kim-pollefeys-known", self._largest_change()), ("kim-pollefeys-assumed", None)):
-            try:
-                outcomes[name], _ = estimate_decoupled(self._pairs, known)
-            except NotObservableError as error:
-                outcomes[name] = failure(error)
-        return outcomes
+        variants = {"kim-pollefeys-known": self._largest_change(), "kim-pollefeys-assumed": None}
+        return outcomes_of({name: partial(self._estimate, known) for name, known in variants.items()})
+
+    def _estimate(self, known: tuple[int, float] | None) -> Estimate:
+        return estimate_decoupled(self._pairs, known)[0]
 
     def _largest_change(self) -> tuple[int, float] | None:
         """Return the number of the usable pair whose exposures differ most, and ln of their ratio."""

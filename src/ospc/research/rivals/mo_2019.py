@@ -23,7 +23,7 @@ from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import NotObservableError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.research.method import Estimate, Outcome, failure
+from ospc.research.method import Estimate, Outcome, outcomes_of
 from ospc.research.rivals.log_response import ANCHOR, log_model
 from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
 from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_distance
@@ -132,15 +132,13 @@ class Mo:
         if not self._best[1].size:
             raise NotObservableError(f"no {_FEWEST_POINTS} points are seen and exposed in {_IMAGES} images")
         free = rank_one_response(self._best[1])
-        outcomes: dict[str, Outcome] = {}
-        if self._truth is not None:
-            gamma = float(np.log(self._truth.inverse(0.5)) / np.log(free.inverse(0.5)))
-            outcomes["mo-with"] = Estimate(powered(free, gamma))
-        try:
-            if not self._colour:
-                raise NotObservableError("the colours of edges are needed, and the images are grey")
-            patches = EdgePatches.of(self._colour)
-            outcomes["mo-without"] = Estimate(powered(free, exponent_of_edges(free, patches)))
-        except NotObservableError as error:
-            outcomes["mo-without"] = failure(error)
-        return outcomes
+        variants = {"mo-without": lambda: self._by_edges(free)}
+        if (truth := self._truth) is not None:
+            gamma = float(np.log(truth.inverse(0.5)) / np.log(free.inverse(0.5)))
+            variants = {"mo-with": lambda: Estimate(powered(free, gamma))} | variants
+        return outcomes_of(variants)
+
+    def _by_edges(self, free: Response) -> Estimate:
+        if not self._colour:
+            raise NotObservableError("the colours of edges are needed, and the images are grey")
+        return Estimate(powered(free, exponent_of_edges(free, EdgePatches.of(self._colour))))

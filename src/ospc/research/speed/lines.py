@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import Any, TypeAlias
 
 from ospc.arrays import ImageSize
 from ospc.report.style import new_figure, rules, save
@@ -39,27 +37,33 @@ _LIVE_CORE_SHARE, _LIVE_MB = 0.25, 150.0
 """Share of a core, and memory, that a live calibration of 640×480 at 30 frames/s may take on a small computer."""
 
 
-@dataclass(frozen=True)
-class _Command:
-    """A recording for ``ospc calibrate``, and the goal: times the time of decoding, or seconds."""
-
-    size: ImageSize
-    frames: int
-    most_ratio: float = np.inf
-    most_s: float = np.inf
-
-    def judged(self, row: SpeedRow) -> SpeedRow:
-        goal = f"≤ {self.most_ratio:g} × decoding" if np.isfinite(self.most_ratio) else f"≤ {self.most_s:g} s"
-        met = row.ratio <= self.most_ratio and row.seconds <= self.most_s
-        return replace(row, goal=goal, met=met)
+_Judged: TypeAlias = Callable[[SpeedRow], SpeedRow]
+"""Adds a goal, and whether it is met."""
 
 
-_COMMANDS = (
-    _Command(VGA, 100, most_s=2.0),
-    _Command(VGA, 500, most_s=3.0),
-    _Command(LARGE, 600, most_ratio=1.0),
-    _Command(LARGE, 1500, most_ratio=0.7),
-)
+def _without_goal(row: SpeedRow) -> SpeedRow:
+    return row
+
+
+def _most_s(seconds: float, row: SpeedRow) -> SpeedRow:
+    return replace(row, goal=f"≤ {seconds:g} s", met=row.seconds <= seconds)
+
+
+def _most_ratio(ratio: float, row: SpeedRow) -> SpeedRow:
+    return replace(row, goal=f"≤ {ratio:g} × decoding", met=row.ratio <= ratio)
+
+
+def _live_goal(row: SpeedRow) -> SpeedRow:
+    share = row.cpu_s / row.seconds
+    met = share <= _LIVE_CORE_SHARE and (row.peak_mb is None or row.peak_mb <= _LIVE_MB)
+    return replace(row, goal=f"≤ {_LIVE_CORE_SHARE:.0%} of a core, ≤ {_LIVE_MB:.0f} MB", met=met)
+
+
+_COMMANDS: dict[ImageSize, dict[int, _Judged]] = {
+    VGA: {100: partial(_most_s, 2.0), 500: partial(_most_s, 3.0)},
+    LARGE: {600: partial(_most_ratio, 1.0), 1500: partial(_most_ratio, 0.7)},
+}
+"""Recordings for ``ospc calibrate``, by the size and number of their frames, and their goals."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ class SpeedTask:
     size: ImageSize
     frames: int
     measure: Callable[[ImageSize, Reel], SpeedRow]
-    judged: Callable[[SpeedRow], SpeedRow]
+    judged: _Judged
 
     def describe(self) -> dict[str, Any]:
         """Return what it measures, the source, and the machine."""
@@ -103,36 +107,23 @@ def speed_tasks(
 def _tasks_of(
     size: ImageSize, presets: tuple[str, ...], frames: int, live_s: float, rate_hz: float
 ) -> Iterator[SpeedTask]:
-    def task(what: str, measure: Any, judged: Callable[[SpeedRow], SpeedRow] = _without_goal) -> SpeedTask:
+    def task(what: str, measure: Any, judged: _Judged = _without_goal) -> SpeedTask:
         return SpeedTask(f"{what}, {size[0]}×{size[1]}", size, frames, measure, judged)
 
-    commands = [command for command in _COMMANDS if command.size == size]
-    for command in commands or [_Command(size, frames)]:
-        count = min(command.frames, frames)
-        whole = count == command.frames and bool(commands)
-        judged = command.judged if whole else _without_goal
-        yield task(f"ospc calibrate, {count} frames", partial(calibrate_command, count=count), judged)
+    for wanted, goal in _COMMANDS.get(size, {frames: _without_goal}).items():
+        count = min(wanted, frames)
+        measure = partial(calibrate_command, count=count)
+        yield task(f"ospc calibrate, {count} frames", measure, goal if count == wanted else _without_goal)
     for name in presets:
         yield task(f"preset {name}", partial(calibrating, preset=name, count=frames))
     if live_s > 0:
-        at_goal = size == VGA and rate_hz == 30
         measure = partial(live, seconds=live_s, rate_hz=rate_hz)
-        yield task(f"live, {live_s:g} s at {rate_hz:g} frames/s", measure, _judged_live if at_goal else _without_goal)
+        judged = _live_goal if size == VGA and rate_hz == 30 else _without_goal
+        yield task(f"live, {live_s:g} s at {rate_hz:g} frames/s", measure, judged)
     count = min(_CORRECTED_FRAMES, frames)
     yield task(f"ospc correct, {count} frames", partial(correct_command, count=count))
     for kind in ("float32", "uint8"):
         yield task(f"correcting in memory to {kind}", partial(correcting, dtype=kind))
-
-
-def _without_goal(row: SpeedRow) -> SpeedRow:
-    return row
-
-
-def _judged_live(row: SpeedRow) -> SpeedRow:
-    """Judge a live calibration of 640×480 pixels at 30 frames/s."""
-    share = row.cpu_s / row.seconds
-    met = share <= _LIVE_CORE_SHARE and (row.peak_mb is None or row.peak_mb <= _LIVE_MB)
-    return replace(row, goal=f"≤ {_LIVE_CORE_SHARE:.0%} of a core, ≤ {_LIVE_MB:.0f} MB", met=met)
 
 
 _HEADER = (

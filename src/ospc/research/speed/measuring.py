@@ -7,9 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +88,21 @@ class SpeedRow:
         return asdict(self) | derived
 
 
+@dataclass
+class _Spent:
+    """Time, and processor time of this process, that passed in a context; it restarts with each."""
+
+    seconds: float = 0.0
+    cpu_s: float = 0.0
+
+    def __enter__(self) -> _Spent:
+        self.seconds, self.cpu_s = -time.perf_counter(), -time.process_time()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.seconds, self.cpu_s = self.seconds + time.perf_counter(), self.cpu_s + time.process_time()
+
+
 def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRow:
     """Measure pushing frames and the final calibration with a preset in this process, with clocks in its steps."""
     from ospc.calibrator import OnlineCalibrator, drive
@@ -106,23 +119,15 @@ def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRo
             pushes.append(time.perf_counter() - before)
             return used
 
-    with clocks() as stages:
-        begun, cpu = time.perf_counter(), time.process_time()
+    with clocks() as stages, _Spent() as spent:
         calibrator = Clocked(preset)
         drive(calibrator, reel.frames(count))
         calibrator.calibration()
-        seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
     return SpeedRow(
-        f"preset {preset}",
-        size,
-        count,
-        seconds,
-        cpu,
-        "decoding",
-        *decoding,
+        *(f"preset {preset}", size, count, spent.seconds, spent.cpu_s, "decoding", *decoding),
         push_ms=_spread(pushes),
         peak_mb=_peak_mb(reel.megabytes),
-        stages=with_rest(stages, seconds),
+        stages=with_rest(stages, spent.seconds),
     )
 
 
@@ -135,31 +140,26 @@ def live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> SpeedRo
     decoded = [reel.decoded(index) for index in range(min(count, len(reel.images)))]
     shown_mb = reel.megabytes + sum(image.nbytes for image in decoded) / 2**20
     pushes, known_s = [], None
-    cpu, begun = time.process_time(), time.perf_counter()
-    with LiveCalibrator() as calibrator:
-        for index in range(count):
-            time.sleep(max(0.0, begun + index / rate_hz - time.perf_counter()))
-            place = reel.place(index)
-            frame = Frame.of_array(decoded[place], reel.exposures_ms[place], index=index)
-            before = time.perf_counter()
-            calibrator.push(frame)
-            pushes.append(time.perf_counter() - before)
-            if known_s is None and calibrator.status.converged:
-                known_s = time.perf_counter() - begun
-        status = calibrator.status
-    whole, cpu = time.perf_counter() - begun, time.process_time() - cpu
+    with _Spent() as spent:
+        begun = time.perf_counter()
+        with LiveCalibrator() as calibrator:
+            for index in range(count):
+                time.sleep(max(0.0, begun + index / rate_hz - time.perf_counter()))
+                place = reel.place(index)
+                frame = Frame.of_array(decoded[place], reel.exposures_ms[place], index=index)
+                before = time.perf_counter()
+                calibrator.push(frame)
+                pushes.append(time.perf_counter() - before)
+                if known_s is None and calibrator.status.converged:
+                    known_s = time.perf_counter() - begun
+            status = calibrator.status
     known = "not converged" if known_s is None else f"converged after {known_s:.0f} s"
+    share = f"{spent.cpu_s / spent.seconds:.0%} of a core"
     return SpeedRow(
-        f"live, {rate_hz:g} frames/s",
-        size,
-        count,
-        whole,
-        cpu,
-        "decoding",
-        *decoding,
+        *(f"live, {rate_hz:g} frames/s", size, count, spent.seconds, spent.cpu_s, "decoding", *decoding),
         push_ms=_spread(pushes),
         peak_mb=_peak_mb(shown_mb),
-        notes=f"{cpu / whole:.0%} of a core; {status.processed} processed, {status.unusable} unusable; {known}",
+        notes=f"{share}; {status.processed} processed, {status.unusable} unusable; {known}",
     )
 
 
@@ -180,37 +180,40 @@ def correct_command(size: ImageSize, reel: Reel, count: int) -> SpeedRow:
         _known_camera(size).save(calibration)
         arguments = (str(recording), str(calibration), "-o", str(out), "--output", "grey8")
         seconds, cpu_s, peak_mb = _called("correct", *arguments)
-        begun, cpu = time.perf_counter(), time.process_time()
-        for before, after in zip(
-            sorted((recording / "images").iterdir()), sorted((out / "images").iterdir()), strict=True
-        ):
-            before.read_bytes()
-            Path(place, after.name).write_bytes(bytes(after.stat().st_size))
-        copying = time.perf_counter() - begun, time.process_time() - cpu
-    return SpeedRow("ospc correct, 8 bit → 8 bit", size, count, seconds, cpu_s, "copying", *copying, peak_mb=peak_mb)
+        before, after = (sorted((folder / "images").iterdir()) for folder in (recording, out))
+        with _Spent() as copying:
+            for one, other in zip(before, after, strict=True):
+                one.read_bytes()
+                Path(place, other.name).write_bytes(bytes(other.stat().st_size))
+    against = ("copying", copying.seconds, copying.cpu_s)
+    return SpeedRow("ospc correct, 8 bit → 8 bit", size, count, seconds, cpu_s, *against, peak_mb=peak_mb)
 
 
 def correcting(size: ImageSize, reel: Reel, dtype: npt.DTypeLike) -> SpeedRow:
-    """Measure the correction of an image in memory, in one thread, against copying the corrected image."""
+    """Measure the correction of an image in memory, in one thread, against copying the corrected image, in turns."""
     known = _known_camera(size)
     corrector, image = Corrector(known.response, known.vignette), reel.decoded(0)
     corrected = np.asarray(corrector.correct(image, dtype=dtype))
     target = np.empty_like(corrected)
+    found = np.empty((_CORRECTIONS, 2, 2))
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        seconds, copying = _in_turns(
-            partial(corrector.correct, image, dtype=dtype), partial(np.copyto, target, corrected), times=_CORRECTIONS
-        )
+        for turn in found:
+            with _Spent() as spent:
+                corrector.correct(image, dtype=dtype)
+            with _Spent() as copying:
+                np.copyto(target, corrected)
+            turn[:] = [(spent.seconds, spent.cpu_s), (copying.seconds, copying.cpu_s)]
     finally:
         cv2.setNumThreads(threads)
+    mine, others = (_CORRECTIONS * np.median(found, axis=0)).tolist()
     what = f"correcting in memory, 8 bit → {np.dtype(dtype).name}"
-    return SpeedRow(what, size, _CORRECTIONS, *seconds, "copying", *copying)
+    return SpeedRow(what, size, _CORRECTIONS, *mine, "copying", *others)
 
 
 def _known_camera(size: ImageSize) -> Calibration:
-    vignette = PolynomialVignette(size, (-0.35, 0.05, -0.15))
-    return Calibration(size, Response.gamma(2.2), vignette)
+    return Calibration(size, Response.gamma(2.2), PolynomialVignette(size, (-0.35, 0.05, -0.15)))
 
 
 def _called(*arguments: str) -> tuple[float, float, float | None]:
@@ -225,20 +228,6 @@ def _called(*arguments: str) -> tuple[float, float, float | None]:
     except ImportError:  # not on this system
         return seconds, cpu_s, None
     return seconds, cpu_s, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-
-
-def _in_turns(
-    first: Callable[[], object], second: Callable[[], object], times: int
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the median time, and processor time, of so many calls of each, called in turns."""
-    found = np.empty((2, times, 2))
-    for turn in range(times):
-        for number, call in enumerate((first, second)):
-            begun, cpu = time.perf_counter(), time.process_time()
-            call()
-            found[number, turn] = time.perf_counter() - begun, time.process_time() - cpu
-    one, other = times * np.median(found, axis=1)
-    return (float(one[0]), float(one[1])), (float(other[0]), float(other[1]))
 
 
 def _peak_mb(shown_mb: float) -> float | None:
