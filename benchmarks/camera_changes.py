@@ -1,14 +1,14 @@
 """Show a calibrator film of cameras that never change, and of cameras that do, and report what it says.
 
-    python benchmarks/camera_changes.py --results changes.jsonl --hours 1 --rate 20 50
-    python benchmarks/camera_changes.py --results changes.jsonl --switch --films 4
+    python benchmarks/camera_changes.py --results changes --hours 1 --rate 20 50
+    python benchmarks/camera_changes.py --results changes --switch --films 4
 
 Without --switch no camera changes, and every change reported is false. With --switch each film is run once for each
 change of CHANGES, which happens after half of its time, and the delay is reported.
 
 The clock is virtual: stamps run at the rate given, the frames come as fast as they are taken, and only those that
 the calibrator asks for are rendered. Each film has its own scene, motion, light and noise; see long_film.py. The
-result of each film is added to the file --results when it ends; a run that was interrupted goes on with the next.
+result of each film is kept in the folder --results when it ends; an interrupted run goes on with the next.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ import cv2
 
 from long_film import CAMERAS, Camera, LongFilm, Switch
 from ospc import OnlineCalibrator
-from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
-from result_files import ResultFile, Row, table
+from results import Row, measured, table_of
+from simulated_family import errors
 
 SWITCH_AFTER_S, WATCHED_S = 60.0, 30.0
 """Time before a change of the camera, and after it."""
@@ -37,27 +37,25 @@ _SAME_COLUMNS = (
 _SWITCH_COLUMNS = ("camera", "seed", "rate", "change", "false changes", "delay s", "off by s", "called")
 
 
+_OTHER_RESPONSES = {"srgb": "filmic", "filmic": "srgb", "linear": "gamma2.2", "gamma2.2": "linear"}
+_SIMILAR_RESPONSES = {"srgb": "gamma2.2", "filmic": "log", "linear": "tum_narrow", "gamma2.2": "srgb"}
+"""Responses that differ little, such as those of another picture profile."""
+
+
 def _darker_corner(camera: Camera) -> Camera:
     """Return a camera whose vignette at the corner is a fifth lower."""
     first, *others = camera.vignette
     return replace(camera, vignette=(first - 0.2 * (1 + first + sum(others)), *others))
 
 
-def _another_response(camera: Camera) -> Camera:
-    others = {"srgb": "filmic", "filmic": "srgb", "linear": "gamma2.2", "gamma2.2": "linear"}
-    return replace(camera, response=others[camera.response])
-
-
-def _steeper_response(camera: Camera) -> Camera:
-    """Return a camera with a response that differs little, such as another picture profile."""
-    others = {"srgb": "gamma2.2", "filmic": "log", "linear": "tum_narrow", "gamma2.2": "srgb"}
-    return replace(camera, response=others[camera.response])
-
-
 CHANGES: dict[str, Callable[[Camera], Switch]] = {
     "corner -20 %": lambda camera: Switch(SWITCH_AFTER_S, _darker_corner(camera)),
-    "another response": lambda camera: Switch(SWITCH_AFTER_S, _another_response(camera)),
-    "similar response": lambda camera: Switch(SWITCH_AFTER_S, _steeper_response(camera)),
+    "another response": lambda camera: Switch(
+        SWITCH_AFTER_S, replace(camera, response=_OTHER_RESPONSES[camera.response])
+    ),
+    "similar response": lambda camera: Switch(
+        SWITCH_AFTER_S, replace(camera, response=_SIMILAR_RESPONSES[camera.response])
+    ),
     "exposures 2 late": lambda camera: Switch(SWITCH_AFTER_S, camera, late_frames=2),
 }
 """What happens to the camera."""
@@ -80,8 +78,6 @@ def unchanged(camera: str, hours: float, rate: float, seed: int) -> Row:
     """Show a film of a camera that stays the same; all changes reported are false."""
     film = LongFilm(CAMERAS[camera], hours, rate, seed)
     calibrator, reported, spent_s = shown(film)
-    found = calibrator.calibration()
-    response, vignette = found.response, found.vignette
     return {
         "camera": camera,
         "seed": seed,
@@ -91,9 +87,7 @@ def unchanged(camera: str, hours: float, rate: float, seed: int) -> Row:
         "called": "; ".join(text for _, text in reported[:3]),
         "processed": film.rendered,
         "processor s": spent_s,
-        "V": None if vignette is None else vignette_rmse(vignette, film.vignette),
-        "shape": None if response is None else response_shape_rmse(response, film.response),
-        "kappa": None if response is None else log_ratio_error(response, film.response),
+        **errors(calibrator.calibration(), film),
     }
 
 
@@ -133,7 +127,7 @@ def summary(rows: list[Row]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--results", type=Path, required=True, help="JSON-lines file of the results.")
+    parser.add_argument("--results", type=Path, required=True, help="Folder of the results.")
     parser.add_argument("--hours", type=float, default=1.0, help="Length of a film without a change.")
     parser.add_argument("--rate", type=float, nargs="+", default=[20.0, 50.0], help="Frames per second.")
     parser.add_argument("--films", type=int, default=1, help="Number of films of each camera.")
@@ -142,24 +136,19 @@ def main() -> None:
     parser.add_argument("--switch", action="store_true", help="Change the camera in mid-film.")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    results = ResultFile(arguments.results)
-    jobs: dict[str, Callable[[], Row]] = {}
+    calls: dict[str, Callable[[], Row]] = {}
     for seed in range(arguments.seed, arguments.seed + arguments.films):
         for rate in arguments.rate:
             for camera in arguments.cameras:
                 film = f"{camera} {seed} {rate:g} Hz"
                 if arguments.switch:
                     for change in CHANGES:
-                        jobs[f"{film} {change}"] = partial(switched, camera, change, rate, seed)
+                        calls[f"{film} {change}"] = partial(switched, camera, change, rate, seed)
                 else:
                     hours = arguments.hours
-                    jobs[f"{film} {hours:g} h"] = partial(unchanged, camera, hours, rate, seed)
-    for key, job in jobs.items():
-        if key not in results:
-            results.add(key, job())
-            print(key, "done", flush=True)
-    rows = results.rows(jobs)
-    print(table(rows, _SWITCH_COLUMNS if arguments.switch else _SAME_COLUMNS))
+                    calls[f"{film} {hours:g} h"] = partial(unchanged, camera, hours, rate, seed)
+    rows = measured(calls, arguments.results)
+    print(table_of("Changes of the camera", rows, _SWITCH_COLUMNS if arguments.switch else _SAME_COLUMNS))
     print(summary(rows))
 
 

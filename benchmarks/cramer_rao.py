@@ -1,6 +1,6 @@
 """Compare the errors of calibrations with the least that their observations allow (Cramér–Rao).
 
-    python benchmarks/cramer_rao.py --results FILE [--frames 300] [--every 4]
+    python benchmarks/cramer_rao.py --results FOLDER [--frames 300] [--every 4]
 
 Recordings of the accuracy benchmark are filmed twice: as they are, and without noise. The bound is that of the
 observations that the fit was made to, with the noise of the simulated sensor and nothing else, and the prior of the
@@ -27,7 +27,7 @@ from ospc.methods.inputs import FitInputs
 from ospc.research.accuracy.design import accuracy_sources
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings, frames
-from result_files import ResultFile, Row, table
+from results import Row, measured, table_of
 from simulated_family import errors
 
 METRICS = ("V", "shape", "kappa")
@@ -95,21 +95,16 @@ def row(name: str, settings: SimulationSettings) -> Row:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--results", type=Path, required=True, help="JSON-lines file of the results.")
+    parser.add_argument("--results", type=Path, required=True, help="Folder of the results.")
     parser.add_argument("--frames", type=int, default=300, help="Frames of each recording.")
     parser.add_argument("--every", type=int, default=1, help="Take one in so many recordings.")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    results = ResultFile(arguments.results)
     sources = [s for s in accuracy_sources(None, arguments.frames)[0] if isinstance(s, SimulatedSource)]
     moving = [source for source in sources if source.group == "simulated"]
-    jobs = {f"{s.name} {arguments.frames}": partial(row, s.name, s.settings) for s in moving[:: arguments.every]}
-    for key, job in jobs.items():
-        if key not in results:
-            results.add(key, job())
-            print(key, "done", flush=True)
-    rows = results.rows(jobs)
-    print(table(rows, _COLUMNS))
+    calls = {f"{s.name} {arguments.frames}": partial(row, s.name, s.settings) for s in moving[:: arguments.every]}
+    rows = measured(calls, arguments.results)
+    print(table_of("Errors and their bounds", rows, _COLUMNS))
     for metric in METRICS:
         ratios = [r[metric] / r[f"bound {metric}"] for r in rows if r[metric] is not None]
         print(f"{metric}: {np.median(ratios):.2f} times the bound in the median, {max(ratios):.2f} at most")

@@ -13,43 +13,15 @@ from copy import deepcopy
 from hashlib import sha256
 from random import Random
 
-VALUES = [
-    -1,
-    0,
-    1,
-    2**31,
-    2**62,
-    10**400,
-    1e300,
-    -1e300,
-    1e-300,
-    0.5,
-    None,
-    True,
-    "nan",
-    "x\0\ud800",
-    [],
-    {},
-    [1, 2],
-    [[]],
-]
+VALUES = (
+    -1, 0, 1, 2**31, 2**62, 10**400, 1e300, -1e300, 1e-300, 0.5,
+    None, True, "nan", "x\0\ud800", [], {}, [1, 2], [[]],
+)  # fmt: skip
 """What takes the place of values in JSON documents."""
 
 TOKENS = [
-    b"nan",
-    b"-inf",
-    b"0",
-    b"-0",
-    b"-1",
-    b"1e400",
-    b"1e-320",
-    b"9" * 400,
-    b"4294967296",
-    b"0x10",
-    b"1_0",
-    b"1,5",
-    b"",
-]
+    b"nan", b"-inf", b"0", b"-0", b"-1", b"1e400", b"1e-320", b"9" * 400, b"4294967296", b"0x10", b"1_0", b"1,5", b"",
+]  # fmt: skip
 """What takes the place of numbers and words in texts, beside what the parser itself suggests."""
 
 INTEGERS = [b"\xff" * 4, b"\xff" * 8, b"\0" * 4, b"\xff\xff\xff\x7f", b"\0\0\0\x80", b"\x01\0\0\0", b"\0\x10\0\0"]

@@ -11,8 +11,8 @@ undetermined  they were left where they were, and a verdict or a warning says th
 missed        they were left where they were, and nothing was said
 wrong         they were moved by another number of frames
 
-Recordings are rendered once and kept in the folder --work, where results.jsonl holds the results: a run that was
-interrupted goes on where it stopped.
+Recordings are rendered once and kept in the folder --work, which holds the results too: an interrupted run goes
+on where it stopped.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ospc import Calibration, calibrate
+from ospc import calibrate
 from ospc.arrays import FloatArray
 from ospc.simulation import SimulationSettings, truth
-from result_files import ResultFile, Row, table
+from results import Row, measured, table_of
 from simulated_family import Member, errors, rendered
 
 LENGTHS = (80, 400)
@@ -97,21 +98,13 @@ def lagged(original: Path, place: Path, lag: int) -> Path:
     return place
 
 
-def calibrated(path: Path) -> tuple[Calibration, int, bool]:
-    """Return a calibration, the lag it was corrected by, and whether it says that exposures can't be relied on."""
-    found = calibrate(path)
-    return found, int(found.source.get("exposure_lag_corrected_frames", 0)), not _relied_on(found)
-
-
-def _relied_on(found: Calibration) -> bool:
-    """Return whether the response, which is nothing but what exposures say, is known without reservation."""
-    return found.verdicts["response"].state == "identifiable"
-
-
 def examined(original: Path, settings: SimulationSettings, lag: int) -> Row:
     """Return what is found in a recording with a lag."""
     with tempfile.TemporaryDirectory(dir=original.parent) as folder:
-        found, corrected, doubted = calibrated(lagged(original, Path(folder) / original.name, lag))
+        found = calibrate(lagged(original, Path(folder) / original.name, lag))
+    corrected = int(found.source.get("exposure_lag_corrected_frames", 0))
+    # The response is nothing but what exposures say.
+    doubted = found.verdicts["response"].state != "identifiable"
     if corrected == lag:
         outcome = "found"
     elif corrected:
@@ -161,7 +154,6 @@ def main() -> None:
     parser.add_argument("--frames", type=int, nargs="+", default=list(LENGTHS), help="Lengths of the recordings.")
     parser.add_argument("--lags", type=int, nargs="+", default=list(LAGS), help="Lags in frames.")
     arguments = parser.parse_args()
-    results = ResultFile(arguments.work / "results.jsonl")
     members = [
         member(kind, frames, seed)
         for frames in arguments.frames
@@ -169,18 +161,15 @@ def main() -> None:
         for seed in range(arguments.seeds)
     ]
     places = rendered(members, arguments.work / "recordings")
-    keys = []
-    for chosen in members:
-        for lag in arguments.lags:
-            key = f"{chosen.name} {lag:+d}"
-            keys.append(key)
-            if key not in results:
-                results.add(key, examined(places[chosen.name], chosen.settings, lag))
-        print(chosen.name, "done", flush=True)
-    rows = results.rows(keys)
-    print(table(rows, _COLUMNS), end="\n\n")
+    calls = {
+        f"{one.name} {lag:+d}": partial(examined, places[one.name], one.settings, lag)
+        for one in members
+        for lag in arguments.lags
+    }
+    rows = measured(calls, arguments.work / "results")
+    print(table_of("Lags", rows, _COLUMNS))
     outcomes = summaries(rows)
-    print(table(outcomes, list(outcomes[0])))
+    print(table_of("Outcomes", outcomes, list(outcomes[0])))
 
 
 if __name__ == "__main__":

@@ -45,6 +45,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recording"))
 import cv2
 
 from damage import damaged
+from results import table_of
 
 if TYPE_CHECKING:
     from parser_targets import Target
@@ -277,19 +278,15 @@ class Campaign:
 
     def table(self) -> str:
         """Return what became of all inputs so far."""
-        lines = [
-            "| parser | inputs | understood | corpus | slowest s | peak MiB | found |",
-            "| --- | --: | --: | --: | --: | --: | --: |",
-        ]
-        total = found_in_all = 0
+        names = ("parser", "inputs", "understood", "corpus", "slowest s", "peak MiB", "found")
+        rows = []
         for name in known():
             inputs, understood, found, slowest, peak = self.progress(name).read()
             corpus = len(list((self.place(name) / "corpus").iterdir()))
-            total, found_in_all = total + inputs, found_in_all + found
-            lines.append(
-                f"| {name} | {inputs} | {understood} | {corpus} | {slowest / 1e6:.2f} | {peak / 1024:.0f} | {found} |"
-            )
-        return "\n".join([*lines, f"| all | {total} | | | | | {found_in_all} |"])
+            counts = (name, inputs, understood, corpus, slowest / 1e6, peak // 1024, found)
+            rows.append(dict(zip(names, counts, strict=True)))
+        total = {name: sum(row[name] for row in rows) for name in ("inputs", "found")}
+        return table_of("Inputs of all parsers", [*rows, {"parser": "all", **total}], names)
 
 
 def main() -> None:

@@ -208,23 +208,16 @@ def _apart(one: FloatArray | tuple[float, float], other: FloatArray | tuple[floa
     return float(np.hypot(_wrapped(one[0] - other[0]), one[1] - other[1]))
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Errors against the truth as root mean squares."""
-
-    response: float
-    vignette: float
-
-    @classmethod
-    def of(cls, known: Calibration, camera: Camera) -> Errors:
-        if known.response is None or known.vignette is None:
-            return cls(np.inf, np.inf)
-        found, true = known.response.resampled(256), camera.truth.response.resampled(256)
-        scale = float(found @ true / (found @ found))
-        profiles = [diagonal_profile(v, PROFILE_RADII) for v in (known.vignette, camera.truth.vignette)]
-        return cls(
-            float(np.sqrt(np.mean((scale * found - true) ** 2))), float(np.sqrt(np.mean(np.subtract(*profiles) ** 2)))
-        )
+def errors(known: Calibration, camera: Camera) -> tuple[float, float]:
+    """Return the root mean square errors of response and vignette."""
+    if known.response is None or known.vignette is None:
+        return np.inf, np.inf
+    found, true = known.response.resampled(256), camera.truth.response.resampled(256)
+    scale = float(found @ true / (found @ found))
+    profiles = [diagonal_profile(v, PROFILE_RADII) for v in (known.vignette, camera.truth.vignette)]
+    differences = (scale * found - true, np.subtract(*profiles))
+    response, vignette = (float(np.sqrt(np.mean(difference**2))) for difference in differences)
+    return response, vignette
 
 
 def capture(
@@ -252,13 +245,10 @@ def capture(
         if time_s >= estimated_s + (ESTIMATE_S if adviser.expects_end else CHECK_S):
             estimated_s = time_s
             known = calibrator.calibration()
-            errors = Errors.of(known, camera)
-            if max(errors.response, errors.vignette) > GOAL:
-                found["true"] = np.inf
-            else:
-                found["true"] = min(found["true"], time_s)
+            response, vignette = errors(known, camera)
+            found["true"] = np.inf if max(response, vignette) > GOAL else min(found["true"], time_s)
             if adviser.look(calibrator.preview(), time_s, known).kind == "done":
-                found |= {"stated": time_s, "response": errors.response, "vignette": errors.vignette}
+                found |= {"stated": time_s, "response": response, "vignette": vignette}
                 break
     report(f"    {'directed' if directed else 'undirected'}: {found}")
     return found

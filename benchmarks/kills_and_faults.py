@@ -29,6 +29,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -36,6 +37,7 @@ import numpy as np
 from ospc.errors import OspcError
 from ospc.simulation import SimulationSettings, simulate
 from ospc.state import container
+from results import table_of
 
 PROGRAM = "from ospc.cli.main import main; main()"
 SETTINGS = ("--set", "points_per_pair=100", "--set", "max_points=3000", "--set", "rounds=4")
@@ -227,10 +229,6 @@ class Tester:
         if code not in ENDED_WELL:
             sys.exit(f"undisturbed {command.arguments} failed: {errors}")
 
-    def moment(self, name: str) -> float:
-        """Return a random time within a run."""
-        return self.rng.uniform(0, self.duration_s[name])
-
     def judge(self, row: Row, out: Path, code: int | None, errors: str) -> None:
         """Count what came of a disturbance."""
         row.runs += 1
@@ -273,91 +271,88 @@ class Tester:
                 row.remarks.append(f"differ: {different[:6]}")
         shutil.rmtree(out, ignore_errors=True)
 
-    def in_turns(self, row: Row, runs: int, disturb: Callable[[Row, Path, bool], None]) -> None:
-        """Disturb up to so many runs in a row, then complete and compare."""
-        while row.runs < runs:
-            out = self.work / "out"
-            for number in range(min(self.rng.randint(1, MOST_IN_A_ROW), runs - row.runs)):
-                disturb(row, out, number > 0)
-            self.complete(row, out)
+    def start(self, row: Row, out: Path, *, again: bool = False, **more: Any) -> subprocess.Popen[bytes]:
+        """Start a command."""
+        return started(self.commands[row.command], out, again=again, **more)
+
+    def runs_on(self, row: Row, process: subprocess.Popen[bytes]) -> bool:
+        """Wait for a random moment, and tell whether the command is still under way."""
+        try:
+            process.wait(self.rng.uniform(0, self.duration_s[row.command]))
+        except subprocess.TimeoutExpired:
+            return True
+        row.early += 1
+        return False
+
+
+Disturbance: TypeAlias = Callable[[Tester, Row, Path, float], None]
+"""Disturbs and judges a run, given its output folder and the share of the runs of its case that were before it."""
 
 
 def kill(tester: Tester, row: Row, runs: int) -> None:
-    """SIGKILL of the command and its workers."""
-
-    def disturb(row: Row, out: Path, again: bool) -> None:
-        process = started(tester.commands[row.command], out, again=again and out.exists())
-        try:
-            process.wait(tester.moment(row.command))
-            row.early += 1
-        except subprocess.TimeoutExpired:
-            killed(process)
-        tester.judge(row, out, *ended(process))
-
-    tester.in_turns(row, runs, disturb)
-
-
-def interrupt(tester: Tester, row: Row, runs: int) -> None:
-    """Ctrl-C, and once more if the first is taken as 'finish early'."""
-
-    def disturb(row: Row, out: Path, again: bool) -> None:
-        process = started(tester.commands[row.command], out, again=again and out.exists())
-        try:
-            process.wait(tester.moment(row.command))
-            row.early += 1
-            tester.judge(row, out, *ended(process))
-            return
-        except subprocess.TimeoutExpired:
-            begun_s = time.monotonic()
-            os.killpg(process.pid, signal.SIGINT)
-        try:
-            process.wait(ANSWER_S / 2)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGINT)
-        code, errors = ended(process, ANSWER_S)
-        row.slowest_answer_s = max(row.slowest_answer_s, time.monotonic() - begun_s)
-        # Before Python has begun to run the command, an interruption is Python's own.
-        if "KeyboardInterrupt" in errors and "ospc/cli/main.py" not in errors.replace("ospc.cli.main", ""):
-            code, errors = 130, ""
-        tester.judge(row, out, 130 if code == -signal.SIGINT else code, errors)
-
+    """SIGKILL of the command and its workers, a few times in a row."""
     while row.runs < runs:
         out = tester.work / "out"
-        disturb(row, out, False)
+        for number in range(min(tester.rng.randint(1, MOST_IN_A_ROW), runs - row.runs)):
+            process = tester.start(row, out, again=number > 0 and out.exists())
+            if tester.runs_on(row, process):
+                killed(process)
+            tester.judge(row, out, *ended(process))
         tester.complete(row, out)
 
 
-def signals(tester: Tester, row: Row, runs: int) -> None:
+def repeated(disturb: Disturbance) -> Callable[[Tester, Row, int], None]:
+    """Return the case of disturbing so many runs, each of which is then let go on."""
+
+    def case(tester: Tester, row: Row, runs: int) -> None:
+        out = tester.work / "out"
+        for number in range(runs):
+            disturb(tester, row, out, number / max(runs - 1, 1))
+            tester.complete(row, out)
+
+    return case
+
+
+def interrupt(tester: Tester, row: Row, out: Path, _share: float) -> None:
+    """Ctrl-C, and once more if the first is taken as 'finish early'."""
+    process = tester.start(row, out)
+    if not tester.runs_on(row, process):
+        tester.judge(row, out, *ended(process))
+        return
+    begun_s = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        process.wait(ANSWER_S / 2)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGINT)
+    code, errors = ended(process, ANSWER_S)
+    row.slowest_answer_s = max(row.slowest_answer_s, time.monotonic() - begun_s)
+    # Before Python has begun to run the command, an interruption is Python's own.
+    if "KeyboardInterrupt" in errors and "ospc/cli/main.py" not in errors.replace("ospc.cli.main", ""):
+        code, errors = 130, ""
+    tester.judge(row, out, 130 if code == -signal.SIGINT else code, errors)
+
+
+def signals(tester: Tester, row: Row, out: Path, _share: float) -> None:
     """Reads and writes that are interrupted by signals a hundred times a second, and pauses of the process."""
     kinds = (signal.SIGWINCH, signal.SIGCONT, signal.SIGCHLD, signal.SIGURG, signal.SIGSTOP)
-    for _ in range(runs):
-        out = tester.work / "out"
-        process = started(tester.commands[row.command], out, again=False)
-        end_s = time.monotonic() + HANGING_S
-        while process.poll() is None and time.monotonic() < end_s:
-            os.killpg(process.pid, tester.rng.choice(kinds))
-            time.sleep(0.01)
-            os.killpg(process.pid, signal.SIGCONT)
-        tester.judge(row, out, *ended(process))
-        tester.complete(row, out)
+    process = tester.start(row, out)
+    end_s = time.monotonic() + HANGING_S
+    while process.poll() is None and time.monotonic() < end_s:
+        os.killpg(process.pid, tester.rng.choice(kinds))
+        time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGCONT)
+    tester.judge(row, out, *ended(process))
 
 
-def memory(tester: Tester, row: Row, runs: int) -> None:
+def memory(tester: Tester, row: Row, out: Path, share: float) -> None:
     """A limit of the address space, from less than Python needs to more than the command takes."""
-    for number in range(runs):
-        out = tester.work / "out"
-        most = int(2**20 * (200 + 1400 * number / max(runs - 1, 1)))
-        process = started(
-            tester.commands[row.command],
-            out,
-            again=False,
-            before=lambda most=most: resource.setrlimit(resource.RLIMIT_AS, (most, most)),
-        )
-        code, errors = ended(process)
-        if "OpenBLAS" in errors or "ImportError" in errors or "MemoryError" in errors:
-            row.remarks.append(f"{most // 2**20} MiB, exit {code}: {errors.strip()[-300:]}")
-        tester.judge(row, out, code, errors)
-        tester.complete(row, out)
+    most = int(2**20 * (200 + 1400 * share))
+    process = tester.start(row, out, before=lambda: resource.setrlimit(resource.RLIMIT_AS, (most, most)))
+    code, errors = ended(process)
+    if "OpenBLAS" in errors or "ImportError" in errors or "MemoryError" in errors:
+        row.remarks.append(f"{most // 2**20} MiB, exit {code}: {errors.strip()[-300:]}")
+    tester.judge(row, out, code, errors)
 
 
 @contextmanager
@@ -372,87 +367,77 @@ def disk(place: Path, kilobytes: int) -> Iterator[Path]:
         place.rmdir()
 
 
+def remounted(place: Path, option: str) -> bool:
+    """Mount a disk anew, and tell whether that was possible."""
+    done = subprocess.run(["mount", "-o", f"remount,{option}", str(place)], capture_output=True, check=False)
+    return done.returncode == 0
+
+
 def full_disk(tester: Tester, row: Row, runs: int) -> None:
     """A disk that is full at a random size of the output; then there is room again."""
     needed = sum(map(len, tester.expected[row.command].values())) // 1024
     for _ in range(runs):
         with disk(tester.work / "disk", 8 + int(tester.rng.random() * needed)) as place:
-            out = place / "out"
-            tester.judge(row, out, *ended(started(tester.commands[row.command], out, again=False)))
-            subprocess.run(["mount", "-o", "remount,size=200m", str(place)], check=True)
-            tester.complete(row, out)
+            tester.judge(row, place / "out", *ended(tester.start(row, place / "out")))
+            assert remounted(place, "size=200m")
+            tester.complete(row, place / "out")
 
 
 def read_only(tester: Tester, row: Row, runs: int) -> None:
     """A disk that becomes read-only at a random moment, as one with errors does, or is so from the beginning."""
     for number in range(runs):
         with disk(tester.work / "disk", 200 * 1024) as place:
-            out = place / "out"
-            if number % 2:
-                subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
-            process = started(tester.commands[row.command], out, again=False)
-            try:
-                process.wait(tester.moment(row.command))
-                row.early += 1
-            except subprocess.TimeoutExpired:
-                while number % 2 == 0 and process.poll() is None:  # refused while a file is open for writing
-                    busy = subprocess.run(["mount", "-o", "remount,ro", str(place)], capture_output=True, check=False)
-                    if not busy.returncode:
-                        break
+            from_the_beginning = bool(number % 2) and remounted(place, "ro")
+            process = tester.start(row, place / "out")
+            if tester.runs_on(row, process) and not from_the_beginning:
+                # Refused while a file is open for writing.
+                while process.poll() is None and not remounted(place, "ro"):
                     time.sleep(0.002)
-            tester.judge(row, out, *ended(process))
-            subprocess.run(["mount", "-o", "remount,rw", str(place)], check=True)
-            tester.complete(row, out)
+            tester.judge(row, place / "out", *ended(process))
+            assert remounted(place, "rw")
+            tester.complete(row, place / "out")
 
 
-def removed_input(tester: Tester, row: Row, runs: int) -> None:
+def removed_input(tester: Tester, row: Row, out: Path, _share: float) -> None:
     """The input is moved away at a random moment, and back before the command goes on."""
-    for _ in range(runs):
-        out = tester.work / "out"
-        process = started(tester.commands[row.command], out, again=False)
-        moved = [tester.work / "calibrated"] if row.command == "merge" else [tester.work / "recordings"]
-        time.sleep(tester.moment(row.command))
-        for place in moved:
-            place.rename(place.with_name(f"{place.name}-moved"))
-        code, errors = ended(process)
-        for place in moved:
-            place.with_name(f"{place.name}-moved").rename(place)
-        tester.judge(row, out, code, errors)
-        tester.complete(row, out)
+    place = tester.work / ("calibrated" if row.command == "merge" else "recordings")
+    process = tester.start(row, out)
+    tester.runs_on(row, process)
+    moved = place.rename(place.with_name(f"{place.name}-moved"))
+    found = ended(process)
+    moved.rename(place)
+    tester.judge(row, out, *found)
 
 
-def clock(tester: Tester, row: Row, runs: int) -> None:
-    """The clock is set back by a day, or ahead by an hour, at a random moment."""
+def clock(tester: Tester, row: Row, out: Path, share: float) -> None:
+    """The clock is set ahead by an hour, or back by a day, at a random moment."""
     found = sorted(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"))
     if not found:
         sys.exit("the case 'clock' needs the program faketime")
-    for number in range(runs):
-        out, setting = tester.work / "out", tester.work / "clock"
-        setting.write_text("+0")
-        process = started(
-            tester.commands[row.command],
-            out,
-            again=False,
-            LD_PRELOAD=str(found[0]),
-            FAKETIME_TIMESTAMP_FILE=str(setting),
-            FAKETIME_NO_CACHE="1",
-            FAKETIME_DONT_FAKE_MONOTONIC="1",
-        )
-        time.sleep(tester.moment(row.command))
-        setting.write_text("-86400" if number % 3 else "+3600")
-        tester.judge(row, out, *ended(process))
-        tester.complete(row, out)
+    setting = tester.work / "clock"
+    setting.write_text("+0")
+    process = tester.start(
+        row,
+        out,
+        LD_PRELOAD=str(found[0]),
+        FAKETIME_TIMESTAMP_FILE=str(setting),
+        FAKETIME_NO_CACHE="1",
+        FAKETIME_DONT_FAKE_MONOTONIC="1",
+    )
+    tester.runs_on(row, process)
+    setting.write_text("+3600" if share < 1 / 3 else "-86400")
+    tester.judge(row, out, *ended(process))
 
 
 CASES: dict[str, Callable[[Tester, Row, int], None]] = {
     "kill": kill,
-    "interrupt": interrupt,
-    "signals": signals,
+    "interrupt": repeated(interrupt),
+    "signals": repeated(signals),
     "full disk": full_disk,
     "read-only": read_only,
-    "input removed": removed_input,
-    "clock": clock,
-    "memory": memory,
+    "input removed": repeated(removed_input),
+    "clock": repeated(clock),
+    "memory": repeated(memory),
 }
 
 
@@ -476,15 +461,11 @@ def done(results: Path, case: str, command: str) -> int:
 
 def table(rows: list[Row]) -> str:
     """Return one line for each case and command."""
-    lines = [
-        "| case | command | runs | ended before | refused | lost | wrong | torn | hangs | slowest answer s |",
-        "| --- | --- | --: | --: | --: | --: | --: | --: | --: | --: |",
+    shown = [
+        vars(row) | {"slowest answer s": row.slowest_answer_s or None, "ended before": row.early} for row in rows
     ]
-    for row in rows:
-        counts = f"{row.runs} | {row.early} | {row.refused} | {row.lost} | {row.wrong} | {row.torn} | {row.hangs}"
-        answer = f"{row.slowest_answer_s:.1f}" if row.slowest_answer_s else ""
-        lines.append(f"| {row.case} | {row.command} | {counts} | {answer} |")
-    return "\n".join(lines)
+    counts = ("runs", "ended before", "refused", "lost", "wrong", "torn", "hangs", "slowest answer s")
+    return table_of("Disturbed commands", shown, ("case", "command", *counts), names=2)
 
 
 def main() -> None:

@@ -8,8 +8,8 @@ result was lost (an error, or nothing identifiable where the command finds somet
 of ospc.calibrate on the same frames, the longest push, and how many frames were dropped because the calibrator was
 busy.
 
-Recordings are rendered once and kept in the folder --work, where results.jsonl holds the results: a run that was
-interrupted goes on where it stopped. Images are decoded before they are played; a camera costs no time either.
+Recordings are rendered once and kept in the folder --work, which holds the results too: an interrupted run goes
+on where it stopped. Images are decoded before they are played; a camera costs no time either.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from ospc import Calibration, Frame, LiveCalibrator, OspcError, calibrate, open_recording
 from ospc.arrays import Image
-from result_files import ResultFile, Row, table
+from results import Row, measured, table_of
 from simulated_family import Member, errors, family, identified, rendered
 
 _COMMON = ("recording", "rate", "busy")
@@ -52,22 +53,10 @@ class Film:
 
 @dataclass
 class Played:
-    """What happened while a film was played.
+    """What happened while a film was played: what was said of each change, and the final calibration.
 
-    Attributes
-    ----------
-    reported
-        What the calibrator said of each change.
-    worst_push_ms
-        Longest time that a push took.
-    late
-        Frames that were pushed more than a frame's time late, because the machine was busy.
-    dropped
-        Frames let go because the calibrator was busy.
-    calibration
-        The final one; None where that failed.
-    failure
-        Why it failed; empty where it didn't.
+    ``late`` frames were pushed more than a frame's time late, because the machine was busy; ``dropped`` ones were let
+    go because the calibrator was busy. ``failure`` says why there is no calibration.
     """
 
     reported: list[str]
@@ -119,9 +108,6 @@ def _burn() -> None:
         sum(range(100_000))
 
 
-# An unchanged camera.
-
-
 def unchanged(member: Member, place: Path, rate: float, processes: int, command: Row) -> Row:
     """Play a recording and compare with what the command found."""
     film = Film.of(place)
@@ -152,36 +138,12 @@ def by_command(member: Member, place: Path) -> Row:
     return {"identified": identified(found), **errors(found, member.settings, "command ")}
 
 
-# The program.
-
-
-def run_unchanged(arguments: argparse.Namespace, results: ResultFile) -> list[Row]:
-    members = family(arguments.recordings, arguments.seed)
-    places = rendered(members, arguments.work / "recordings")
-    keys = []
-    for member in members:
-        reference = f"command {member.name}"
-        if reference not in results:
-            results.add(reference, by_command(member, places[member.name]))
-        for rate in arguments.rates:
-            key = f"live {member.name} {rate:g} {arguments.busy}"
-            keys.append(key)
-            if key not in results:
-                row = unchanged(member, places[member.name], rate, arguments.busy, results[reference])
-                results.add(key, row)
-                print(key, "done", flush=True)
-    return results.rows(keys)
-
-
 def summary(rows: Sequence[Row]) -> str:
     """Return the totals over all runs in a line."""
     worse = [row["kappa"] / row["command kappa"] for row in rows if row["kappa"] and row["command kappa"]]
     ratio = f"; κ is {np.median(worse):.2g} times the command's in the median" if worse else ""
-    return f"{len(rows)} runs: {_total(rows)} false changes, {sum(row['lost'] for row in rows)} results lost{ratio}"
-
-
-def _total(rows: Sequence[Row]) -> int:
-    return sum(row["false changes"] for row in rows)
+    false, lost = (sum(row[name] for row in rows) for name in ("false changes", "lost"))
+    return f"{len(rows)} runs: {false} false changes, {lost} results lost{ratio}"
 
 
 def main() -> None:
@@ -192,9 +154,19 @@ def main() -> None:
     parser.add_argument("--rates", type=float, nargs="+", default=[20.0, 50.0], help="Frames per second.")
     parser.add_argument("--busy", type=int, default=0, metavar="N", help="Burn processor time with N processes.")
     arguments = parser.parse_args()
-    results = ResultFile(arguments.work / "results.jsonl")
-    rows = run_unchanged(arguments, results)
-    print(table(rows, _RUN_COLUMNS))
+    members = family(arguments.recordings, arguments.seed)
+    places = rendered(members, arguments.work / "recordings")
+    results = arguments.work / "results"
+    commands = measured({f"command {m.name}": partial(by_command, m, places[m.name]) for m in members}, results)
+    calls = {
+        f"live {m.name} {rate:g} {arguments.busy}": partial(
+            unchanged, m, places[m.name], rate, arguments.busy, command
+        )
+        for m, command in zip(members, commands, strict=True)
+        for rate in arguments.rates
+    }
+    rows = measured(calls, results)
+    print(table_of("Live runs", rows, _RUN_COLUMNS))
     print(summary(rows))
 
 

@@ -85,18 +85,9 @@ _SPEED = {
 class Camera:
     """A camera: what it is made of, and how its exposure control works.
 
-    Attributes
-    ----------
-    response
-        Name of one of the simulator's responses.
-    vignette
-        Coefficients of R², R⁴ and R⁶.
-    noise
-        Full well and read noise in electrons.
-    exposure_step
-        Factor between neighbouring exposures that the control can set; 1 for any.
-    control_gain
-        Share of the logarithmic deviation that the control corrects from one frame to the next at 20 frames/s.
+    ``vignette`` are coefficients of R², R⁴ and R⁶, ``noise`` full well and read noise in electrons. The control can
+    set exposures in factors of ``exposure_step``, 1 for any, and corrects the share ``control_gain`` of the
+    logarithmic deviation from one frame to the next at 20 frames/s.
     """
 
     response: str
@@ -117,17 +108,7 @@ CAMERAS = {
 
 @dataclass(frozen=True)
 class Switch:
-    """A change of the camera in mid-film.
-
-    Attributes
-    ----------
-    at_s
-        When it happens.
-    camera
-        Response, vignette and noise from then on.
-    late_frames
-        From then on exposures are stated so many frames late.
-    """
+    """A change of the camera in mid-film: from then on, exposures are stated so many frames late, too."""
 
     at_s: float
     camera: Camera
@@ -135,26 +116,7 @@ class Switch:
 
 
 class LongFilm:
-    """A film; iterating gives its frames, whose images are rendered when they are asked for.
-
-    Parameters
-    ----------
-    camera
-        The camera.
-    hours
-        Length of the film.
-    rate
-        Frames per second.
-    seed
-        Seeds scene, motion, lamps, clouds and noise.
-    switch
-        How the camera changes; None if it never does.
-
-    Attributes
-    ----------
-    rendered
-        Number of images rendered so far.
-    """
+    """A film; iterating gives its frames, whose images are rendered, and counted, when they are asked for."""
 
     def __init__(self, camera: Camera, hours: float, rate: float, seed: int, switch: Switch | None = None) -> None:
         self._camera, self._rate, self._seed = camera, rate, seed
@@ -320,16 +282,8 @@ class _Optics:
 class _Lamps:
     """Lamps, each of which lights a part of every picture and is switched at random times.
 
-    Attributes
-    ----------
-    place
-        Middle of what a lamp lights, in pixels of a picture, shape (lamps, 2).
-    reach, strength
-        Radius in pixels, and light relative to the daylight, shape (lamps,).
-    period_s
-        Time after which it is decided anew whether a lamp is on, shape (lamps,).
-    seed
-        Decides.
+    By lamp: the middle of what it lights, in pixels of a picture, shape (lamps, 2); its radius in pixels, its light
+    relative to the daylight, and the time after which it is decided anew whether it is on.
     """
 
     place: FloatArray

@@ -1,7 +1,7 @@
 """Break the estimator in known ways, one at a time, and ask the accuracy gate whether it notices.
 
     python benchmarks/mutations.py
-    python benchmarks/mutations.py --only vignette-sign --only no-mean-shift --results mutations.jsonl
+    python benchmarks/mutations.py --only vignette-sign --only no-mean-shift --results mutations
 
 Each mutation changes one function in a copy of ``src/ospc``; the sources themselves are never touched. The gate,
 ``tests/accuracy``, then runs against the copy. It must pass on the unchanged copy and fail on every mutated one. A
@@ -21,10 +21,11 @@ import tempfile
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
-from result_files import ResultFile, Row, table
+from results import Row, measured, table_of
 
 ROOT = Path(__file__).resolve().parents[1]
 GATE = ROOT / "tests" / "accuracy"
@@ -33,18 +34,10 @@ CLEAN = "unchanged"
 
 @dataclass(frozen=True)
 class Mutation:
-    """One way to break the code.
+    """One way to break the code, by the name that ``--only`` takes, and what an estimator would do wrong then.
 
-    Attributes
-    ----------
-    name
-        What ``--only`` takes.
-    function
-        Qualified name of the function to change, ``Class.method`` or ``function``; searched for in all modules.
-    change
-        Takes the source text of the function's body, dedented, and returns the mutated one.
-    harm
-        What an estimator with this defect would do wrong.
+    ``function`` is the qualified name of the one to change, ``Class.method`` or ``function``, in whatever module;
+    ``change`` takes the source text of its body, dedented, and returns the mutated one.
     """
 
     name: str
@@ -196,14 +189,14 @@ def run_gate(mutation: Mutation | None) -> Row:
     return {"passed": done.returncode == 0, "failed": failed, "errors": errors}
 
 
-def shown(row: Row) -> Row:
+def shown(name: str, row: Row) -> Row:
     """Return a result as the table shows it; the error that exceeds its limit most is named."""
     shares = {name: measured["error"] / measured["limit"] for name, measured in row["errors"].items()}
     worst = max(shares, key=lambda name: shares[name], default="")
     return {
-        "mutation": row["key"],
+        "mutation": name,
         "gate": "passes" if row["passed"] else "fails",
-        "as it should": row["passed"] == (row["key"] == CLEAN),
+        "as it should": row["passed"] == (name == CLEAN),
         "failed tests": len(row["failed"]),
         "largest error / limit": shares.get(worst),
         "of": worst,
@@ -214,19 +207,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     names = [mutation.name for mutation in MUTATIONS]
     parser.add_argument("--only", action="append", choices=names, help="Apply this mutation; all if not given.")
-    parser.add_argument("--results", type=Path, help="JSON-lines file; what it already holds isn't run again.")
+    parser.add_argument("--results", type=Path, help="Folder; what it already holds isn't run again.")
     arguments = parser.parse_args()
     chosen = [m for m in MUTATIONS if arguments.only is None or m.name in arguments.only]
     with tempfile.TemporaryDirectory() as folder:
-        results = ResultFile(arguments.results or Path(folder) / "mutations.jsonl")
-        for mutation in (None, *chosen):
-            key = CLEAN if mutation is None else mutation.name
-            if key not in results:
-                print(f"{key} …", flush=True)
-                results.add(key, run_gate(mutation))
-        rows = results.rows([CLEAN, *(m.name for m in chosen)])
-    summary = [shown(row) for row in rows]
-    print(table(summary, list(summary[0])))
+        names = [CLEAN, *(mutation.name for mutation in chosen)]
+        calls = {name: partial(run_gate, one) for name, one in zip(names, (None, *chosen), strict=True)}
+        rows = measured(calls, arguments.results or Path(folder))
+    summary = [shown(name, row) for name, row in zip(names, rows, strict=True)]
+    print(table_of("Mutations", summary, list(summary[0])))
     sys.exit(0 if all(row["as it should"] for row in summary) else 1)
 
 

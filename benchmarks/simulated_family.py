@@ -7,27 +7,23 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from ospc import Calibration, simulate
-from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.photometry.response import Response
-from ospc.simulation import SimulationSettings, Truth, truth
-from result_files import Row
+from ospc.research.method import Estimate
+from ospc.research.scoring import Truth, score
+from ospc.simulation import SimulationSettings, truth
+from results import Row
 
 RENDERING_PROCESSES = 2
 
 _RESPONSES: tuple[str | Response, ...] = (
-    "srgb",
-    "gamma2.2",
-    "linear",
-    "filmic",
-    "log",
-    "tum_narrow",
-    Response.gamma(1.6, 2041),
-    Response.gamma(2.8, 2041),
+    *("srgb", "gamma2.2", "linear", "filmic", "log", "tum_narrow"),
+    *(Response.gamma(exponent, 2041) for exponent in (1.6, 2.8)),
 )
 _VIGNETTES = ((-0.35, 0.05, -0.15), (-0.12, 0.0, -0.03), (-0.55, 0.1, -0.1), (0.0, -0.25, -0.1))
 """Coefficients of R², R⁴ and R⁶; V at the corner is 0.55, 0.85, 0.45 and 0.65."""
@@ -107,16 +103,16 @@ def _render(settings: SimulationSettings, place: Path) -> None:
     unfinished.rename(place)
 
 
-def errors(calibration: Calibration | None, known: Truth | SimulationSettings, prefix: str = "") -> Row:
-    """Return vignette RMSE, response shape RMSE and κ; None for a part that the calibration lacks."""
+def errors(calibration: Calibration | None, known: Any, prefix: str = "") -> Row:
+    """Return vignette RMSE, response shape RMSE and κ; None for a part that the calibration lacks.
+
+    ``known`` has the true response and vignette, or is the settings of a simulation.
+    """
     true = truth(known) if isinstance(known, SimulationSettings) else known
-    response = None if calibration is None else calibration.response
-    vignette = None if calibration is None else calibration.vignette
-    return {
-        f"{prefix}V": None if vignette is None else vignette_rmse(vignette, true.vignette),
-        f"{prefix}shape": None if response is None else response_shape_rmse(response, true.response),
-        f"{prefix}kappa": None if response is None else log_ratio_error(response, true.response),
-    }
+    estimate = Estimate() if calibration is None else Estimate(calibration.response, calibration.vignette)
+    figures = score(estimate, Truth(true.response, true.vignette))
+    names = {"V": "vignette_rmse", "shape": "response_shape_rmse", "kappa": "log_ratio_error"}
+    return {f"{prefix}{name}": figures.get(figure) for name, figure in names.items()}
 
 
 def identified(calibration: Calibration | None) -> list[str]:

@@ -28,6 +28,7 @@ from ospc import Calibration, Frame, LiveCalibrator, OnlineCalibrator
 from ospc.photometry.vignette import diagonal_profile
 from ospc.settings import preset, with_overrides
 from ospc.simulation import SimulationSettings, frames, truth
+from results import Row, table_of
 
 SIZE = (128, 96)
 VIEWS = 480
@@ -139,45 +140,39 @@ def soak(kind: str, number_of_frames: int, results: Path) -> None:
 
 def table(results: Path) -> str:
     """Return what changed between the frames from 20 000 on and those at the end, as medians of ten lines."""
-    lines = [
-        "| calibrator | frames | RSS MiB | growth | files | threads | push µs | processor µs | calibration s "
-        "| drift | worst error | epochs | dropped |",
-        "| --- " + "| --: " * 12 + "|",
-    ]
     rows = [json.loads(line) for line in results.read_text().splitlines()]
     expected = np.array(known_shape())
+    shown: list[Row] = []
     for kind in sorted({row["kind"] for row in rows}):
         own = [row for row in rows if row["kind"] == kind]
         settled = [row for row in own if row["frames"] > SETTLED_FRAMES] or own
-        first, last = settled[:MEDIAN_OF], settled[-MEDIAN_OF:]
-
-        def change(name: str, form: str, first: Any = first, last: Any = last) -> str:
-            values = [float(np.median([row[name] for row in part])) for part in (first, last)]
-            return " → ".join(format(value, form) for value in values)
-
-        growth = np.median([row["rss_kib"] for row in last]) / np.median([row["rss_kib"] for row in first]) - 1
+        names = ("rss_kib", "push_us", "process_us", "calibration_s")
+        ends = [
+            {name: float(np.median([row[name] for row in part])) for name in names}
+            for part in (settled[:MEDIAN_OF], settled[-MEDIAN_OF:])
+        ]
         shapes = np.array([row["shape"] for row in settled if row["shape"]])
-        drift, error = np.ptp(shapes, axis=0).max(), np.abs(shapes - expected).max()
-        same = [
-            " to ".join(str(value) for value in sorted({f(row[name] for row in settled) for f in (min, max)}))
+        memory = [end["rss_kib"] for end in ends]
+        ranges = {
+            name: " to ".join(str(value) for value in sorted({f(row[name] for row in settled) for f in (min, max)}))
             for name in ("files", "threads")
-        ]
-        cells = [
-            kind,
-            own[-1]["frames"],
-            f"{np.median([row['rss_kib'] for row in last]) / 1024:.0f}",
-            f"{100 * growth:+.1f} %",
-            *same,
-            change("push_us", ".0f"),
-            change("process_us", ".0f"),
-            change("calibration_s", ".2f"),
-            f"{drift:.4f}",
-            f"{error:.4f}",
-            own[-1]["epochs"],
-            own[-1].get("dropped", 0),
-        ]
-        lines.append("| " + " | ".join(map(str, cells)) + " |")
-    return "\n".join(lines)
+        }
+        cells = {
+            "calibrator": kind,
+            "RSS MiB": f"{memory[1] / 1024:.0f}",
+            "growth": f"{100 * (memory[1] / memory[0] - 1):+.1f} %",
+            "push µs": " → ".join(f"{end['push_us']:.0f}" for end in ends),
+            "processor µs": " → ".join(f"{end['process_us']:.0f}" for end in ends),
+            "calibration s": " → ".join(f"{end['calibration_s']:.2f}" for end in ends),
+            "drift": float(np.ptp(shapes, axis=0).max()),
+            "worst error": float(np.abs(shapes - expected).max()),
+        }
+        shown.append({**own[-1], **ranges, **cells})
+    columns = (
+        "calibrator", "frames", "RSS MiB", "growth", "files", "threads", "push µs", "processor µs", "calibration s",
+        "drift", "worst error", "epochs", "dropped",
+    )  # fmt: skip
+    return table_of("A million frames", shown, columns)
 
 
 def main() -> None:

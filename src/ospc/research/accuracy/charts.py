@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import sha256
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -187,11 +188,13 @@ class ChartSource(Source):
     """One colour channel of one camera.
 
     Methods get the JPEGs under the first illuminant with the stated exposures; the RAW files give the truth. Exposure
-    factors are predicted for the JPEGs under the second illuminant. ``channel`` is an index into :data:`CHANNELS`.
+    factors are predicted for the JPEGs under the second illuminant. ``channel`` is an index into :data:`CHANNELS`;
+    with ``colour``, frames have all three.
     """
 
     folder: Path
     channel: int
+    colour: bool = False
 
     @classmethod
     def of(cls, folder: Path, channel: int) -> ChartSource:
@@ -210,12 +213,15 @@ class ChartSource(Source):
         for illuminant in ILLUMINANTS:
             series = read_series(self.folder, illuminant)
             total.update(series.jpeg.tobytes() + series.raw.tobytes() + series.patches.tobytes())
-        return {"kind": "chart", "camera": self.folder.name, "channel": self.channel, "sha256": total.hexdigest()}
+        known = {"kind": "chart", "camera": self.folder.name, "channel": self.channel, "colour": self.colour}
+        return known | {"sha256": total.hexdigest()}
 
     def frames(self) -> Iterator[Frame]:
         """Give the JPEGs under the first illuminant."""
-        planes = self._planes(self._fitted())
-        return iter(ArrayRecording(list(planes), _STATED_MS, name=self.name, max_grey=255))
+        series = self._fitted()
+        recording = ArrayRecording(list(self._planes(series)), _STATED_MS, name=self.name, max_grey=255)
+        for grey, image in zip(recording, series.jpeg, strict=True):
+            yield replace(grey, load=partial(np.asarray, image), colour=True) if self.colour else grey
 
     def truth(self) -> Truth:
         """Return the response that the RAW files show."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,7 @@ import numpy as np
 from ospc.arrays import ImageSize
 from ospc.errors import SettingError
 from ospc.photometry.response import Response
-from ospc.recording.frame import Frame
-from ospc.research.accuracy.charts import CHANNELS, ILLUMINANTS, ChartSource, chart_sources, read_series
+from ospc.research.accuracy.charts import CHANNELS, ChartSource, chart_sources
 from ospc.research.accuracy.charts import FOLDER as CHARTS
 from ospc.research.accuracy.design import FILE as DATABASE
 from ospc.research.accuracy.design import VIGNETTES, read_database, select
@@ -135,21 +133,6 @@ def chosen_systems(patterns: Sequence[str]) -> list[System]:
     return [system for system in SYSTEMS if not patterns or system.name in names]
 
 
-@dataclass(frozen=True)
-class ChartInColour(ChartSource):
-    """The photographs of a chart in colour; the truth is that of the green channel."""
-
-    def describe(self) -> dict[str, Any]:
-        """Return a hash of the photographs."""
-        return super().describe() | {"kind": "chart in colour"}
-
-    def frames(self) -> Iterator[Frame]:
-        """Give the JPEGs under the first illuminant."""
-        jpeg = read_series(self.folder, ILLUMINANTS[0]).jpeg
-        for grey, image in zip(super().frames(), jpeg, strict=True):
-            yield replace(grey, load=partial(np.asarray, image), colour=True)
-
-
 def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:
     """Return simulated recordings, and of a folder of real data the video and the green channels of the charts.
 
@@ -186,9 +169,7 @@ def in_colour(source: Source) -> Source:
     """Return the same recording with frames in colour, where it has colours."""
     if isinstance(source, SimulatedSource):
         return ColourSource(source.name, source.settings, group=source.group, factors=source.factors)
-    if isinstance(source, ChartSource):
-        return ChartInColour(source.name, source.folder, source.channel, group=source.group, factors=source.factors)
-    return source
+    return replace(source, colour=True) if isinstance(source, ChartSource) else source
 
 
 def system_tasks(systems: Sequence[System], sources: Sequence[Source]) -> list[MeasuringTask]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
 from typing import TypeAlias
 
 import numpy as np
@@ -19,7 +18,6 @@ _Stated: TypeAlias = Callable[[FloatArray, float, np.random.Generator], FloatArr
 
 
 def _stated(name: str, text: str, strengths: tuple[float, float, float], change: _Stated) -> Fault:
-    @wraps(change)
     def put(footage: Footage, strength: float, random: np.random.Generator) -> Footage:
         return footage.with_exposures(change(footage.exposures_ms, strength, random))
 
@@ -31,7 +29,6 @@ def _in_lines(
 ) -> Fault:
     """Return a fault of a share of the lines only."""
 
-    @wraps(wrong)
     def change(e: FloatArray, share: float, random: np.random.Generator) -> FloatArray:
         return np.where(some(e.size, share, random), wrong(e), e)
 
@@ -41,14 +38,6 @@ def _in_lines(
 def _moved(e: FloatArray, lag: FloatArray | float) -> FloatArray:
     """Return what is written beside every frame if it belongs to a frame earlier by a lag."""
     return np.asarray(np.exp(np.interp(np.arange(e.size) - lag, np.arange(e.size), np.log(e))))
-
-
-def _hidden_gain(e: FloatArray, share: float, random: np.random.Generator) -> FloatArray:
-    return e / (1 + share * blocks(e.size, _HIDDEN_GAIN_FRAMES, random))
-
-
-def _changing_lag(e: FloatArray, share: float, random: np.random.Generator) -> FloatArray:
-    return _moved(e, np.where(some(e.size, share, random), 2.0, 1.0))
 
 
 def _smoothed(e: FloatArray, frames: float, _random: np.random.Generator) -> FloatArray:
@@ -91,7 +80,8 @@ FAULTS = (
         lambda e, x, _: np.where(e > np.median(e), e / x, e)),
     _stated("gain-when-dark", "a hidden gain of {} in the fifth of the longest exposures", (1.1, 1.5, 4),
         lambda e, x, _: np.where(e > np.quantile(e, 0.8), e / x, e)),
-    _stated("hidden-gain", "a hidden gain of ±{} that switches every 10 frames", (0.02, 0.05, 0.1), _hidden_gain),
+    _stated("hidden-gain", "a hidden gain of ±{} that switches every 10 frames", (0.02, 0.05, 0.1),
+        lambda e, x, random: e / (1 + x * blocks(e.size, _HIDDEN_GAIN_FRAMES, random))),
     _stated("drift", "exposures that drift from the truth to a factor of {}", (1.05, 1.2, 1.5),
         lambda e, x, _: e * np.geomspace(1, x, e.size)),
     _stated("stale", "exposures written anew only every {} frames", (3, 10, 30),
@@ -99,7 +89,8 @@ FAULTS = (
     _stated("late", "exposures {} frames late", (1, 2, 3), lambda e, x, _: _moved(e, x)),
     _stated("early", "exposures {} frames early", (1, 2, 3), lambda e, x, _: _moved(e, -x)),
     _stated("late-by-a-part", "exposures {} of a frame late", (0.25, 0.5, 0.75), lambda e, x, _: _moved(e, x)),
-    _stated("changing-lag", "exposures 1 frame late, a share of {} 2 frames", (0.1, 0.3, 0.5), _changing_lag),
+    _stated("changing-lag", "exposures 1 frame late, a share of {} 2 frames", (0.1, 0.3, 0.5),
+        lambda e, x, random: _moved(e, np.where(some(e.size, x, random), 2.0, 1.0))),
     _stated("lag-midway", "exposures {} frames late from half-way on", (1, 2, 3),
         lambda e, x, _: _moved(e, np.where(np.arange(e.size) >= e.size // 2, float(x), 0.0))),
     _stated("smoothed", "a mean over {} frames instead of each exposure", (3, 5, 9), _smoothed),

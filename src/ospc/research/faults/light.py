@@ -25,6 +25,11 @@ def _factored(footage: Footage, factor: FloatArray) -> Footage:
     return footage.relit(lambda light, i: light * np.float32(factor[i]))
 
 
+def _times(footage: Footage, factor: Float32Array) -> Footage:
+    """Multiply the light of every pixel by a factor, shape (height, width)."""
+    return footage.relit(lambda light, _i: light * factor)
+
+
 def _near_glare(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
     def spread(light: Float32Array, _i: int) -> Float32Array:
         small = cv2.resize(light, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
@@ -32,12 +37,6 @@ def _near_glare(footage: Footage, share: float, _random: np.random.Generator) ->
         return np.asarray((1 - share) * light + share * cv2.resize(around, light.shape[::-1]))
 
     return footage.relit(spread)
-
-
-def _dark_current(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    exposures = footage.camera.exposures_ms
-    added = share * exposures / np.median(exposures)
-    return footage.relit(lambda light, i: light + np.float32(added[i]))
 
 
 def _row_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
@@ -58,9 +57,8 @@ def _clouds(footage: Footage, amplitude: float, random: np.random.Generator) -> 
 
 def _shaded(footage: Footage, transmission: Float32Array) -> Footage:
     """Put something before the sensor that belongs to the vignette from then on."""
-    darkened = footage.relit(lambda light, _i: light * transmission)
     known = None if footage.vignette is None else RasterVignette(footage.camera.attenuation * transmission)
-    return replace(darkened, vignette=known)
+    return replace(_times(footage, transmission), vignette=known)
 
 
 def _grid(footage: Footage) -> tuple[FloatArray, FloatArray]:
@@ -85,11 +83,6 @@ def _decentred(footage: Footage, shift: float, _random: np.random.Generator) -> 
     height, width = footage.images[0].shape
     moved = footage.vignette.at(pixel_grid((width, height)) - [shift * height, shift * height / 2])
     return _shaded(footage, np.asarray(moved / footage.camera.attenuation, np.float32))
-
-
-def _pixel_gains(footage: Footage, sigma: float, random: np.random.Generator) -> Footage:
-    gain = np.exp(sigma * random.standard_normal(footage.images[0].shape)).astype(np.float32)
-    return footage.relit(lambda light, _i: light * gain)
 
 
 def _shot_noise(footage: Footage, sigma: float, random: np.random.Generator) -> Footage:
@@ -184,7 +177,10 @@ FAULTS = (
     Fault("near-glare", "{} of the irradiance scattered to its surroundings", (0.02, 0.05, 0.1), _near_glare),
     Fault("bloom", "{} of what is beyond saturation spills over", (0.1, 0.3, 1),
         lambda f, x, _: f.relit(lambda light, _i: light + x * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8))),
-    Fault("dark-current", "{} of saturation added at the middle exposure", (0.005, 0.01, 0.02), _dark_current),
+    Fault("dark-current", "{} of saturation added at the middle exposure", (0.005, 0.01, 0.02),
+        lambda f, x, _: f.relit(
+            lambda light, i: light + np.float32(x * f.camera.exposures_ms[i] / np.median(f.camera.exposures_ms))
+        )),
     Fault("persistence", "{} of the frame before remains", (0.02, 0.05, 0.1),
         lambda f, x, _: f.relit(
             lambda light, i: light + np.float32(x) * np.minimum(f.camera.irradiance[max(0, i - 1)], 1)
@@ -213,7 +209,8 @@ FAULTS = (
         lambda f, x, _: f.relit(
             lambda light, i: light * f.camera.attenuation ** np.float32(x - 1) if i >= half(f) else light
         )),
-    Fault("pixel-gains", "gains of pixels that scatter by {}", (0.01, 0.02, 0.05), _pixel_gains),
+    Fault("pixel-gains", "gains of pixels that scatter by {}", (0.01, 0.02, 0.05),
+        lambda f, x, random: _times(f, np.exp(x * random.standard_normal(f.images[0].shape)).astype(np.float32))),
     Fault("shot-noise", "shot noise of {} at saturation", (0.02, 0.04, 0.08), _shot_noise),
     Fault("overexposed", "{} times the light", (1.5, 2, 4), lambda f, x, _: _factored(f, np.full(len(f), x))),
     Fault("underexposed", "light {} times less", (2, 4, 16), lambda f, x, _: _factored(f, np.full(len(f), 1 / x))),

@@ -8,20 +8,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ospc.arrays import Image
+from ospc.arrays import BoolArray, Image, IntArray
 from ospc.research.faults.footage import Fault, Footage, half, some
 
 
-def _renumbered(footage: Footage, kept: np.ndarray) -> Footage:
+def _renumbered(footage: Footage, kept: BoolArray) -> Footage:
     """Lose images while the numbering and the list of exposures go on: every later image gets a wrong exposure."""
-    left = footage.chosen(kept)
-    count = len(left)
-    return replace(
-        left,
-        exposures_ms=footage.exposures_ms[:count],
-        stamps_s=footage.stamps_s[:count],
-        names=footage.names[:count],
-    )
+    first = footage.chosen(np.arange(len(footage)) < np.count_nonzero(kept))
+    return first.with_images(footage.chosen(kept).images)
 
 
 def _lost_block(footage: Footage, count: float, _random: np.random.Generator) -> Footage:
@@ -29,47 +23,52 @@ def _lost_block(footage: Footage, count: float, _random: np.random.Generator) ->
     return _renumbered(footage, (numbers < 0) | (numbers >= count))
 
 
+def _reordered(footage: Footage, order: IntArray) -> Footage:
+    """Show images in another order, and one more than once, while their exposures go on."""
+    return footage.with_images(footage.images[i] for i in order)
+
+
+def _moved(footage: Footage, order: IntArray) -> Footage:
+    """Show images in another order, with their exposures."""
+    return _reordered(footage, order).with_exposures(footage.exposures_ms[order])
+
+
 def _stutter(footage: Footage, share: float, random: np.random.Generator) -> Footage:
     """Repeat images of a stream that lost its place: what follows is late beside its exposures."""
-    order = np.cumsum(~some(len(footage), share, random)) - 1
-    return footage.with_images(footage.images[i] for i in order)
+    return _reordered(footage, np.cumsum(~some(len(footage), share, random)) - 1)
 
 
 def _repeated(footage: Footage, share: float, random: np.random.Generator) -> Footage:
     """Repeat frames with their exposures in place of those that follow."""
     repeats = some(len(footage), share, random)
-    order = np.maximum.accumulate(np.where(repeats, 0, np.arange(len(footage))))
-    return footage.with_images(footage.images[i] for i in order).with_exposures(footage.exposures_ms[order])
+    return _moved(footage, np.maximum.accumulate(np.where(repeats, 0, np.arange(len(footage)))))
 
 
 def _frozen(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
     """Let the picture freeze from a third on while exposures go on."""
-    first = len(footage) // 3
-    last = min(len(footage), first + round(share * len(footage)))
-    return footage.with_images(footage.images[first if first <= i < last else i] for i in range(len(footage)))
+    numbers, first = np.arange(len(footage)), len(footage) // 3
+    frozen = (numbers >= first) & (numbers < first + round(share * len(footage)))
+    return _reordered(footage, np.where(frozen, first, numbers))
 
 
 def _cuts(footage: Footage, length: float, random: np.random.Generator) -> Footage:
     """Shuffle pieces of ``length`` frames, with their exposures."""
     pieces = np.array_split(np.arange(len(footage)), max(2, len(footage) // int(length)))
-    order = np.concatenate([pieces[i] for i in random.permutation(len(pieces))])
-    return footage.with_images(footage.images[i] for i in order).with_exposures(footage.exposures_ms[order])
+    return _moved(footage, np.concatenate([pieces[i] for i in random.permutation(len(pieces))]))
 
 
-def _changed(
-    footage: Footage, share: float, random: np.random.Generator, change: Callable[[Image], Image]
-) -> Footage:
-    chosen = some(len(footage), share, random)
+def _changed(footage: Footage, chosen: BoolArray, change: Callable[[Image], Image]) -> Footage:
     return footage.with_images(change(image) if chosen[i] else image for i, image in enumerate(footage.images))
 
 
-def _torn(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    def cut_off(image: Image) -> Image:
-        torn = image.copy()
-        torn[image.shape[0] // 2 :] = 128
-        return torn
+def _since_midway(footage: Footage, change: Callable[[Image], Image]) -> Footage:
+    return _changed(footage, np.arange(len(footage)) >= half(footage), change)
 
-    return _changed(footage, share, random, cut_off)
+
+def _cut_off(image: Image) -> Image:
+    torn = image.copy()
+    torn[image.shape[0] // 2 :] = 128
+    return torn
 
 
 def _interlaced(footage: Footage, frames: float, _random: np.random.Generator) -> Footage:
@@ -81,16 +80,15 @@ def _interlaced(footage: Footage, frames: float, _random: np.random.Generator) -
     return footage.with_images(woven(i) for i in range(len(footage)))
 
 
-def _since_midway(footage: Footage, change: Callable[[Image], Image]) -> Footage:
-    images = enumerate(footage.images)
-    return footage.with_images(change(image) if i >= half(footage) else image for i, image in images)
+def _warped(image: Image, view: list[list[float]]) -> Image:
+    size = image.shape[::-1]
+    return np.asarray(cv2.warpAffine(image, np.array(view), size, borderMode=cv2.BORDER_REPLICATE))
 
 
 def _zoomed_in(image: Image, factor: float, shift: tuple[float, float] = (0.0, 0.0)) -> Image:
     height, width = image.shape
     x, y = ((1 - factor) * (width - 1) / 2 + shift[0], (1 - factor) * (height - 1) / 2 + shift[1])
-    view = np.array([[factor, 0.0, x], [0.0, factor, y]])
-    return np.asarray(cv2.warpAffine(image, view, (width, height), borderMode=cv2.BORDER_REPLICATE))
+    return _warped(image, [[factor, 0.0, x], [0.0, factor, y]])
 
 
 def _stabilised(footage: Footage, shift_px: float, random: np.random.Generator) -> Footage:
@@ -101,20 +99,12 @@ def _stabilised(footage: Footage, shift_px: float, random: np.random.Generator) 
 
 def _sheared(footage: Footage, shear_px: float, random: np.random.Generator) -> Footage:
     """Shear the images as a rolling shutter does when the camera turns."""
-    height, width = footage.images[0].shape
-    slopes = shear_px * random.standard_normal(len(footage)) / height
-
-    def sheared(image: Image, slope: float) -> Image:
-        view = np.array([[1.0, slope, -slope * height / 2], [0.0, 1.0, 0.0]])
-        return np.asarray(cv2.warpAffine(image, view, (width, height), borderMode=cv2.BORDER_REPLICATE))
-
-    return footage.with_images(sheared(image, float(slopes[i])) for i, image in enumerate(footage.images))
-
-
-def _mirrored(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    last = round(share * len(footage))
-    images = enumerate(footage.images)
-    return footage.with_images(np.ascontiguousarray(image[:, ::-1]) if i < last else image for i, image in images)
+    height = footage.images[0].shape[0]
+    slopes = (shear_px * random.standard_normal(len(footage)) / height).tolist()
+    return footage.with_images(
+        _warped(image, [[1.0, slope, -slope * height / 2], [0.0, 1.0, 0.0]])
+        for image, slope in zip(footage.images, slopes, strict=True)
+    )
 
 
 def _time_going_back(footage: Footage, share: float, random: np.random.Generator) -> Footage:
@@ -171,8 +161,9 @@ FAULTS = (
         lambda f, x, _: f.chosen(np.arange(len(f)) < max(2, x * len(f)))),
     Fault("cuts", "pieces of {} frames in another order", (50, 10, 1), _cuts),
     Fault("covered", "a share of {} of images black", (0.02, 0.1, 0.3),
-        lambda f, x, random: _changed(f, x, random, np.zeros_like)),
-    Fault("torn", "the lower half missing in a share of {} of images", (0.01, 0.05, 0.2), _torn),
+        lambda f, x, random: _changed(f, some(len(f), x, random), np.zeros_like)),
+    Fault("torn", "the lower half missing in a share of {} of images", (0.01, 0.05, 0.2),
+        lambda f, x, random: _changed(f, some(len(f), x, random), _cut_off)),
     Fault("interlaced", "every other row from {} frames later", (1, 2, 4), _interlaced),
     Fault("resized", "{} times the size from half-way on", (0.9, 0.75, 0.5),
         lambda f, x, _: _since_midway(f, lambda image: np.asarray(cv2.resize(image, None, fx=x, fy=x)))),
@@ -180,7 +171,8 @@ FAULTS = (
         lambda f, x, _: _since_midway(f, lambda image: _zoomed_in(image, x))),
     Fault("stabilised", "digital stabilisation that moves images by {} pixels", (1, 3, 8), _stabilised),
     Fault("rolling-shutter", "images sheared by {} pixels", (2, 5, 12), _sheared),
-    Fault("mirrored", "images mirrored in the first {}", (0.1, 0.3, 0.5), _mirrored),
+    Fault("mirrored", "images mirrored in the first {}", (0.1, 0.3, 0.5),
+        lambda f, x, _: _changed(f, np.arange(len(f)) < round(x * len(f)), lambda image: image[:, ::-1].copy())),
     Fault("time-going-back", "time goes back at a share of {} of frames", (0.01, 0.1, 0.5), _time_going_back),
     Fault("missing-lines", "a share of {} of lines missing in times.txt", (0.01, 0.1, 0.5), _missing_lines),
     Fault("missing-files", "a share of {} of image files missing", (0.01, 0.1, 0.5), _missing_files),

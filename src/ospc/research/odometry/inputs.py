@@ -197,8 +197,8 @@ def images_of(recording: Recording, cache: Path) -> Path:
     return place / "images"
 
 
-_FROM_EXPOSURES = {"paper": "paper", "ours": "default"}
-"""Conditions whose calibration is estimated with the exposures of the recording, and their presets."""
+_PRESETS = {"paper": "paper", "ours": "default"}
+"""Presets of the conditions whose calibration is estimated with the exposures of the recording."""
 
 OnEstimate = Callable[[str, float], None]
 """Called with what is being estimated, and the share that is done."""
@@ -225,58 +225,48 @@ class Calibrations:
             return self.given[condition.name]
         if condition.name == "truth":
             return Photometry(str(recording.path), *true_curves(recording))
-        if condition.name not in ("paper", "ours", "joint-wgt", "joint-wogt"):
+        if condition.name not in _KNOWN:
             raise SettingError(f"there is no calibration '{condition.name}'; give it by {condition.name}=FILES")
         return open_photometry(self._estimated(recording, condition.name))
 
     def _estimated(self, recording: Recording, name: str) -> Path:
         """Return the folder of an estimate, made unless it is there; both joint variants are made at once."""
-        joint = name not in _FROM_EXPOSURES
-        depends_on = {"recording": identity(recording), "online": joint and self.online, "made_with": made_with()}
+        preset = _PRESETS.get(name)
+        online = self.online and preset is None
+        depends_on = {"recording": identity(recording), "online": online, "made_with": made_with()}
         place = self.folder / f"{recording.path.name or 'recording'}-{key_of(depends_on)[:16]}" / name
         if place.is_dir():
             return place
-        estimates = self._joint(recording) if joint else self._from_exposures(recording, name)
-        if name not in estimates:
-            raise FormatError(f"{recording.path}: has no {PCALIB}, which holds the one known point of the response")
-        for variant, estimate in estimates.items():
-            try:
-                _save(estimate, place.with_name(variant))
-            except OSError as error:
-                raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None
-        return place
-
-    def _from_exposures(self, recording: Recording, name: str) -> dict[str, Estimate]:
-        found = self._found(recording, OwnMethod(_FROM_EXPOSURES[name], variant=name))
-        if found[name].response is None:
-            raise NotObservableError(f"{recording.path}: its exposures do not show the response")
-        return found
-
-    def _joint(self, recording: Recording) -> dict[str, Estimate]:
-        truth = true_curves(recording)[0] if (recording.path / PCALIB).is_file() else None
-        found = self._found(recording, Bergmann(truth, online=self.online))
-        return {f"joint-{variant.rpartition('-')[2]}": estimate for variant, estimate in found.items()}
-
-    def _found(self, recording: Recording, method: Method) -> dict[str, Estimate]:
+        if preset is None:
+            truth = true_curves(recording)[0] if (recording.path / PCALIB).is_file() else None
+            method: Method = Bergmann(truth, online=online)
+        else:
+            method = OwnMethod(preset, variant=name)
         progress = partial(self.progress, f"calibrating {recording.path.name}")
-        estimates: dict[str, Estimate] = {}
-        for result in run_methods({"method": method}, recording, len(recording), progress):
+        for result in run_methods({name: method}, recording, len(recording), progress):
             if isinstance(result.outcome, str):
                 raise NotObservableError(f"{recording.path}: {result.outcome}")
-            estimates[result.variant] = result.outcome
-        return estimates
+            if result.outcome.response is None:
+                raise NotObservableError(f"{recording.path}: its exposures do not show the response")
+            _save(result.outcome, place.with_name(re.sub("joint-(online|batch)", "joint", result.variant)))
+        if not place.is_dir():
+            raise FormatError(f"{recording.path}: has no {PCALIB}, which holds the one known point of the response")
+        return place
 
 
 def _save(estimate: Estimate, place: Path) -> None:
     """Write an estimate into a folder, which appears when it is complete."""
     if place.is_dir():
         return
-    place.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=place.parent, prefix=".unfinished-") as name:
-        unfinished = Path(name) / place.name
-        unfinished.mkdir()
-        if estimate.calibration is not None:
-            estimate.calibration.save(unfinished / "calibration.json")
-        else:
-            write_curves(estimate, unfinished)
-        unfinished.rename(place)
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=place.parent, prefix=".unfinished-") as name:
+            unfinished = Path(name) / place.name
+            unfinished.mkdir()
+            if estimate.calibration is not None:
+                estimate.calibration.save(unfinished / "calibration.json")
+            else:
+                write_curves(estimate, unfinished)
+            unfinished.rename(place)
+    except OSError as error:
+        raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None

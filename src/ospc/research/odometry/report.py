@@ -88,7 +88,8 @@ def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> Stu
         "cumulative.png": partial(draw_cumulative, [run for _, run in runs], experiment.conditions)
     }
     for name, recording in experiment.recordings.items():
-        typical = [(condition, _typical(some)) for condition, some in columns[name] if some]
+        # Of each condition, the run whose error is the median.
+        typical = [(c, sorted(r, key=lambda run: run.error)[(len(r) - 1) // 2]) for c, r in columns[name] if r]
         truth = experiment.truth_of(recording)
         pictures[f"trajectories-{name}.png"] = partial(draw_trajectories, typical, truth, name)
     failures = [
@@ -99,11 +100,6 @@ def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> Stu
     return StudyReport([table], texts, pictures, failures, medians)
 
 
-def _typical(runs: Sequence[RunResult]) -> RunResult:
-    """Return the run whose error is the median."""
-    return sorted(runs, key=lambda run: run.error)[(len(runs) - 1) // 2]
-
-
 def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition], path: Path) -> Path:
     """Draw the number of finished runs below an alignment error, one line a condition."""
     figure = new_figure(7.0, 5.2)
@@ -112,12 +108,11 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
         largest = max([r.error for r in results if math.isfinite(r.error)], default=1.0)
         for number, condition in enumerate(conditions):
             errors = [r.error for r in results if r.condition == condition.name]
-            finite = np.sort([e for e in errors if math.isfinite(e)])
+            finite = sorted(e for e in errors if math.isfinite(e))
             if not errors:
                 continue
-            steps = np.concatenate([finite, [1.5 * largest]])
-            counts = np.concatenate([np.arange(1, finite.size + 1), [finite.size]])
-            label = f"{condition.title}: {finite.size} of {len(errors)} finished"
+            steps, counts = [*finite, 1.5 * largest], [*range(1, len(finite) + 1), len(finite)]
+            label = f"{condition.title}: {len(finite)} of {len(errors)} finished"
             axes.step(steps, counts, where="post", label=label, **look(number))
         axes.set(
             xscale="log",
@@ -132,14 +127,16 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
 
 def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajectory, title: str, path: Path) -> Path:
     """Draw one run for each condition, aligned to the first and to the last part of the truth; NaN is unknown."""
-    plane = _widest_axes(truth.positions[truth.known])
+    # The two directions in which the truth spreads most.
+    points = truth.positions[truth.known]
+    across, up, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
     with rules():
         figure, panels = figure_of_panels(len(runs), 3, _PANEL_IN)
         figure.suptitle(printable(title), parse_math=False)
         for axes, (condition, result) in zip(panels, runs, strict=True):
             error = "" if result.errors is None else f", $e_{{align}}$ = {result.errors.e_align:.3g}"
             axes.set_title(f"{condition.title}{error}")
-            _draw(axes, result, truth, plane)
+            _draw(axes, result, truth, (across, up))
         return save(figure, path)
 
 
@@ -147,21 +144,13 @@ def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArr
     across, up = plane
     copies = _aligned_copies(result.tracked.trajectory, truth)
     if not copies:
-        axes.text(
-            0.5,
-            0.5,
-            f"{result.ending}\n{printable(result.reason)}",
-            ha="center",
-            wrap=True,
-            parse_math=False,
-            transform=axes.transAxes,
-        )
+        why = f"{result.ending}\n{printable(result.reason)}"
+        axes.text(0.5, 0.5, why, ha="center", wrap=True, parse_math=False, transform=axes.transAxes)
     looks = ((BLUE, "aligned to the start"), (ORANGE, "aligned to the end"))
     for copy, (colour, label) in zip(copies, looks, strict=False):
         axes.plot(copy @ across, copy @ up, color=colour, lw=1.1, label=label)
-    axes.plot(
-        truth.positions @ across, truth.positions @ up, color=GREEN, ls="--", lw=1.6, label="truth, where known"
-    )
+    known = truth.positions @ across, truth.positions @ up
+    axes.plot(*known, color=GREEN, ls="--", lw=1.6, label="truth, where known")
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="units of the truth")
     axes.legend(loc="best")
@@ -182,9 +171,3 @@ def _aligned_copies(trajectory: Trajectory | None, truth: Trajectory) -> list[Fl
         ]
     except (NotObservableError, FormatError):
         return []
-
-
-def _widest_axes(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the two directions, shape (3,) each, in which points spread most."""
-    _, _, directions = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    return directions[0], directions[1]
