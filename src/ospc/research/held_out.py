@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, ImageSize
+from ospc.arrays import FloatArray, ImageSize
 from ospc.evaluation.metrics import RatioError, exposure_ratio_error
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
@@ -99,7 +99,7 @@ def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:
         light = radiance[points0[:, 1].astype(int), points0[:, 0].astype(int)]
         grey0 = response(exposure0 * vignette.at(points0) * light)
         grey1 = response(exposure0 / ratio * vignette.at(points1) * light)
-        kept = _exposed(grey0) & _exposed(grey1)
+        kept = (np.minimum(grey0, grey1) >= _DARKEST) & (np.maximum(grey0, grey1) <= _BRIGHTEST)
         if np.count_nonzero(kept) >= _FEWEST_POINTS:
             pairs.append(HeldOutPair(grey0[kept], grey1[kept], points0[kept], points1[kept], ratio))
         if len(pairs) == PAIRS:
@@ -118,10 +118,6 @@ def _places(random: np.random.Generator, size: ImageSize, longest_shift: float) 
     last = np.array(size) - 1
     inside = np.all((points0 >= 0) & (points0 <= last) & (points1 >= 0) & (points1 <= last), axis=1)
     return points0[inside], points1[inside]
-
-
-def _exposed(grey: FloatArray) -> BoolArray:
-    return np.asarray((grey >= _DARKEST) & (grey <= _BRIGHTEST))
 
 
 def _radiances(settings: SimulationSettings) -> list[FloatArray]:

@@ -178,9 +178,7 @@ def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread |
 
 def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -> Contest:
     """Return how often one method came nearer to the truth than another."""
-    found = [
-        {row.recording: row.figures.get(figure) for row in rows if row.method == name} for name in (first, second)
-    ]
+    found = [{row.recording: row.figures.get(figure) for row in rows if row.method == m} for m in (first, second)]
     pairs = [(found[0].get(name), found[1].get(name)) for name in recordings_of(rows)]
     both = [(a, b) for a, b in pairs if a is not None and b is not None]
     return Contest(

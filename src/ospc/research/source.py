@@ -114,16 +114,12 @@ class MeasuringTask:
         return [asdict(found) for found in judge(source, results, source.held_out())]
 
 
-def judge(
-    source: Source,
-    results: Sequence[Result],
-    held_out: HeldOut = HeldOut(),  # noqa: B008 - a frozen value
-) -> list[Measurement]:
+def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = None) -> list[Measurement]:
     """Compare outcomes with the truth of a recording."""
     truth = source.truth()
     if any(isinstance(r.outcome, Estimate) and r.outcome.exposures is not None for r in results):
         truth = replace(truth, exposures_ms=source.exposures_ms())
-    return [measurement(source, result, truth, held_out) for result in results]
+    return [measurement(source, result, truth, held_out or HeldOut()) for result in results]
 
 
 def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
@@ -206,10 +202,10 @@ class GivenSource(Source):
 
 def true_curves(recording: Recording) -> tuple[Response, Vignette]:
     """Return the true response and vignette in a recording's folder."""
-    table, picture = recording.path / PCALIB, recording.path / VIGNETTE
-    if not table.is_file() or not picture.is_file():
+    files = [recording.path / PCALIB, recording.path / VIGNETTE]
+    if not all(file.is_file() for file in files):
         raise FormatError(f"{recording.path}: has no {PCALIB} and {VIGNETTE}, which hold the truth; add them")
-    response, vignette = open_photometry(table).response, open_photometry(picture).vignette
+    response, vignette = open_photometry(files[0]).response, open_photometry(files[1]).vignette
     if response is None or vignette is None:
         raise FormatError(f"{recording.path}: {PCALIB} or {VIGNETTE} does not hold what its name says")
     return response, vignette
@@ -217,10 +213,9 @@ def true_curves(recording: Recording) -> tuple[Response, Vignette]:
 
 def fingerprints(curves: Truth | Photometry) -> dict[str, str]:
     """Return hashes to recognise curves by."""
-    found = {}
-    if curves.response is not None:
-        table = np.ascontiguousarray(curves.response.resampled(256))
-        found["response_sha256"] = sha256(table.tobytes()).hexdigest()
-    if curves.vignette is not None:
-        found["vignette_sha256"] = sha256(np.ascontiguousarray(curves.vignette.image()).tobytes()).hexdigest()
-    return found
+    response, vignette = curves.response, curves.vignette
+    tables = {
+        "response_sha256": None if response is None else response.resampled(256),
+        "vignette_sha256": None if vignette is None else vignette.image(),
+    }
+    return {n: sha256(np.ascontiguousarray(t).tobytes()).hexdigest() for n, t in tables.items() if t is not None}

@@ -76,22 +76,17 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
     figures = [metric.figure for metric in METRICS]
     parts = ("response", "vignette")
     header = ["recording", "group", *factors, "method", *figures, *limits, "seconds"]
-    header += [*(f"{part}_verdict" for part in parts), *(f"{part}_reason" for part in parts), "failure"]
+    header += [f"{part}_{what}" for what in ("verdict", "reason") for part in parts]
     lines = [
         [
-            row.recording,
-            row.group,
-            *(row.factors.get(name) for name in factors),
-            row.method,
-            *(row.figures.get(name) for name in figures),
-            *(row.limits.get(name) for name in limits),
+            *(row.recording, row.group, *map(row.factors.get, factors), row.method),
+            *(*map(row.figures.get, figures), *map(row.limits.get, limits)),
             None if row.seconds is None else rounded(row.seconds, 3),
-            *(said.get(part) for said in (row.states, row.reasons) for part in parts),
-            row.failure,
+            *(*map(row.states.get, parts), *map(row.reasons.get, parts), row.failure),
         ]
         for row in rows
     ]
-    return csv_text([header, *lines])
+    return csv_text([[*header, "failure"], *lines])
 
 
 @dataclass(frozen=True)

@@ -84,9 +84,9 @@ class Footage:
         return len(self.images)
 
     @property
-    def mean_grey(self) -> FloatArray:
-        """Mean grey value of every image, shape (frames,)."""
-        return np.array([image.mean() for image in self.images])
+    def half(self) -> int:
+        """Number of the first frame of the second half."""
+        return len(self) // 2
 
     def with_images(self, images: Iterable[Image]) -> Footage:
         """Return the recording with other images."""
@@ -98,9 +98,10 @@ class Footage:
 
     def relit(self, change: Callable[[Float32Array, int], Float32Array]) -> Footage:
         """Return the recording as its camera sees it when the irradiance of every frame is changed by a function."""
-        camera = self.camera
-        changed = (np.asarray(change(light, i), np.float32) for i, light in enumerate(camera.irradiance))
-        return self.with_images(camera.expose(light, i) for i, light in enumerate(changed))
+        lights = enumerate(self.camera.irradiance)
+        return self.with_images(
+            self.camera.expose(np.asarray(change(light, i), np.float32), i) for i, light in lights
+        )
 
     def chosen(self, frames: BoolArray) -> Footage:
         """Return some of the frames, with their own metadata."""
@@ -153,11 +154,6 @@ def some(count: int, share: float, random: np.random.Generator) -> BoolArray:
     mask = np.zeros(count, bool)
     mask[1 + random.choice(count - 1, min(count - 1, max(1, round(share * count))), replace=False)] = True
     return mask
-
-
-def half(footage: Footage) -> int:
-    """Return the number of the first frame of the second half."""
-    return len(footage) // 2
 
 
 def wave(count: int, cycles: float) -> FloatArray:
@@ -216,15 +212,10 @@ def _simulated(source: SimulatedSource) -> Footage:
     def expose(irradiance: Float32Array, frame: int) -> Image:
         return sensor.expose(irradiance, frame=frame, gain=float(known.gains[frame]))
 
-    return Footage(
-        tuple(expose(irradiance, i) for i, irradiance in enumerate(light)),
-        known.metadata_exposures_ms,
-        known.stamps_s,
-        _names(len(light)),
-        Camera(light, known.exposures_ms, known.vignette.image(), expose),
-        (known.response,),
-        known.vignette,
-    )
+    camera = Camera(light, known.exposures_ms, known.vignette.image(), expose)
+    images = tuple(expose(irradiance, i) for i, irradiance in enumerate(light))
+    stated = (known.metadata_exposures_ms, known.stamps_s, _names(len(light)))
+    return Footage(images, *stated, camera, (known.response,), known.vignette)
 
 
 def _filmed(source: VideoSource) -> Footage:
@@ -238,16 +229,11 @@ def _filmed(source: VideoSource) -> Footage:
     def expose(irradiance: Float32Array, _frame: int) -> Image:
         return np.rint(response(np.clip(irradiance, 0, 1)) * 255).astype(np.uint8)
 
-    light = np.stack([response.inverse(frame.image_8_bit / 255).astype(np.float32) for frame in frames])
-    exposures = np.array([frame.exposure_ms for frame in frames])
-    return Footage(
-        tuple(frame.image_8_bit for frame in frames),
-        exposures,
-        np.array([frame.stamp_s for frame in frames]),
-        _names(len(frames)),
-        Camera(light, exposures, np.ones(light.shape[1:], np.float32), expose),
-        (response,),
-    )
+    images = tuple(frame.image_8_bit for frame in frames)
+    light = np.stack([response.inverse(image / 255).astype(np.float32) for image in images])
+    exposures, stamps = np.array([(frame.exposure_ms, frame.stamp_s) for frame in frames]).T
+    camera = Camera(light, exposures, np.ones(light.shape[1:], np.float32), expose)
+    return Footage(images, exposures, stamps, _names(len(frames)), camera, (response,))
 
 
 def _names(count: int) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, Image
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
-from ospc.research.faults.footage import Fault, Footage, half, some
+from ospc.research.faults.footage import Fault, Footage, some
 
 _GREYS = np.arange(256.0)
 _LEAST_STEP = 1e-9
@@ -59,7 +59,8 @@ def _gamma(exponent: float) -> FloatArray:
 
 
 def _gamma_by_brightness(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
-    mean = footage.mean_grey / footage.mean_grey.mean()
+    grey = np.array([image.mean() for image in footage.images])
+    mean = grey / grey.mean()
     return _looked_up(footage, lambda i: _gamma(exponent ** (2 * (mean[i] - 1))))
 
 
@@ -175,7 +176,7 @@ FAULTS = (
     Fault("white-clipped", "grey values end at {}", (250, 235, 200),
         lambda f, x, _: _looked_up(f, lambda _i: np.minimum(_GREYS, x))),
     Fault("gamma-midway", "an exponent of {} on the second half", (1.1, 1.2, 1.5),
-        lambda f, x, _: _looked_up(f, lambda i: _gamma(x if i >= half(f) else 1.0))),
+        lambda f, x, _: _looked_up(f, lambda i: _gamma(x if i >= f.half else 1.0))),
     Fault("gamma-drift", "an exponent that drifts to {}", (1.1, 1.2, 1.5),
         lambda f, x, _: _looked_up(f, lambda i: _gamma(x ** (i / len(f))))),
     Fault(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
@@ -130,27 +130,22 @@ class FaultTask:
 def calibrated(footage: Footage) -> Calibration:
     """Calibrate a recording with default settings."""
     if not footage.times:
-        return calibrate(_frames(footage))
-    with tempfile.TemporaryDirectory() as folder:
-        _write(footage, Path(folder))
+        metadata = zip(footage.images, footage.exposures_ms, footage.stamps_s, strict=True)
+        return calibrate(
+            Frame.of_array(image, exposure_ms, index=i, stamp_s=stamp_s, max_grey=255)
+            for i, (image, exposure_ms, stamp_s) in enumerate(metadata)
+        )
+    with tempfile.TemporaryDirectory() as name:
+        # In the layout of the TUM monocular data set.
+        folder = Path(name)
+        (folder / "images").mkdir()
+        for frame, image in zip(footage.names, footage.images, strict=True):
+            cv2.imwrite(str(folder / "images" / f"{frame}.png"), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        (folder / "times.txt").write_text("\n".join(footage.times) + "\n", encoding="utf-8")
         try:
             return calibrate(folder)
         except OspcError as error:  # without the folder's name, which differs from run to run
             raise OspcError(str(error).replace(f"{folder}/", "")) from error
-
-
-def _frames(footage: Footage) -> Iterator[Frame]:
-    metadata = zip(footage.images, footage.exposures_ms, footage.stamps_s, strict=True)
-    for i, (image, exposure_ms, stamp_s) in enumerate(metadata):
-        yield Frame.of_array(image, exposure_ms, index=i, stamp_s=stamp_s, max_grey=255)
-
-
-def _write(footage: Footage, folder: Path) -> None:
-    """Write a recording in the layout of the TUM monocular data set."""
-    (folder / "images").mkdir()
-    for name, image in zip(footage.names, footage.images, strict=True):
-        cv2.imwrite(str(folder / "images" / f"{name}.png"), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    (folder / "times.txt").write_text("\n".join(footage.times) + "\n", encoding="utf-8")
 
 
 def judged(found: Calibration, footage: Footage, run: Run) -> Run:

@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import Float32Array, FloatArray
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.vignette import RasterVignette
-from ospc.research.faults.footage import Fault, Footage, blocks, half, wave
+from ospc.research.faults.footage import Fault, Footage, blocks, wave
 
 _LAMP_HZ = 100.0
 """Frequency at which lamps on mains of 50 Hz flicker."""
@@ -207,7 +207,7 @@ FAULTS = (
     Fault("decentred", "a vignette moved by {} of the height", (0.03, 0.06, 0.12), _decentred),
     Fault("vignette-midway", "V to the power of {} from half-way on", (0.8, 0.5, 0),
         lambda f, x, _: f.relit(
-            lambda light, i: light * f.camera.attenuation ** np.float32(x - 1) if i >= half(f) else light
+            lambda light, i: light * f.camera.attenuation ** np.float32(x - 1) if i >= f.half else light
         )),
     Fault("pixel-gains", "gains of pixels that scatter by {}", (0.01, 0.02, 0.05),
         lambda f, x, random: _times(f, np.exp(x * random.standard_normal(f.images[0].shape)).astype(np.float32))),

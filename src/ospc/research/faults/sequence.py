@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Image, IntArray
-from ospc.research.faults.footage import Fault, Footage, half, some
+from ospc.research.faults.footage import Fault, Footage, some
 
 
 def _renumbered(footage: Footage, kept: BoolArray) -> Footage:
@@ -62,7 +62,7 @@ def _changed(footage: Footage, chosen: BoolArray, change: Callable[[Image], Imag
 
 
 def _since_midway(footage: Footage, change: Callable[[Image], Image]) -> Footage:
-    return _changed(footage, np.arange(len(footage)) >= half(footage), change)
+    return _changed(footage, np.arange(len(footage)) >= footage.half, change)
 
 
 def _cut_off(image: Image) -> Image:

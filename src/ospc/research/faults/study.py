@@ -54,33 +54,26 @@ def fault_tables(runs: Sequence[Run]) -> list[Table]:
     clean = [run for run in runs if run.fault == CLEAN]
     faulty = [run for run in runs if run.fault != CLEAN]
     totals = (("without a fault", clean), ("with a fault", faulty))
-    tables = [Table("Outcomes", ("recordings", "runs", *OUTCOMES), tuple(_counted((k,), v) for k, v in totals if v))]
+    tables = [Table("Outcomes", ("recordings", "runs", *OUTCOMES), tuple((k, *_counts(v)) for k, v in totals if v))]
     for kind, faults in KINDS.items():
         lines = [
-            _counted((fault.in_words(fault.strengths[number]), fault.name, strength), members, _worst(members))
+            (fault.in_words(fault.strengths[number]), fault.name, strength, *_counts(members), *_worst(members))
             for fault in faults
             for number, strength in enumerate(STRENGTHS)
             if (members := [run for run in faulty if (run.fault, run.strength) == (fault.name, strength)])
         ]
         header = ("what happens", "fault", "strength", "runs", *OUTCOMES, "largest κ", "step", "V")
         tables.append(Table(f"Faults of {kind}", header, tuple(lines), names=3))
-    wrong = [run for run in runs if run.outcome in ("confident and wrong", "crashed")]
+    wrong = []
+    for run in runs:
+        if run.outcome in ("confident and wrong", "crashed"):
+            doubts = (f"{name} {state}" for name, state in run.states.items() if state != "identifiable")
+            names = (run.fault, run.strength, run.recording, ", ".join(doubts))
+            wrong.append((*names, *_figures(run), _text(run.vignette_sigmas, 1), ", ".join(run.beyond)))
     header = ("fault", "strength", "recording", "verdicts", "κ", "step", "V", "V error in σ", "beyond")
-    lines = [
-        (
-            r.fault,
-            r.strength,
-            r.recording,
-            _verdicts(r),
-            *_figures(r),
-            _text(r.vignette_sigmas, 1),
-            ", ".join(r.beyond),
-        )
-        for r in wrong
-    ]
-    alarms = [(r.recording, r.outcome, "; ".join(r.said)) for r in clean if r.false_alarm]
-    tables.append(Table("Confident and wrong, and crashed: every run", header, tuple(lines), names=4))
-    tables.append(Table("False alarms on clean recordings", ("recording", "outcome", "said"), tuple(alarms), names=3))
+    tables.append(Table("Confident and wrong, and crashed: every run", header, tuple(wrong), names=4))
+    alarms = tuple((run.recording, run.outcome, "; ".join(run.said)) for run in clean if run.false_alarm)
+    tables.append(Table("False alarms on clean recordings", ("recording", "outcome", "said"), alarms, names=3))
     return [table for table in tables if table.rows]
 
 
@@ -97,9 +90,9 @@ def faults_report(runs: Sequence[Run], notes: Sequence[str]) -> StudyReport:
     return StudyReport(tables, texts, notes=notes, content=content)
 
 
-def _counted(names: tuple[str, ...], runs: Sequence[Run], figures: tuple[str, ...] = ()) -> tuple[str, ...]:
+def _counts(runs: Sequence[Run]) -> tuple[str, ...]:
     counts = (sum(run.outcome == outcome for run in runs) for outcome in OUTCOMES)
-    return (*names, str(len(runs)), *(str(count) if count else "" for count in counts), *figures)
+    return (str(len(runs)), *(str(count) if count else "" for count in counts))
 
 
 def _worst(runs: Sequence[Run]) -> tuple[str, ...]:
@@ -111,10 +104,6 @@ def _worst(runs: Sequence[Run]) -> tuple[str, ...]:
 def _figures(run: Run) -> tuple[str, str, str]:
     step = "–" if run.step is None else f"{run.step:+.4f} ± {_text(run.step_sigma, 4)}"
     return _text(run.kappa, 4), step, _text(run.vignette, 4)
-
-
-def _verdicts(run: Run) -> str:
-    return ", ".join(f"{name} {state}" for name, state in run.states.items() if state != "identifiable")
 
 
 def _text(value: float | None, digits: int) -> str:

@@ -54,8 +54,9 @@ class SceneDepth:
             scene = Scene.of(SimulationSettings(scene_seed=int(scene_seed), size=(width, height)))
         except (OspcError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise RecordingError(
-                f"{folder}: the built-in odometry needs the depth of a simulated scene, which {_TRUTH} does not describe "
-                f"({type(error).__name__}: {error}); make the recording with 'ospc simulate', or use --program"
+                f"{folder}: the built-in odometry needs the depth of a simulated scene, which {_TRUTH} does not "
+                f"describe ({type(error).__name__}: {error}); "
+                "make the recording with 'ospc simulate', or use --program"
             ) from None
         faces = (*scene.walls, *scene.pictures, *(face for solid in scene.solids for face in solid.faces))
         centre_px = (np.array((width, height)) - 1) / 2
