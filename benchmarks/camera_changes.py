@@ -92,7 +92,6 @@ def unchanged(camera: str, hours: float, rate: float, seed: int) -> Row:
 
 
 def switched(camera: str, change: str, rate: float, seed: int) -> Row:
-    """Show a film in which the camera changes."""
     hours = (SWITCH_AFTER_S + WATCHED_S) / 3600
     film = LongFilm(CAMERAS[camera], hours, rate, seed, CHANGES[change](CAMERAS[camera]))
     calibrator, reported, _ = shown(film)
@@ -111,7 +110,6 @@ def switched(camera: str, change: str, rate: float, seed: int) -> Row:
 
 
 def summary(rows: list[Row]) -> str:
-    """Return the totals."""
     false = sum(row["false changes"] for row in rows)
     if "change" not in rows[0]:
         hours = sum(row["hours"] for row in rows)

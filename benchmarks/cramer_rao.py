@@ -41,7 +41,6 @@ _PIXELS_AVERAGED = 4 * np.pi * 1.5**2
 
 
 def calibrated(settings: SimulationSettings) -> OnlineCalibrator:
-    """Return a calibrator that has seen a simulated recording."""
     calibrator = OnlineCalibrator()
     for frame in frames(settings):
         calibrator.push(frame)
@@ -79,7 +78,6 @@ def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str
 
 
 def row(name: str, settings: SimulationSettings) -> Row:
-    """Return errors and bounds of a recording."""
     calibrator = calibrated(settings)
     inputs = calibrator.inputs()
     assert inputs is not None

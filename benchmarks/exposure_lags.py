@@ -99,7 +99,6 @@ def lagged(original: Path, place: Path, lag: int) -> Path:
 
 
 def examined(original: Path, settings: SimulationSettings, lag: int) -> Row:
-    """Return what is found in a recording with a lag."""
     with tempfile.TemporaryDirectory(dir=original.parent) as folder:
         found = calibrate(lagged(original, Path(folder) / original.name, lag))
     corrected = int(found.source.get("exposure_lag_corrected_frames", 0))
@@ -126,7 +125,6 @@ def examined(original: Path, settings: SimulationSettings, lag: int) -> Row:
 
 
 def summaries(rows: Sequence[Row]) -> list[Row]:
-    """Return the outcomes of every kind and length of recording."""
     cases: dict[str, list[Row]] = {}
     for row in rows:
         cases.setdefault(row["recording"].rpartition("-")[0], []).append(row)

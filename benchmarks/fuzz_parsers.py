@@ -116,11 +116,9 @@ class Progress:
             self._shared = mmap(stream.fileno(), COUNTS.size)
 
     def read(self) -> list[int]:
-        """Return the counts, see COUNTS."""
         return list(COUNTS.unpack_from(self._shared))
 
     def add(self, understood: bool, found: bool, spent_s: float) -> None:
-        """Count one input."""
         inputs, accepted, wrong, slowest, peak = self.read()
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         counts = inputs + 1, accepted + understood, wrong + found, max(slowest, int(spent_s * 1e6)), max(peak, memory)
@@ -149,13 +147,11 @@ class Campaign:
                     (self.work / "table.md").write_text(self.table() + "\n")
 
     def place(self, name: str) -> Path:
-        """Return the folder of one parser."""
         place = self.work / "".join(letter if letter.isalnum() else "-" for letter in name)
         (place / "corpus").mkdir(parents=True, exist_ok=True)
         return place
 
     def progress(self, name: str) -> Progress:
-        """Return the counts of one parser."""
         return Progress(self.place(name) / "counts")
 
     def turn(self, name: str, target: Target, how: Callable[[str, Target, Path], None]) -> None:
@@ -277,7 +273,6 @@ class Campaign:
             path.with_suffix(".txt").write_text(said, "utf-8", "backslashreplace")
 
     def table(self) -> str:
-        """Return what became of all inputs so far."""
         names = ("parser", "inputs", "understood", "corpus", "slowest s", "peak MiB", "found")
         rows = []
         for name in known():
@@ -290,7 +285,6 @@ class Campaign:
 
 
 def main() -> None:
-    """Let the parsers take turns."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--work", type=Path, required=True, help="folder of corpora, counts, and what was found")
     parser.add_argument("--inputs", type=int, default=1_000_000, help="how many for each parser")

@@ -209,7 +209,6 @@ def _apart(one: FloatArray | tuple[float, float], other: FloatArray | tuple[floa
 
 
 def errors(known: Calibration, camera: Camera) -> tuple[float, float]:
-    """Return the root mean square errors of response and vignette."""
     if known.response is None or known.vignette is None:
         return np.inf, np.inf
     found, true = known.response.resampled(256), camera.truth.response.resampled(256)

@@ -163,7 +163,6 @@ def torn(folder: Path) -> list[str]:
 
 
 def whole(place: Path) -> bool:
-    """Tell whether a file is complete by the rules of its format."""
     data = place.read_bytes()
     rule = RULES.get(place.suffix, lambda data: data.endswith(b"\n"))
     try:
@@ -173,7 +172,6 @@ def whole(place: Path) -> bool:
 
 
 def decodable(data: bytes) -> bool:
-    """Tell whether an image is complete."""
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     return image is not None and (b"PNG" not in data[:8] or data.endswith(b"IEND\xaeB`\x82"))
 
@@ -272,7 +270,6 @@ class Tester:
         shutil.rmtree(out, ignore_errors=True)
 
     def start(self, row: Row, out: Path, *, again: bool = False, **more: Any) -> subprocess.Popen[bytes]:
-        """Start a command."""
         return started(self.commands[row.command], out, again=again, **more)
 
     def runs_on(self, row: Row, process: subprocess.Popen[bytes]) -> bool:
@@ -460,7 +457,6 @@ def done(results: Path, case: str, command: str) -> int:
 
 
 def table(rows: list[Row]) -> str:
-    """Return one line for each case and command."""
     shown = [
         vars(row) | {"slowest answer s": row.slowest_answer_s or None, "ended before": row.early} for row in rows
     ]
@@ -469,7 +465,6 @@ def table(rows: list[Row]) -> str:
 
 
 def main() -> None:
-    """Run the cases that have no results yet."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--results", type=Path, required=True)
     parser.add_argument("--kills", type=int, default=100, help="how often each command is killed")

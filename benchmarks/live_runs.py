@@ -22,6 +22,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -37,18 +38,8 @@ _RUN_COLUMNS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Film:
-    """Decoded frames of a recording, ready to be played."""
-
-    images: list[Image]
-    exposures_ms: list[float]
-
-    @classmethod
-    def of(cls, place: Path) -> Film:
-        """Decode a recording."""
-        frames = [(frame.image, frame.exposure_ms) for frame in open_recording(place)]
-        return cls([image for image, _ in frames], [exposure_ms for _, exposure_ms in frames])
+Film: TypeAlias = list[tuple[Image, float]]
+"""Decoded images, ready to be played, and their exposures in ms."""
 
 
 @dataclass
@@ -73,7 +64,7 @@ def play(film: Film, rate: float) -> Played:
     try:
         with LiveCalibrator() as live:
             begun_s = time.perf_counter()
-            for index, (image, exposure_ms) in enumerate(zip(film.images, film.exposures_ms, strict=True)):
+            for index, (image, exposure_ms) in enumerate(film):
                 due_s = begun_s + index / rate
                 time.sleep(max(0.0, due_s - time.perf_counter()))
                 played.late += time.perf_counter() > due_s + 1 / rate
@@ -110,7 +101,7 @@ def _burn() -> None:
 
 def unchanged(member: Member, place: Path, rate: float, processes: int, command: Row) -> Row:
     """Play a recording and compare with what the command found."""
-    film = Film.of(place)
+    film = [(frame.image, frame.exposure_ms) for frame in open_recording(place)]
     with busy(processes):
         played = play(film, rate)
     known = identified(played.calibration)
@@ -118,7 +109,7 @@ def unchanged(member: Member, place: Path, rate: float, processes: int, command:
         "recording": member.name,
         "rate": rate,
         "busy": processes,
-        "frames": len(film.images),
+        "frames": len(film),
         "false changes": len(played.reported),
         "notes": played.reported,
         "lost": bool(played.failure) or (not known and bool(command["identified"])),
@@ -139,7 +130,6 @@ def by_command(member: Member, place: Path) -> Row:
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """Return the totals over all runs in a line."""
     worse = [row["kappa"] / row["command kappa"] for row in rows if row["kappa"] and row["command kappa"]]
     ratio = f"; κ is {np.median(worse):.2g} times the command's in the median" if worse else ""
     false, lost = (sum(row[name] for row in rows) for name in ("false changes", "lost"))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import chain
 
 import cv2
@@ -150,7 +150,7 @@ class LongFilm:
                 exposures_ms[index - late],
                 f"frame {index}",
                 partial(self._image, index, exposure_ms),
-                verify=_nothing,
+                verify=lambda: None,
             )
 
     # The exposure control.
@@ -315,15 +315,11 @@ class _Lamps:
         return total
 
 
+@cache
 def _grid(spacing_px: int) -> Float32Array:
     """Return the places of the image's pixels or cells, (x, y), shape (rows, columns, 2)."""
-    if spacing_px not in _GRIDS:
-        x, y = (np.arange(spacing_px / 2 - 0.5, n, spacing_px, dtype=np.float32) for n in SIZE)
-        _GRIDS[spacing_px] = np.stack(np.meshgrid(x, y), axis=-1)
-    return _GRIDS[spacing_px]
-
-
-_GRIDS: dict[int, Float32Array] = {}
+    x, y = (np.arange(spacing_px / 2 - 0.5, n, spacing_px, dtype=np.float32) for n in SIZE)
+    return np.stack(np.meshgrid(x, y), axis=-1)
 
 
 def _picture(random: np.random.Generator) -> Float32Array:
@@ -349,7 +345,3 @@ def _visits(seconds: float, random: np.random.Generator) -> FloatArray:
     stays = random.uniform(*_STAY_S, int(seconds / _STAY_S[0]) + 2)
     begins = np.concatenate([[0.0], np.cumsum(stays)])
     return begins[begins <= seconds]
-
-
-def _nothing() -> None:
-    """Verify a frame that can't be missing."""

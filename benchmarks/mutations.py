@@ -47,7 +47,6 @@ class Mutation:
 
 
 def body(text: str) -> Callable[[str], str]:
-    """Replace the whole body of a function."""
     return lambda _source: text
 
 
@@ -76,49 +75,21 @@ return with_changes(table, exposures_ms=np.concatenate([e[:1], e[:-1]]))
 
 
 MUTATIONS = (
-    Mutation(
-        "no-mean-shift",
-        "LatentModel._mean_shift",
-        body("return np.zeros_like(self.basis.grid)"),
-        "ignores that noise shifts the mean grey level where the response bends or clips",
-    ),
-    Mutation(
-        "linearised-at-measured",
-        "LatentModel.__call__",
-        replaced("if self.trusted:", "if False:"),
-        "linearises at the noisy grey level measured, which attenuates the fit",
-    ),
-    Mutation(
-        "any-place",
-        "FlatSampler._usable",
-        body("return np.ones(len(places), dtype=bool)"),
-        "samples edges and clipped pixels too",
-    ),
-    Mutation(
-        "nothing-forgotten",
-        "Reservoir.forget_before",
-        body("return None"),
-        "keeps the early pairs, which were registered before the vignette was known",
-    ),
-    Mutation(
-        "exposures-late",
-        "read_times",
-        exposures_late,
-        "gives every frame the exposure of the one before it",
-    ),
-    Mutation(
-        "vignette-sign",
-        "VignetteBasis.log_value",
-        replaced("return self._model(", "return -self._model("),
-        "predicts brighter corners where the fit says darker ones",
-    ),
-    Mutation(
-        "vignette-jacobian-sign",
-        "VignetteBasis.jacobian",
+    Mutation("no-mean-shift", "LatentModel._mean_shift", body("return np.zeros_like(self.basis.grid)"),
+        "ignores that noise shifts the mean grey level where the response bends or clips"),
+    Mutation("linearised-at-measured", "LatentModel.__call__", replaced("if self.trusted:", "if False:"),
+        "linearises at the noisy grey level measured, which attenuates the fit"),
+    Mutation("any-place", "FlatSampler._usable", body("return np.ones(len(places), dtype=bool)"),
+        "samples edges and clipped pixels too"),
+    Mutation("nothing-forgotten", "Reservoir.forget_before", body("return None"),
+        "keeps the early pairs, which were registered before the vignette was known"),
+    Mutation("exposures-late", "read_times", exposures_late, "gives every frame the exposure of the one before it"),
+    Mutation("vignette-sign", "VignetteBasis.log_value", replaced("return self._model(", "return -self._model("),
+        "predicts brighter corners where the fit says darker ones"),
+    Mutation("vignette-jacobian-sign", "VignetteBasis.jacobian",
         replaced("return np.concatenate(", "return -np.concatenate("),
-        "moves the vignette's parameters away from the solution",
-    ),
-)
+        "moves the vignette's parameters away from the solution"),
+)  # fmt: skip
 """Every mutation that the gate has to catch."""
 
 

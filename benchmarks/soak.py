@@ -112,7 +112,6 @@ def known_shape() -> list[float]:
 
 
 def soak(kind: str, number_of_frames: int, results: Path) -> None:
-    """Push the frames and write the lines."""
     made, few = pools(), with_overrides(preset("default"), SETTINGS)
     live = LiveCalibrator(few) if kind == "live" else None
     calibrator = live or OnlineCalibrator(few)
@@ -176,7 +175,6 @@ def table(results: Path) -> str:
 
 
 def main() -> None:
-    """Run it, or print what is known."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--results", type=Path, required=True)
     parser.add_argument("--kind", choices=("engine", "live"), default="engine")

@@ -68,9 +68,9 @@ class Reel:
             place = self.place(index)
             name = f"frame {index}"
             load = partial(decode_grey, self.images[place], name)
-            yield Frame(
-                index, index / _FRAMES_PER_SECOND, self.exposures_ms[place], name, load, verify=_nothing, threads=True
-            )
+            stamp_s, exposure_ms = index / _FRAMES_PER_SECOND, self.exposures_ms[place]
+            # Nothing to verify: the images are in memory.
+            yield Frame(index, stamp_s, exposure_ms, name, load, verify=lambda: None, threads=True)
 
     def decoded(self, index: int) -> Image:
         """Return the image of a frame."""
@@ -105,10 +105,6 @@ class Reel:
 def reel_of(size: ImageSize, most: int) -> Reel:
     """Return the frames of a size to measure with, at most so many distinct ones; the latest are kept."""
     return Reel.simulated(size, min(_DISTINCT, most))
-
-
-def _nothing() -> None:
-    """Nothing to verify: the images are in memory."""
 
 
 _STEPS = (
