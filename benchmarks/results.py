@@ -3,35 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from ospc.research.runner import OnProgress, ResultStore, made_with, run
+from ospc.research.runner import ResultStore, Task, made_with, run
 from ospc.research.tables import Table
 
 Row: TypeAlias = dict[str, Any]
 """One result: JSON-compatible values by name."""
 
 
-@dataclass(frozen=True)
-class Call:
-    """A call that takes long; its name says all that the result depends on beside the source of the package."""
-
-    name: str
-    function: Callable[[], Row]
-
-    def describe(self) -> dict[str, Any]:
-        return {"call": self.name, "made_with": made_with()}
-
-    def run(self, _progress: OnProgress) -> Row:
-        return self.function()
-
-
 def measured(calls: Mapping[str, Callable[[], Row]], folder: Path) -> list[Row]:
-    """Return the results of calls; those that the folder has already are not computed again."""
+    """Return the results of calls, each of which depends on its name and the source of the package only.
+
+    Those that the folder has already are not computed again.
+    """
+    tasks = [
+        Task(name, {"call": name, "made_with": made_with()}, lambda _progress, call=call: call())
+        for name, call in calls.items()
+    ]
     found: dict[str, Row] = {}
-    for one in run([Call(*call) for call in calls.items()], ResultStore(folder)):
+    for one in run(tasks, ResultStore(folder)):
         found[one.task.name] = one.result
         if not one.stored:
             print(one.task.name, "done", flush=True)

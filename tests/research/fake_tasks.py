@@ -3,46 +3,35 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from ospc.research.measurement import Measurement
+from ospc.research.runner import Task
 
 
-@dataclass(frozen=True)
-class FakeTask:
-    name: str
-    shape: float = 0.01
-    log: Path | None = None
-    error: type[BaseException] | None = None
-    wait_for: Path | None = None
-
-    def describe(self):
-        return {"kind": "fake", "shape": self.shape}
-
-    def run(self, progress):
-        if self.error is not None:
-            raise self.error
-        if self.log is not None:
-            with self.log.open("a") as file:
-                file.write(f"{self.name}\n")
-        while self.wait_for is not None and not (self.wait_for.exists() and self.wait_for.read_text()):
-            time.sleep(0.05)
-        progress(0.5)
-        progress(1.0)
-        return [asdict(Measurement(self.name, "default", {"response_shape_rmse": self.shape}))]
+def fake_task(name, shape=0.01, log=None, error=None, wait_for=None):
+    return Task(name, {"kind": "fake", "shape": shape}, partial(_fake, name, shape, log, error, wait_for))
 
 
-@dataclass(frozen=True)
-class SleepingProgram:
-    """A task that starts a program which does not end by itself, and notes its process id."""
+def _fake(name, shape, log: Path | None, error: type[BaseException] | None, wait_for: Path | None, progress):
+    if error is not None:
+        raise error
+    if log is not None:
+        with log.open("a") as file:
+            file.write(f"{name}\n")
+    while wait_for is not None and not (wait_for.exists() and wait_for.read_text()):
+        time.sleep(0.05)
+    progress(0.5)
+    progress(1.0)
+    return [asdict(Measurement(name, "default", {"response_shape_rmse": shape}))]
 
-    program: object
-    source: object
-    name: str = "sleeping"
 
-    def describe(self):
-        return {"kind": "sleeping"}
+def sleeping_program(program, source):
+    """Return a task that starts a program which does not end by itself, and notes its process id."""
+    return Task("sleeping", {"kind": "sleeping"}, partial(_track, program, source))
 
-    def run(self, _progress):
-        return self.program.track(self.source, 0).as_dict()
+
+def _track(program, source, _progress):
+    return program.track(source, 0).as_dict()

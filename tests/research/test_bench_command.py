@@ -8,7 +8,7 @@ import pytest
 
 from command_line import ospc
 from ospc.errors import SettingError
-from ospc.research.source import MeasuringTask
+from ospc.research.runner import Task
 
 
 def invoke(*arguments: object):
@@ -36,7 +36,7 @@ def test_leaves_tables_figures_and_prints_them(finished):
 def test_a_second_run_computes_nothing(finished, monkeypatch):
     options, out, _ = finished
     before = (out / "results.csv").read_bytes()
-    monkeypatch.setattr(MeasuringTask, "run", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr(Task, "run", lambda *_: pytest.fail("computed again"))
     result = invoke(*options)
     assert result.exit_code == 0, result.output
     assert (out / "results.csv").read_bytes() == before
@@ -53,7 +53,7 @@ def test_an_interruption_is_told_and_what_is_finished_is_shown(finished, monkeyp
         raise KeyboardInterrupt
 
     options, _, _ = finished
-    monkeypatch.setattr(MeasuringTask, "run", interrupt)
+    monkeypatch.setattr(Task, "run", interrupt)
     result = invoke(*options[:-1], "default,paper")
     assert result.exit_code == 130
     assert "the same command continues" in result.output

@@ -12,7 +12,8 @@ from ospc.cli.experiments import command
 from ospc.errors import SettingError
 from ospc.research.experiments.design import EXPERIMENTS
 from ospc.research.experiments.systems import SYSTEMS, in_colour, system_sources
-from ospc.research.source import MeasuringTask, SimulatedSource
+from ospc.research.runner import Task
+from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings
 
 
@@ -33,21 +34,21 @@ def test_a_given_recording_is_measured_once_beside_another_programs_calibration(
     table = (tmp_path / "out" / "measurements.csv").read_text()
     assert table.count("\n") == 4
     assert (tmp_path / "out" / "curves-room.png").is_file()
-    monkeypatch.setattr(MeasuringTask, "run", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr(Task, "run", lambda *_: pytest.fail("computed again"))
     again = run(*words)
     assert again.exit_code == 0, again.output
     assert (tmp_path / "out" / "measurements.csv").read_text() == table
 
 
 def test_an_interruption_is_told_and_what_is_finished_is_kept(tmp_path, monkeypatch):
-    whole = MeasuringTask.run
+    whole = Task.run
 
     def interrupted(task, progress):
-        if task.source.name.endswith("1"):
+        if task.about.name.endswith("1"):
             raise KeyboardInterrupt
         return whole(task, progress)
 
-    monkeypatch.setattr(MeasuringTask, "run", interrupted)
+    monkeypatch.setattr(Task, "run", interrupted)
     result = run("static", "-o", tmp_path, "--count", 2, "--frames", 6, "--size", "48x36")
     assert result.exit_code == 130
     assert "the same command continues" in result.output
@@ -77,7 +78,7 @@ def test_systems_are_listed_measured_side_by_side_and_resumed(tmp_path, monkeypa
     assert "Zheng, Lin, Kambhamettu, Yu, Kang 2008" in table
     assert "Coverage of the bands" in table
     assert "bergmann" not in table
-    monkeypatch.setattr(MeasuringTask, "run", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr(Task, "run", lambda *_: pytest.fail("computed again"))
     assert run("systems", "-o", tmp_path, *only).exit_code == 0
     with pytest.raises(SettingError, match="no system"):
         raise run("systems", "-o", tmp_path, "--only", "nobody").exception

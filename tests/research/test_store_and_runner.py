@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from fake_tasks import FakeTask
+from fake_tasks import fake_task
 
 from ospc.errors import SettingError
 from ospc.research import runner as runner_module
@@ -71,7 +71,7 @@ def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
 
 def test_stored_results_are_not_computed_again(tmp_path):
     log = tmp_path / "log"
-    tasks = [FakeTask(name, log=log) for name in "abc"]
+    tasks = [fake_task(name, log=log) for name in "abc"]
     first, again = (list(run(tasks, ResultStore(tmp_path / "cache"))) for _ in range(2))
     assert [r.stored for r in first] == [False] * 3
     assert [r.stored for r in again] == [True] * 3
@@ -81,18 +81,18 @@ def test_stored_results_are_not_computed_again(tmp_path):
 
 def test_an_interruption_keeps_what_was_finished(tmp_path):
     log = tmp_path / "log"
-    good = FakeTask("a", log=log)
-    interrupted = [good, FakeTask("b", error=KeyboardInterrupt), FakeTask("c", log=log)]
+    good = fake_task("a", log=log)
+    interrupted = [good, fake_task("b", error=KeyboardInterrupt), fake_task("c", log=log)]
     with pytest.raises(KeyboardInterrupt):
         list(run(interrupted, ResultStore(tmp_path / "cache")))
-    resumed = [good, FakeTask("b", log=log), FakeTask("c", log=log)]
+    resumed = [good, fake_task("b", log=log), fake_task("c", log=log)]
     results = list(run(resumed, ResultStore(tmp_path / "cache")))
     assert [r.stored for r in results] == [True, False, False]
     assert log.read_text().split() == ["a", "b", "c"]
 
 
 def test_several_processes_give_the_same(tmp_path):
-    tasks = [FakeTask(name, shape) for name, shape in (("a", 0.1), ("b", 0.2))]
+    tasks = [fake_task(name, shape) for name, shape in (("a", 0.1), ("b", 0.2))]
     results = list(run(tasks, ResultStore(tmp_path), 2))
     assert {r.task.name: r.result for r in results} == {task.name: task.run(lambda _share: None) for task in tasks}
     assert {row.figures["response_shape_rmse"] for r in results for row in measured(r.result)} == {0.1, 0.2}
@@ -100,5 +100,5 @@ def test_several_processes_give_the_same(tmp_path):
 
 def test_progress_is_told(tmp_path):
     told = []
-    list(run([FakeTask("a")], ResultStore(tmp_path), 1, lambda task, share: told.append((task.name, share))))
+    list(run([fake_task("a")], ResultStore(tmp_path), 1, lambda task, share: told.append((task.name, share))))
     assert told == [("a", 0.5), ("a", 1.0)]

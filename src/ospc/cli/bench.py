@@ -34,7 +34,7 @@ def accuracy(
     """
     from ospc.research.accuracy.design import PresetMethods, accuracy_sources, select
     from ospc.research.accuracy.report import accuracy_report
-    from ospc.research.source import MeasuringTask, measured
+    from ospc.research.source import measured, measuring_task
 
     sources, notes = accuracy_sources(data, frames)
     run_study(

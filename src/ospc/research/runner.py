@@ -7,12 +7,12 @@ import re
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, partial
 from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import ospc
 from ospc.atomic import write_atomically
@@ -86,25 +86,29 @@ OnProgress: TypeAlias = Callable[[float], None]
 """Called now and then with the share of a task that is done."""
 
 
-class Task(Protocol):
-    """Something that takes long to compute. Tasks are pickled when several run at a time."""
+@dataclass(frozen=True)
+class Task:
+    """Something that takes long to compute, by a name for people. Tasks are pickled when several run at a time.
 
-    @property
-    def name(self) -> str:
-        """Its name, for people."""
+    The result, of JSON-compatible values, depends on nothing else than ``depends_on``, JSON-compatible too. ``about``
+    is what reports need to know of the task.
+    """
 
-    def describe(self) -> dict[str, Any]:
-        """Return everything the result depends on, as JSON-compatible values."""
+    name: str
+    depends_on: dict[str, Any]
+    compute: Callable[[OnProgress], Any] = field(repr=False)
+    about: Any = None
 
     def run(self, progress: OnProgress) -> Any:
-        """Compute the result, of JSON-compatible values."""
+        """Compute the result."""
+        return self.compute(progress)
 
 
 @dataclass(frozen=True)
 class Finished:
     """The result of a task, and whether it was in the store already."""
 
-    task: Any
+    task: Task
     result: Any
     stored: bool
 
@@ -122,17 +126,16 @@ def run(
     early ends all processes, and the programs they started. With one job everything runs in this process, and
     ``on_share`` is called while a task runs.
     """
-    missing: list[tuple[Task, dict[str, Any]]] = []
+    missing: list[Task] = []
     for task in tasks:
-        description = task.describe()
-        result = store.get(task.name, description)
+        result = store.get(task.name, task.depends_on)
         if result is None:
-            missing.append((task, description))
+            missing.append(task)
         else:
             yield Finished(task, result, stored=True)
-    for number, result in _computed([task for task, _ in missing], jobs, on_share):
-        task, description = missing[number]
-        store.put(task.name, description, result)
+    for number, result in _computed(missing, jobs, on_share):
+        task = missing[number]
+        store.put(task.name, task.depends_on, result)
         yield Finished(task, result, stored=False)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
@@ -21,7 +22,7 @@ from ospc.recording.recording import identity
 from ospc.research.held_out import HeldOut, simulated_pairs
 from ospc.research.measurement import Measurement
 from ospc.research.method import Estimate, Method, Outcome, Result, run_methods
-from ospc.research.runner import OnProgress, made_with
+from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.scoring import Truth, measurement
 from ospc.simulation import SimulationSettings
 from ospc.simulation import frames as simulated_frames
@@ -90,28 +91,16 @@ class Methods(ABC):
         return {}
 
 
-@dataclass(frozen=True)
-class MeasuringTask:
-    """Methods to be measured on a recording."""
+def measuring_task(source: Source, methods: Methods) -> Task:
+    """Return the task of measuring methods on a recording, which it is about."""
+    depends_on = {"recording": source.describe(), "methods": methods.describe(), "made_with": made_with()}
+    return Task(f"{source.name} ({methods.name})", depends_on, partial(_measure, source, methods), source)
 
-    source: Source
-    methods: Methods
 
-    @property
-    def name(self) -> str:
-        """Recording and methods."""
-        return f"{self.source.name} ({self.methods.name})"
-
-    def describe(self) -> dict[str, Any]:
-        """Return recording, settings, and the source of this package."""
-        return {"recording": self.source.describe(), "methods": self.methods.describe(), "made_with": made_with()}
-
-    def run(self, progress: OnProgress) -> list[dict[str, Any]]:
-        """Return one measurement for each method, as JSON-compatible values."""
-        source = self.source
-        results = run_methods(self.methods.make(source), source.frames(), source.count, progress)
-        results += [Result(name, outcome) for name, outcome in self.methods.references(source).items()]
-        return [asdict(found) for found in judge(source, results, source.held_out())]
+def _measure(source: Source, methods: Methods, progress: OnProgress) -> list[dict[str, Any]]:
+    results = run_methods(methods.make(source), source.frames(), source.count, progress)
+    results += [Result(name, outcome) for name, outcome in methods.references(source).items()]
+    return [asdict(found) for found in judge(source, results, source.held_out())]
 
 
 def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = None) -> list[Measurement]:
@@ -123,7 +112,7 @@ def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = 
 
 
 def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
-    """Return the measurements that :meth:`MeasuringTask.run` described."""
+    """Return the measurements that :func:`measuring_task` makes."""
     return [Measurement(**content) for content in stored]
 
 

@@ -20,7 +20,7 @@ from ospc.research.experiments.sources import stand_ins, sweeps
 from ospc.research.measurement import Measurement
 from ospc.research.method import Estimate, PaperVariants, Result, SolversKnowingResponse, run_methods
 from ospc.research.scoring import Truth
-from ospc.research.source import MeasuringTask, SimulatedSource, judge, measured
+from ospc.research.source import SimulatedSource, judge, measured, measuring_task
 from ospc.settings import PaperSettings
 
 
@@ -102,7 +102,7 @@ def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source)
         assert first.keys() == again.keys()
         assert not {id(method) for method in first.values()} & {id(method) for method in again.values()}
         assert pickle.loads(pickle.dumps(experiment)) == experiment
-        descriptions.append(MeasuringTask(source, experiment).describe())
+        descriptions.append(measuring_task(source, experiment).depends_on)
     assert all(descriptions.count(one) == 1 for one in descriptions)
     assert list(EXPERIMENTS["offsets"].varied.values()) == list(OFFSETS)
     assert set(EXPERIMENTS["offsets"].varied) == set(EXPERIMENTS["offsets"].variants["offsets"])
@@ -110,7 +110,7 @@ def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source)
 
 def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):
     source = stand_ins(1, 102, (80, 60))[0]
-    rows = measured(MeasuringTask(source, EXPERIMENTS["joint"]).run(lambda _share: None))
+    rows = measured(measuring_task(source, EXPERIMENTS["joint"]).run(lambda _share: None))
     rows += judge(source, [Result("mine", Estimate(vignette=source.truth().vignette))])
     assert [row.method for row in rows] == [
         "ours",

@@ -10,7 +10,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.research.faults import judging
 from ospc.research.faults.footage import Fault, good_footage, good_sources
-from ospc.research.faults.judging import FaultTask, Run, calibrated, judged, outcome_of, step_sigma
+from ospc.research.faults.judging import Run, calibrated, fault_task, judged, outcome_of, step_sigma
 from ospc.research.faults.study import chosen_faults, fault_tables, fault_tasks
 
 GOOD = {"response": "identifiable", "vignette": "identifiable", "exposures": "identifiable"}
@@ -93,7 +93,7 @@ def test_the_stated_deviation_is_that_of_the_verdict():
 
 def test_errors_are_detected_and_breakdowns_are_told(tiny_source, monkeypatch):
     no_exposure = Fault("zero", "0 everywhere", (1, 2, 3), lambda f, _s, _r: f.with_exposures(0 * f.exposures_ms))
-    task = FaultTask(tiny_source, no_exposure)
+    task = fault_task(tiny_source, no_exposure)
     assert task.run(lambda _share: None)["outcome"] == "detected"
     monkeypatch.setattr(judging, "calibrate", lambda _frames: 1 / 0)
     found = task.run(lambda _share: None)
@@ -108,7 +108,7 @@ def test_every_recording_is_run_without_a_fault_first(tiny_source):
         "tiny (none)",
         *(f"tiny (zero {s})" for s in ("weak", "medium", "strong")),
     ]
-    assert len({str(task.describe()) for task in tasks}) == 4
+    assert len({str(task.depends_on) for task in tasks}) == 4
 
 
 def test_tables_count_outcomes_and_list_what_is_wrong():

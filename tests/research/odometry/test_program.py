@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from fake_tasks import FakeTask, SleepingProgram
+from fake_tasks import fake_task, sleeping_program
 
 from ospc.errors import SettingError
 from ospc.evaluation.trajectory import read_trajectory
@@ -84,7 +84,7 @@ def test_ending_early_ends_the_programs_that_are_under_way(make_program, source,
     note = tmp_path / "process"
     sleeping = make_program(f"open({str(note)!r}, 'w').write(str(__import__('os').getpid())); time.sleep(600)")
     results = run(
-        [FakeTask("quick", wait_for=note), SleepingProgram(sleeping, source("truth"))], ResultStore(tmp_path), 2
+        [fake_task("quick", wait_for=note), sleeping_program(sleeping, source("truth"))], ResultStore(tmp_path), 2
     )
     assert next(results).task.name == "quick"
     process = int(note.read_text())

@@ -105,11 +105,10 @@ class ChartSeries:
 
 @dataclass(frozen=True)
 class TrueResponse:
-    """The response of one channel, the greys between which it was measured, and the RMS of ln irradiance about it."""
+    """The response of one channel, and the greys between which it was measured."""
 
     response: Response
     greys: tuple[int, int]
-    scatter: float
 
 
 def read_series(folder: Path, illuminant: int) -> ChartSeries:
@@ -131,25 +130,24 @@ def true_response(series: ChartSeries, channel: int) -> TrueResponse:
     grey, light = series.neutral_points(channel)
     if len(grey) < _NEUTRAL:
         raise FormatError(f"only {len(grey)} neutral patches of the chart are well exposed; {_NEUTRAL} are needed")
-    grey, curve, scatter = _increasing(grey, np.log(light))
+    grey, curve = _increasing(grey, np.log(light))
     inside = np.arange(np.ceil(grey[0]), np.floor(grey[-1]) + 1)
     light = np.exp(PchipInterpolator(grey, curve)(inside))
     table = np.interp(np.arange(256), np.append(0.0, inside), np.append(0.0, light))
     above = np.arange(256) > inside[-1]
     table[above] = light[-1] + (np.arange(256)[above] - inside[-1]) * (light[-1] - light[-2])
     greys = max(_DARKEST, int(inside[0])), min(_BRIGHTEST, int(inside[-1]))
-    return TrueResponse(Response.from_values(table), greys, scatter)
+    return TrueResponse(Response.from_values(table), greys)
 
 
-def _increasing(grey: FloatArray, log_light: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return the knots of the increasing curve nearest to points, and the root mean square distance from it."""
+def _increasing(grey: FloatArray, log_light: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the knots of the increasing curve nearest to points."""
     order = np.lexsort((log_light, grey))
     fitted = isotonic_regression(log_light[order]).x
-    scatter = float(np.sqrt(np.mean((log_light[order] - fitted) ** 2)))
     # Levels the regression made equal, and equal greys, become one knot, so that the curve increases strictly.
     member = np.cumsum(np.append(0, (np.diff(fitted) > 0) & (np.diff(grey[order]) > 0)))
     count = np.bincount(member)
-    return np.bincount(member, grey[order]) / count, np.bincount(member, fitted) / count, scatter
+    return np.bincount(member, grey[order]) / count, np.bincount(member, fitted) / count
 
 
 def _read(path: Path) -> Image:

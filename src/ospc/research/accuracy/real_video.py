@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray
+from ospc.arrays import Float32Array, FloatArray
 from ospc.formats.dso import read_pcalib
 from ospc.photometry.geometry import normalised
 from ospc.recording import Frame, open_recording
@@ -135,7 +135,8 @@ def flat_pair(
     places1 = places0 + (points1 - points0)[nearest]
     margin = 4 * _SMOOTHING_PX
     far = np.array([width, height]) - 1 - margin
-    near = (distance < _NEAREST_PX) & _within(places0, margin, far) & _within(places1, margin, far)
+    within = np.all([(p >= margin) & (p <= far) for p in (places0, places1)], axis=(0, 2))
+    near = (distance < _NEAREST_PX) & within
     places0, places1 = places0[near], places1[near]
     grey0, grey1 = sampled(first.grey, places0), sampled(second.grey, places1)
     flat = (sampled(first.gradient, places0) < _FLAT) & (sampled(second.gradient, places1) < _FLAT)
@@ -147,13 +148,13 @@ def flat_pair(
 
 
 def _matches(first: SampledFrame, second: SampledFrame) -> tuple[FloatArray, FloatArray]:
-    none = np.empty((0, 2)), np.empty((0, 2))
+    none = np.empty((2, 0, 2))
     if min(len(first.points), len(second.points)) < 2:
-        return none
+        return none[0], none[1]
     found = cv2.BFMatcher(cv2.NORM_L2).knnMatch(first.descriptors, second.descriptors, k=2)
     good = [(m.queryIdx, m.trainIdx) for m, n in found if m.distance < _RATIO * n.distance]
     if len(good) < _FEWEST_MATCHES:
-        return none
+        return none[0], none[1]
     index0, index1 = np.array(good).T
     points0, points1 = first.points[index0], second.points[index1]
     # A scene with depth is no plane; the tolerance takes in what lies near the dominant one.
@@ -161,7 +162,3 @@ def _matches(first: SampledFrame, second: SampledFrame) -> tuple[FloatArray, Flo
     _, mask = cv2.findHomography(points0, points1, cv2.RANSAC, _OUTLIER_PX)
     agree = np.zeros(len(points0), bool) if mask is None else mask.ravel() > 0
     return points0[agree], points1[agree]
-
-
-def _within(places: FloatArray, margin: float, far: FloatArray) -> BoolArray:
-    return np.asarray(np.all((places >= margin) & (places <= far), axis=1))

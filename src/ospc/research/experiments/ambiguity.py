@@ -16,7 +16,7 @@ from ospc.formats.files import csv_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.report.style import BLUE, GREY, ORANGE, new_figure, printable, rules, save
-from ospc.research.runner import OnProgress, made_with
+from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.source import Source
 from ospc.research.tables import StudyReport, rounded
 from ospc.robust import robust_scale
@@ -51,24 +51,14 @@ class Ambiguity:
     costs: Sequence[float]
 
 
-@dataclass(frozen=True)
-class AmbiguityTask:
-    """The ambiguity to be measured on a recording."""
+def ambiguity_task(source: Source) -> Task:
+    """Return the task of measuring the ambiguity on a recording."""
+    depends_on = {"recording": source.describe(), "study": "ambiguity", "made_with": made_with()}
+    return Task(f"{source.name} (ambiguity)", depends_on, partial(_measured, source))
 
-    source: Source
 
-    @property
-    def name(self) -> str:
-        """Name of the recording."""
-        return f"{self.source.name} (ambiguity)"
-
-    def describe(self) -> dict[str, Any]:
-        """Return the recording, and the source of this package."""
-        return {"recording": self.source.describe(), "study": "ambiguity", "made_with": made_with()}
-
-    def run(self, progress: OnProgress) -> dict[str, Any]:
-        """Return the fields of an :class:`Ambiguity`."""
-        return asdict(measure_ambiguity(self.source, progress))
+def _measured(source: Source, progress: OnProgress) -> dict[str, Any]:
+    return asdict(measure_ambiguity(source, progress))
 
 
 def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None) -> Ambiguity:

@@ -10,19 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from ospc.formats.files import csv_text
-from ospc.photometry.response import Response
 from ospc.research.measurement import Measurement, medians, methods_of, metrics, recordings_of
 from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, PaperVariants, SolversKnowingResponse
 from ospc.research.pictures import draw_curves, draw_errors
 from ospc.research.rivals.bergmann import Bergmann
-from ospc.research.rivals.camera_at_rest import (
-    CameraAtRest,
-    ExposureSeries,
-    debevec_malik,
-    engel_response,
-    mitsunaga_nayar,
-    robertson,
-)
+from ospc.research.rivals.camera_at_rest import AT_REST, CameraAtRest
 from ospc.research.rivals.kim_pollefeys import KimPollefeys
 from ospc.research.scoring import curves_of
 from ospc.research.source import Methods, Source
@@ -37,14 +29,12 @@ _PAPER_THRESHOLDS = (0.92, 1.08)
 _UNCHECKED = PaperSettings(acceptance_tolerance=1e3)
 """The paper's method without its check: the paper compares the results of solvers, not what the check accepts."""
 
-_AT_REST: dict[str, Callable[[ExposureSeries], Response]] = {
-    "debevec-malik": debevec_malik,
-    "robertson": robertson,
-    "mitsunaga-nayar": lambda series: mitsunaga_nayar(series).response,
-    "engel": engel_response,
-}
 _SLOW = 0.5
 """Speed of stand-ins whose features are matched over 30 frames, as in the paper's recordings."""
+
+
+def _no_rivals(_source: Source) -> dict[str, Method]:
+    return {}
 
 
 @dataclass(frozen=True)
@@ -72,7 +62,7 @@ class Experiment(Methods):
     figure: str
     stand_ins: tuple[int, int]
     variants: dict[str, dict[str, PaperSettings]] = field(default_factory=dict)
-    rivals: Callable[[Source], dict[str, Method]] = lambda _source: {}
+    rivals: Callable[[Source], dict[str, Method]] = _no_rivals
     speed: float = 1.0
     at_rest: bool = False
     varied: dict[str, float] = field(default_factory=dict)
@@ -110,7 +100,7 @@ def _solver_rivals(source: Source) -> dict[str, Method]:
 
 
 def _static_rivals(source: Source) -> dict[str, Method]:
-    return {**_ours(source), **{name: CameraAtRest(name, response_of) for name, response_of in _AT_REST.items()}}
+    return {**_ours(source), **{name: CameraAtRest(name) for name in AT_REST}}
 
 
 def _threshold(high: float) -> PaperSettings:

@@ -22,13 +22,14 @@ from ospc.research.experiments.sources import ColourSource, stand_ins
 from ospc.research.method import Method, OwnMethod, PaperVariants
 from ospc.research.rivals import from_single_images as single
 from ospc.research.rivals.bergmann import Bergmann
-from ospc.research.rivals.camera_at_rest import CameraAtRest, debevec_malik, engel_response, mitsunaga_nayar
+from ospc.research.rivals.camera_at_rest import CameraAtRest
 from ospc.research.rivals.grundmann_2013 import Grundmann
 from ospc.research.rivals.kim_frahm_pollefeys import KimFrahmPollefeys
 from ospc.research.rivals.kim_pollefeys import KimPollefeys
 from ospc.research.rivals.mo_2019 import Mo
 from ospc.research.rivals.quenzel_2018 import Quenzel
-from ospc.research.source import MeasuringTask, Methods, SimulatedSource, Source
+from ospc.research.runner import Task
+from ospc.research.source import Methods, SimulatedSource, Source, measuring_task
 from ospc.settings import PaperSettings, preset
 from ospc.simulation.responses import RESPONSES, make_response
 from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
@@ -96,12 +97,10 @@ SYSTEMS = (
     System("ours", "this project", 2026, _EXPOSURES, _BOTH, lambda _: OwnMethod(variant="ours"), "", "ours"),
     System("paper", "Haidar, Khalil, Asmar", 2024, _EXPOSURES, _BOTH, _paper, "", "paper"),
     System("debevec-malik", "Debevec, Malik", 1997, _REST, "response",
-        lambda _: CameraAtRest("debevec-malik", debevec_malik), "", "debevec-malik"),
+        lambda _: CameraAtRest("debevec-malik"), "", "debevec-malik"),
     System("mitsunaga-nayar", "Mitsunaga, Nayar", 1999, _REST, "response",
-        lambda _: CameraAtRest("mitsunaga-nayar", lambda series: mitsunaga_nayar(series).response),
-        "", "mitsunaga-nayar"),
-    System("engel", "Engel, Usenko, Cremers", 2016, _REST, "response",
-        lambda _: CameraAtRest("engel", engel_response), "", "engel"),
+        lambda _: CameraAtRest("mitsunaga-nayar"), "", "mitsunaga-nayar"),
+    System("engel", "Engel, Usenko, Cremers", 2016, _REST, "response", lambda _: CameraAtRest("engel"), "", "engel"),
     System("lin-2004", "Lin, Gu, Yamazaki, Shum", 2004, "one colour image", "response",
         lambda _: single.from_edges("lin-2004-without", edge_colour_response), "", "lin-2004-without", colour=True),
     System("lin-zhang-2005", "Lin, Zhang", 2005, "one grey image", "response",
@@ -172,10 +171,10 @@ def in_colour(source: Source) -> Source:
     return replace(source, colour=True) if isinstance(source, ChartSource) else source
 
 
-def system_tasks(systems: Sequence[System], sources: Sequence[Source]) -> list[MeasuringTask]:
+def system_tasks(systems: Sequence[System], sources: Sequence[Source]) -> list[Task]:
     """Return one task for every system on every recording, all systems on the first recording first."""
     return [
-        MeasuringTask(in_colour(source) if system.colour else source, system)
+        measuring_task(in_colour(source) if system.colour else source, system)
         for source in sources
         for system in systems
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from time import process_time
@@ -24,7 +25,7 @@ from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame
 from ospc.research.faults.footage import STRENGTHS, Fault, Footage, GoodSource, good_footage
 from ospc.research.method import failure
-from ospc.research.runner import OnProgress, made_with
+from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.scoring import profile_along_diagonal
 
 Outcome = Literal["detected", "corrected", "harmless", "uncertain", "confident and wrong", "crashed"]
@@ -90,41 +91,30 @@ class Run:
         return beyond(vars(self))
 
 
-@dataclass(frozen=True)
-class FaultTask:
-    """A fault of one strength, by its index, to be put on a good recording; None for the recording as it is."""
+def fault_task(source: GoodSource, fault: Fault | None = None, strength: int = 0) -> Task:
+    """Return the task of putting a fault of one strength, by its index, on a good recording; None for no fault."""
+    run = Run(source.name, CLEAN, "", None, "harmless")
+    if fault is not None:
+        value = fault.strengths[strength]
+        run = replace(run, fault=fault.name, strength=STRENGTHS[strength], value=value)
+    put = None if fault is None else [fault.name, run.value]
+    depends_on = {"recording": source.describe(), "fault": put, "made_with": made_with()}
+    name = f"{source.name} ({run.fault} {run.strength}".rstrip() + ")"
+    return Task(name, depends_on, partial(_run, source, fault, run))
 
-    source: GoodSource
-    fault: Fault | None = None
-    strength: int = 0
 
-    @property
-    def name(self) -> str:
-        """Recording, fault and strength."""
-        fault = CLEAN if self.fault is None else f"{self.fault.name} {STRENGTHS[self.strength]}"
-        return f"{self.source.name} ({fault})"
-
-    def describe(self) -> dict[str, Any]:
-        """Return recording, fault, and the source of this package."""
-        fault = None if self.fault is None else [self.fault.name, self.fault.strengths[self.strength]]
-        return {"recording": self.source.describe(), "fault": fault, "made_with": made_with()}
-
-    def run(self, progress: OnProgress) -> dict[str, Any]:
-        """Return the judged run as JSON-compatible values."""
-        footage = good_footage(self.source)
-        run = Run(self.source.name, CLEAN, "", None, "harmless")
-        if self.fault is not None:
-            value = self.fault.strengths[self.strength]
-            footage = self.fault.put_on(footage, value)
-            run = replace(run, fault=self.fault.name, strength=STRENGTHS[self.strength], value=value)
-        progress(0.5)
-        began = process_time()
-        try:
-            found = calibrated(footage)
-        except Exception as error:  # a breakdown is an outcome too
-            outcome: Outcome = "detected" if isinstance(error, OspcError) else "crashed"
-            return asdict(replace(run, outcome=outcome, said=(failure(error),), false_alarm=True))
-        return asdict(judged(found, footage, replace(run, seconds=process_time() - began)))
+def _run(source: GoodSource, fault: Fault | None, run: Run, progress: OnProgress) -> dict[str, Any]:
+    footage = good_footage(source)
+    if fault is not None and run.value is not None:
+        footage = fault.put_on(footage, run.value)
+    progress(0.5)
+    began = process_time()
+    try:
+        found = calibrated(footage)
+    except Exception as error:  # a breakdown is an outcome too
+        outcome: Outcome = "detected" if isinstance(error, OspcError) else "crashed"
+        return asdict(replace(run, outcome=outcome, said=(failure(error),), false_alarm=True))
+    return asdict(judged(found, footage, replace(run, seconds=process_time() - began)))
 
 
 def calibrated(footage: Footage) -> Calibration:
@@ -158,7 +148,7 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
     if found.vignette is not None and footage.vignette is not None:
         figures |= _vignette_figures(found.vignette, found.vignette_sigma, footage.vignette, footage.reach)
     doubts = [f"{name}: {v.reason}" for name, v in found.verdicts.items() if v.state != "identifiable"]
-    states = {name: verdict.state for name, verdict in found.verdicts.items()}
+    states: dict[str, str] = {name: verdict.state for name, verdict in found.verdicts.items()}
     skipped = found.counts.get("skipped", 0)
     parts = ("response", "exposures") if footage.vignette is None else ("response", "vignette", "exposures")
     return replace(

@@ -10,7 +10,8 @@ from ospc.formats.files import csv_text
 from ospc.research.accuracy.design import select
 from ospc.research.faults import exposures, greys, light, sequence
 from ospc.research.faults.footage import STRENGTHS, Fault, GoodSource
-from ospc.research.faults.judging import CLEAN, FaultTask, Outcome, Run
+from ospc.research.faults.judging import CLEAN, Outcome, Run, fault_task
+from ospc.research.runner import Task
 from ospc.research.tables import StudyReport, Table, as_json, benchmark_content, document
 
 SCHEMA = "ospc-benchmark-faults/1"
@@ -39,13 +40,13 @@ def chosen_faults(pattern: str | None) -> list[Fault]:
 
 def fault_tasks(
     sources: Sequence[GoodSource], faults: Sequence[Fault], strengths: Sequence[str] = STRENGTHS
-) -> list[FaultTask]:
+) -> list[Task]:
     """Return the runs: of every recording the clean one first, then each fault with each strength."""
     numbers = [STRENGTHS.index(strength) for strength in strengths]
     return [
         task
         for source in sources
-        for task in (FaultTask(source), *(FaultTask(source, fault, n) for fault in faults for n in numbers))
+        for task in (fault_task(source), *(fault_task(source, fault, n) for fault in faults for n in numbers))
     ]
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -13,7 +14,7 @@ from ospc.errors import FormatError, NotObservableError, OspcError, SettingError
 from ospc.evaluation.trajectory import AlignmentError, Trajectory, alignment_error, read_trajectory
 from ospc.recording import Recording
 from ospc.research.odometry.inputs import CAMERA, TRUTH, Calibrations, Condition, OdometryInput, images_of, needed
-from ospc.research.runner import Finished, OnProgress
+from ospc.research.runner import Finished, OnProgress, Task
 
 Ending = Literal["finished", "lost", "diverged", "failed", "timeout"]
 """``lost``: it gave up before the end. ``diverged``: its poses are not finite, or far outside of all others.
@@ -184,35 +185,13 @@ class Experiment:
         return known if self.end_share is None else end_segments(known, self.end_share)
 
 
-@dataclass(frozen=True)
-class RunTask:
-    """One run of odometry over a recording under a condition."""
-
-    recording: str
-    source: OdometryInput = field(repr=False)
-    odometry: Odometry
-    number: int
-
-    @property
-    def name(self) -> str:
-        """Recording, condition and number."""
-        return f"{self.recording}, {self.source.condition.name} (run {self.number})"
-
-    def describe(self) -> dict[str, Any]:
-        """Return images, parameters, program and number."""
-        return {"input": self.source.describe(), "odometry": self.odometry.describe(), "run": self.number}
-
-    def run(self, _progress: OnProgress) -> dict[str, Any]:
-        """Run odometry once."""
-        return self.odometry.track(self.source, self.number).as_dict()
-
-
-def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[RunTask], list[RunResult]]:
+def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], list[RunResult]]:
     """Return all runs, the first of everything before the second, so that an interruption leaves a fair table.
 
-    A calibration that cannot be made is a result: its runs are returned as failed ones.
+    A calibration that cannot be made is a result: its runs are returned as failed ones. Tasks are about the name of
+    the recording, the input, and the number of the run.
     """
-    tasks: list[RunTask] = []
+    tasks: list[Task] = []
     failed: list[RunResult] = []
     for name, recording in experiment.recordings.items():
         images = images_of(recording, experiment.folder / "images")
@@ -226,21 +205,30 @@ def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[RunTask],
                 ]
                 continue
             source = OdometryInput.of(recording, images, condition, photometry)
-            tasks += [RunTask(name, source, odometry, number) for number in range(experiment.runs)]
-    return sorted(tasks, key=lambda task: task.number), failed
+            depends_on = {"input": source.describe(), "odometry": odometry.describe()}
+            tasks += [
+                Task(
+                    f"{name}, {condition.name} (run {number})",
+                    depends_on | {"run": number},
+                    partial(_run, odometry, source, number),
+                    (name, source, number),
+                )
+                for number in range(experiment.runs)
+            ]
+    return sorted(tasks, key=lambda task: task.about[2]), failed
+
+
+def _run(odometry: Odometry, source: OdometryInput, number: int, _progress: OnProgress) -> dict[str, Any]:
+    return odometry.track(source, number).as_dict()
 
 
 def result_of(finished: Finished, experiment: Experiment) -> RunResult:
-    """Return a finished :class:`RunTask`, compared with the truth."""
-    task = finished.task
-    return judged(
-        Tracked.from_dict(finished.result),
-        experiment.truth_of(experiment.recordings[task.recording]),
-        task.source.stamps_s,
-        recording=task.recording,
-        condition=task.source.condition.name,
-        run=task.number,
-    )
+    """Return a finished run, compared with the truth."""
+    name, source, number = finished.task.about
+    truth = experiment.truth_of(experiment.recordings[name])
+    tracked = Tracked.from_dict(finished.result)
+    condition = source.condition.name
+    return judged(tracked, truth, source.stamps_s, recording=name, condition=condition, run=number)
 
 
 def end_segments(truth: Trajectory, share: float) -> Trajectory:

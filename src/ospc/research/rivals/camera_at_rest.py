@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -110,10 +111,10 @@ def response_of_values(values: FloatArray, name: str) -> Response:
 
 
 class CameraAtRest:
-    """A method for a camera at rest, as studies run it, and the name of its outcome."""
+    """A method for a camera at rest by its name, as studies run it."""
 
-    def __init__(self, name: str, response_of: Callable[[ExposureSeries], Response]) -> None:
-        self._name, self._response_of = name, response_of
+    def __init__(self, name: str) -> None:
+        self._name = name
         self._frames: list[Frame] = []
 
     def push(self, frame: Frame) -> None:
@@ -122,11 +123,11 @@ class CameraAtRest:
 
     def found(self) -> dict[str, Outcome]:
         """Return the response."""
-        return {self._name: Estimate(self._response_of(ExposureSeries.of(self._frames)))}
+        return {self._name: Estimate(AT_REST[self._name](ExposureSeries.of(self._frames)))}
 
 
-_SMOOTHNESS = 10.0
-"""λ, OpenCV's default."""
+_SMOOTHNESS, _TURNS = 10.0, 60
+"""λ of Debevec and Malik, OpenCV's default, and turns of Robertson's method."""
 
 
 def debevec_malik(series: ExposureSeries, samples: int = 200) -> Response:
@@ -137,13 +138,8 @@ def debevec_malik(series: ExposureSeries, samples: int = 200) -> Response:
     triangular weight w.
     """
     chosen = series.sampled(samples)
-    columns = [np.ascontiguousarray(row[None, :, None].repeat(3, axis=2)) for row in chosen]
     method = cv2.createCalibrateDebevec(chosen.shape[1], _SMOOTHNESS, False)
-    found = method.process(columns, series.relative_exposures.astype(np.float32))
-    return response_of_values(np.asarray(found, dtype=np.float64).reshape(LEVELS, -1)[:, 0], "debevec-malik")
-
-
-_TURNS = 60
+    return _by_opencv(method, chosen[:, None], series, "debevec-malik")
 
 
 def robertson(series: ExposureSeries) -> Response:
@@ -152,10 +148,13 @@ def robertson(series: ExposureSeries) -> Response:
     OpenCV's implementation. g has 256 free values. Minimises Σ w(M) (g(Mᵢₚ) − tᵢEₚ)² for g and the irradiances E in
     turn, with a weight w that falls towards both ends like a normal distribution.
     """
-    images = [np.ascontiguousarray(image[:, :, None].repeat(3, axis=2)) for image in series.images]
-    method = cv2.createCalibrateRobertson(_TURNS, 0.0)
-    found = method.process(images, series.relative_exposures.astype(np.float32))
-    return response_of_values(np.asarray(found, dtype=np.float64).reshape(LEVELS, -1)[:, 0], "robertson")
+    return _by_opencv(cv2.createCalibrateRobertson(_TURNS, 0.0), series.images, series, "robertson")
+
+
+def _by_opencv(method: Any, images: npt.NDArray[np.uint8], series: ExposureSeries, name: str) -> Response:
+    colour = [np.ascontiguousarray(image[:, :, None].repeat(3, axis=2)) for image in images]
+    found = method.process(colour, series.relative_exposures.astype(np.float32))
+    return response_of_values(np.asarray(found, dtype=np.float64).reshape(LEVELS, -1)[:, 0], name)
 
 
 def engel_response(series: ExposureSeries, iterations: int = 20) -> Response:
@@ -179,11 +178,8 @@ def engel_response(series: ExposureSeries, iterations: int = 20) -> Response:
     return response_of_values(np.where(counts > 0, table, np.nan), "engel")
 
 
-_MOST_DEGREES = 10
-"""The highest degree that the publication tries."""
-
-_EXPOSED = (2, 253)
-"""Grey levels between which pixels are used."""
+_MOST_DEGREES, _EXPOSED = 10, (2, 253)
+"""The highest degree that the publication tries, and grey levels between which pixels are used."""
 
 _PIXELS, _FEWEST_PIXELS = 2000, 50
 """Pixels that are used, and fewest of them that must be exposed in two successive images."""
@@ -230,3 +226,12 @@ def _polynomial(grey0: FloatArray, grey1: FloatArray, ratio: FloatArray, degree:
     free = np.linalg.lstsq(d[:, :-1] - d[:, -1:], -d[:, -1], rcond=None)[0]
     coefficients = np.append(free, 1 - free.sum())
     return MitsunagaNayar(coefficients, float(np.sqrt(np.mean((d @ coefficients) ** 2))))
+
+
+AT_REST: dict[str, Callable[[ExposureSeries], Response]] = {
+    "debevec-malik": debevec_malik,
+    "robertson": robertson,
+    "mitsunaga-nayar": lambda series: mitsunaga_nayar(series).response,
+    "engel": engel_response,
+}
+"""The methods by name."""

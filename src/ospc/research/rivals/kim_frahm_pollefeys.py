@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray, Image
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image
 from ospc.errors import NotObservableError
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
@@ -29,6 +29,7 @@ from ospc.research.method import Estimate, Outcome, with_and_without
 from ospc.research.rivals.log_response import LogModel, log_model
 from ospc.unknown_exposures.tracking import sampled
 
+_GREYS = np.arange(256)
 _SIDE, _PYRAMID, _STEPS = 9, 4, 6
 """Side of a window in pixels, levels of the pyramid, and most steps on each."""
 
@@ -79,9 +80,8 @@ def track(image0: Image, image1: Image, points: FloatArray, curve: FloatArray) -
     for _ in range(_PYRAMID - 1):
         pyramid.append((cv2.pyrDown(pyramid[-1][0]), cv2.pyrDown(pyramid[-1][1])))
     displacement = np.zeros_like(points)
-    ratio = float(
-        np.median(np.interp(image1, np.arange(256), curve)) - np.median(np.interp(image0, np.arange(256), curve))
-    )
+    before, after = (float(np.median(np.interp(image, _GREYS, curve))) for image in (image0, image1))
+    ratio = after - before
     for level in reversed(range(_PYRAMID)):
         first, second = pyramid[level]
         scaled = (points + 0.5) / 2**level - 0.5
@@ -96,13 +96,14 @@ def track(image0: Image, image1: Image, points: FloatArray, curve: FloatArray) -
     residual = _residual(pair, curve)
     weight = _exposed(pair)
     error = np.sqrt((weight * residual**2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1))
-    inside = np.all(
-        (points + displacement > _SIDE) & (points + displacement < np.array(image0.shape[::-1]) - _SIDE), axis=1
-    )
-    good = (error < _OUTLIER) & inside & (weight.mean(axis=1) > 0.5)
+    good = (error < _OUTLIER) & _inside(points + displacement, image0) & (weight.mean(axis=1) > 0.5)
     if np.count_nonzero(good) < _FEWEST:
         return None
     return TrackedPair(pair.first[good], pair.second[good], pair.gradient[good], displacement[good], ratio)
+
+
+def _inside(points: FloatArray, image: Image) -> BoolArray:
+    return np.asarray(np.all((points > _SIDE) & (points < np.array(image.shape[::-1]) - _SIDE), axis=1))
 
 
 def _windows(
@@ -121,20 +122,17 @@ def _windows(
 
 
 def _exposed(pair: TrackedPair) -> FloatArray:
-    return np.asarray(
-        (np.minimum(pair.first, pair.second) > _DARKEST) & (np.maximum(pair.first, pair.second) < _BRIGHTEST),
-        dtype=float,
-    )
+    darkest, brightest = np.minimum(pair.first, pair.second), np.maximum(pair.first, pair.second)
+    return np.asarray((darkest > _DARKEST) & (brightest < _BRIGHTEST), dtype=float)
 
 
 def _residual(pair: TrackedPair, curve: FloatArray) -> FloatArray:
-    greys = np.arange(256)
-    return np.asarray(np.interp(pair.second, greys, curve) - np.interp(pair.first, greys, curve) - pair.log_ratio)
+    return np.asarray(np.interp(pair.second, _GREYS, curve) - np.interp(pair.first, _GREYS, curve) - pair.log_ratio)
 
 
 def _slopes(pair: TrackedPair, curve: FloatArray) -> FloatArray:
     """Return the derivatives of g(J(x + d)) by d, shape (features, pixels, 2)."""
-    return np.asarray(np.interp(pair.second, np.arange(256), np.gradient(curve))[..., None] * pair.gradient)
+    return np.asarray(np.interp(pair.second, _GREYS, np.gradient(curve))[..., None] * pair.gradient)
 
 
 def _solve_displacements(pair: TrackedPair, curve: FloatArray) -> tuple[FloatArray, float]:
@@ -182,16 +180,12 @@ class _Eliminated:
 
 def reduced_system(pair: TrackedPair, model: LogModel, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return A and b of A c = b for a pair, all displacements and K eliminated; g₀ is the right-hand side."""
-    greys = np.arange(256)
-    columns = np.stack(
-        [np.interp(pair.second, greys, h) - np.interp(pair.first, greys, h) for h in model.components]
-        + [-np.ones_like(pair.first)],
-        axis=-1,
-    )
-    target = np.interp(pair.first, greys, model.mean) - np.interp(pair.second, greys, model.mean)
+    columns = [np.interp(pair.second, _GREYS, h) - np.interp(pair.first, _GREYS, h) for h in model.components]
+    columns.append(-np.ones_like(pair.first))
+    target = np.interp(pair.first, _GREYS, model.mean) - np.interp(pair.second, _GREYS, model.mean)
     weight = _exposed(pair) * model.weight(pair.first, pair.second)
     eliminated = _Eliminated.of(weight, _slopes(pair, model.curve(coefficients)))
-    matrix, vector = eliminated.reduced(columns, target)
+    matrix, vector = eliminated.reduced(np.stack(columns, axis=-1), target)
     last = max(matrix[-1, -1], 1e-12)
     inner = matrix[:-1, :-1] - np.outer(matrix[:-1, -1], matrix[-1, :-1]) / last
     return inner, vector[:-1] - matrix[:-1, -1] * vector[-1] / last
@@ -217,7 +211,7 @@ class KimFrahmPollefeys:
         if corners is None:
             return
         points = corners.reshape(-1, 2).astype(np.float64)
-        points = points[np.all((points > _SIDE) & (points < np.array(previous.shape[::-1]) - _SIDE), axis=1)]
+        points = points[_inside(points, previous)]
         pair = track(previous, image, points, self._model.curve(self._coefficients)) if len(points) else None
         if pair is None or abs(pair.log_ratio) < _LEAST_CHANGE:
             return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 from ospc.arrays import ImageSize
 from ospc.report.style import new_figure, rules, save
 from ospc.research.pictures import look
-from ospc.research.runner import OnProgress, made_with
+from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.speed.measuring import (
     SpeedRow,
     calibrate_command,
@@ -66,49 +66,40 @@ _COMMANDS: dict[ImageSize, dict[int, _Judged]] = {
 """Recordings for ``ospc calibrate``, by the size and number of their frames, and their goals."""
 
 
-@dataclass(frozen=True)
-class SpeedTask:
-    """One measurement, made in a process of its own, so that its peak memory is its own too.
-
-    At most so many ``frames`` are simulated; ``judged`` adds goal and verdict.
-    """
-
-    name: str
-    size: ImageSize
-    frames: int
-    measure: Callable[[ImageSize, Reel], SpeedRow]
-    judged: _Judged
-
-    def describe(self) -> dict[str, Any]:
-        """Return what it measures, the source, and the machine."""
-        machine = {"cores": os.cpu_count(), "node": platform.node()}
-        return {"speed": self.name, "frames": self.frames, "machine": machine, "made_with": made_with()}
-
-    def run(self, _progress: OnProgress) -> dict[str, Any]:
-        """Return the row as JSON-compatible values."""
-        reel = reel_of(self.size, self.frames)
-        with get_context("spawn").Pool(1) as pool:
-            return vars(self.judged(pool.apply(self.measure, (self.size, reel))))
+def _measure(
+    size: ImageSize,
+    frames: int,
+    measure: Callable[[ImageSize, Reel], SpeedRow],
+    judged: _Judged,
+    _progress: OnProgress,
+) -> dict[str, Any]:
+    """Measure in a process of its own, so that its peak memory is its own too."""
+    reel = reel_of(size, frames)
+    with get_context("spawn").Pool(1) as pool:
+        return vars(judged(pool.apply(measure, (size, reel))))
 
 
 def row_of(stored: dict[str, Any]) -> SpeedRow:
-    """Return the row that :meth:`SpeedTask.run` described."""
+    """Return the row that a task returned."""
     push_ms = None if stored["push_ms"] is None else tuple(stored["push_ms"])
     return SpeedRow(**stored | {"size": tuple(stored["size"]), "push_ms": push_ms})
 
 
 def speed_tasks(
     presets: tuple[str, ...], sizes: tuple[ImageSize, ...], frames: int, live_s: float, rate_hz: float
-) -> list[SpeedTask]:
-    """Return all measurements, with so many frames at most, of preset "paper" fewer, and ``live_s`` seconds live."""
+) -> list[Task]:
+    """Return all measurements, of at most so many frames and ``live_s`` seconds live, about what adds their goals."""
     return [task for size in sizes for task in _tasks_of(size, presets, frames, live_s, rate_hz)]
 
 
 def _tasks_of(
     size: ImageSize, presets: tuple[str, ...], frames: int, live_s: float, rate_hz: float
-) -> Iterator[SpeedTask]:
-    def task(what: str, measure: Any, judged: _Judged = _without_goal) -> SpeedTask:
-        return SpeedTask(f"{what}, {size[0]}×{size[1]}", size, frames, measure, judged)
+) -> Iterator[Task]:
+    def task(what: str, measure: Any, judged: _Judged = _without_goal) -> Task:
+        name = f"{what}, {size[0]}×{size[1]}"
+        machine = {"cores": os.cpu_count(), "node": platform.node()}
+        depends_on = {"speed": name, "frames": frames, "machine": machine, "made_with": made_with()}
+        return Task(name, depends_on, partial(_measure, size, frames, measure, judged), judged)
 
     for wanted, goal in _COMMANDS.get(size, {frames: _without_goal}).items():
         count = min(wanted, frames)

@@ -207,9 +207,9 @@ def correcting(size: ImageSize, reel: Reel, dtype: npt.DTypeLike) -> SpeedRow:
             turn[:] = [(spent.seconds, spent.cpu_s), (copying.seconds, copying.cpu_s)]
     finally:
         cv2.setNumThreads(threads)
-    mine, others = (_CORRECTIONS * np.median(found, axis=0)).tolist()
+    ((seconds, cpu_s), against) = (_CORRECTIONS * np.median(found, axis=0)).tolist()
     what = f"correcting in memory, 8 bit → {np.dtype(dtype).name}"
-    return SpeedRow(what, size, _CORRECTIONS, *mine, "copying", *others)
+    return SpeedRow(what, size, _CORRECTIONS, seconds, cpu_s, "copying", against[0], against[1])
 
 
 def _known_camera(size: ImageSize) -> Calibration:
