@@ -151,8 +151,7 @@ def systems(
     Each is measured with and without the point of the truth that it may need, on simulated recordings, and with
     --data on a real video and on photographs of charts.
     """
-    from ospc.research.experiments.systems import chosen_systems, system_sources, system_tasks
-    from ospc.research.experiments.systems_report import systems_report
+    from ospc.research.experiments.systems import chosen_systems, system_sources, system_tasks, systems_report
     from ospc.research.source import GivenSource, measured
 
     chosen = chosen_systems(words(only))

@@ -49,28 +49,20 @@ class Truth:
 
 def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut) -> Measurement:
     """Compare the outcome of a method on a recording with the truth."""
+    row = Measurement(source.name, result.variant, group=source.group, factors=source.factors)
+    row = replace(row, limits=truth.limits, seconds=result.seconds)
     outcome = result.outcome
-    row = Measurement(
-        source.name,
-        result.variant,
-        group=source.group,
-        factors=source.factors,
-        limits=truth.limits,
-        seconds=result.seconds,
-    )
     if isinstance(outcome, str):
         return replace(row, failure=outcome)
     row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
-    calibration = outcome.calibration
-    if calibration is None:
+    if outcome.calibration is None:
         return row
+    verdicts, ratios = outcome.calibration.verdicts, vars(outcome.calibration.exposure_ratios)
     return replace(
         row,
-        states={name: verdict.state for name, verdict in calibration.verdicts.items()},
-        reasons={name: verdict.reason for name, verdict in calibration.verdicts.items()},
-        ratios={
-            name: values.tolist() for name, values in vars(calibration.exposure_ratios).items() if values is not None
-        },
+        states={name: verdict.state for name, verdict in verdicts.items()},
+        reasons={name: verdict.reason for name, verdict in verdicts.items()},
+        ratios={name: values.tolist() for name, values in ratios.items() if values is not None},
     )
 
 

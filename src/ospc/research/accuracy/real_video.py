@@ -108,13 +108,10 @@ class SampledFrame:
         found = np.array([point.pt for point in key_points], dtype=np.float64).reshape(-1, 2)
         smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX)
         gradient = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)) / 8
-        return cls(
-            frame.exposure_ms,
-            found,
-            np.zeros((0, 128), np.float32) if descriptors is None else descriptors.astype(np.float32),
-            np.asarray(smooth, dtype=np.float32),
-            np.asarray(gradient, dtype=np.float32),
-        )
+        if descriptors is None:
+            descriptors = np.zeros((0, 128))
+        flat = (smooth.astype(np.float32), gradient.astype(np.float32))
+        return cls(frame.exposure_ms, found, descriptors.astype(np.float32), *flat)
 
 
 def flat_pair(

@@ -153,14 +153,9 @@ class ColourSource(SimulatedSource):
                 sensor.expose(radiance(one, view, stamp) * light, frame=index, gain=gain)
                 for one, sensor in zip(scenes, sensors, strict=True)
             ]
-            image = np.stack(planes, axis=-1)
-            grey = Frame.of_array(
-                planes[1],
-                float(known.metadata_exposures_ms[index]),
-                index=index,
-                stamp_s=stamp,
-                max_grey=self.settings.max_grey,
-            )
+            image, stated_ms = np.stack(planes, axis=-1), float(known.metadata_exposures_ms[index])
+            largest = self.settings.max_grey
+            grey = Frame.of_array(planes[1], stated_ms, index=index, stamp_s=stamp, max_grey=largest)
             yield replace(grey, load=partial(np.asarray, image), colour=True)
 
 

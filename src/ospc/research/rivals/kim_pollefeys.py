@@ -236,11 +236,5 @@ def _registered(frame0: Frame, frame1: Frame) -> Correspondences:
         sampled(cv2.GaussianBlur(image, (0, 0), _SMOOTHING_PX).astype(np.float32), points) / 255
         for image, points in ((image0, points0), (image1, points1))
     )
-    return Correspondences(
-        (frame0.index, frame1.index),
-        (width, height),
-        points0.astype(np.float64),
-        points1.astype(np.float64),
-        grey0,
-        grey1,
-    )
+    places = (points0.astype(np.float64), points1.astype(np.float64))
+    return Correspondences((frame0.index, frame1.index), (width, height), *places, grey0, grey1)
