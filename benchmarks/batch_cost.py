@@ -14,7 +14,6 @@ import argparse
 import json
 import os
 import resource
-import shutil
 import tempfile
 import time
 from collections import Counter
@@ -33,6 +32,7 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.recording import open_recording
 from ospc.recording.recording import identity
 from ospc.simulation import SimulationSettings, simulate
+from simulated_family import relinked
 
 RENDERED = 4
 PER_CAMERA = 10
@@ -47,19 +47,13 @@ def made(folder: Path, count: int, size: tuple[int, int], frames: int) -> list[E
                 size=size, frames=frames, seed=seed, exposure="cycle", exposures_ms=exposures, speed=2.0
             )
             simulate(place, settings)
-    return [
-        Entry(str(variant(originals[n % len(originals)], folder / f"r{n:06}", 1 + n / 1000)), f"c{n // PER_CAMERA}")
-        for n in range(count)
-    ]
-
-
-def variant(original: Path, place: Path, factor: float) -> Path:
-    if not place.exists():
-        shutil.copytree(original, place, copy_function=os.link)
-        lines = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
-        (place / "times.txt").unlink()
-        (place / "times.txt").write_text("".join(f"{i} {s} {float(e) * factor:.6f}\n" for i, s, e in lines))
-    return place
+    entries = []
+    for n in range(count):
+        place = folder / f"r{n:06}"
+        if not place.exists():
+            relinked(originals[n % len(originals)], place, lambda exposures_ms, n=n: exposures_ms * (1 + n / 1000))
+        entries.append(Entry(str(place), f"c{n // PER_CAMERA}"))
+    return entries
 
 
 def processor_s() -> float:

@@ -37,28 +37,23 @@ _SAME_COLUMNS = (
 _SWITCH_COLUMNS = ("camera", "seed", "rate", "change", "false changes", "delay s", "off by s", "called")
 
 
-_OTHER_RESPONSES = {"srgb": "filmic", "filmic": "srgb", "linear": "gamma2.2", "gamma2.2": "linear"}
-_SIMILAR_RESPONSES = {"srgb": "gamma2.2", "filmic": "log", "linear": "tum_narrow", "gamma2.2": "srgb"}
-"""Responses that differ little, such as those of another picture profile."""
-
-
-def _darker_corner(camera: Camera) -> Camera:
-    """Return a camera whose vignette at the corner is a fifth lower."""
-    first, *others = camera.vignette
-    return replace(camera, vignette=(first - 0.2 * (1 + first + sum(others)), *others))
-
-
-CHANGES: dict[str, Callable[[Camera], Switch]] = {
-    "corner -20 %": lambda camera: Switch(SWITCH_AFTER_S, _darker_corner(camera)),
-    "another response": lambda camera: Switch(
-        SWITCH_AFTER_S, replace(camera, response=_OTHER_RESPONSES[camera.response])
-    ),
-    "similar response": lambda camera: Switch(
-        SWITCH_AFTER_S, replace(camera, response=_SIMILAR_RESPONSES[camera.response])
-    ),
-    "exposures 2 late": lambda camera: Switch(SWITCH_AFTER_S, camera, late_frames=2),
-}
+CHANGES = ("corner -20 %", "another response", "similar response", "exposures 2 late")
 """What happens to the camera."""
+
+RESPONSES = {
+    "another response": {"srgb": "filmic", "filmic": "srgb", "linear": "gamma2.2", "gamma2.2": "linear"},
+    "similar response": {"srgb": "gamma2.2", "filmic": "log", "linear": "tum_narrow", "gamma2.2": "srgb"},
+}
+"""Responses instead of those of the cameras; similar ones are such as those of another picture profile."""
+
+
+def _switch(change: str, camera: Camera) -> Switch:
+    if change in RESPONSES:
+        camera = replace(camera, response=RESPONSES[change][camera.response])
+    if change.startswith("corner"):
+        first, *others = camera.vignette
+        camera = replace(camera, vignette=(first - 0.2 * (1 + first + sum(others)), *others))
+    return Switch(SWITCH_AFTER_S, camera, 2 if change.endswith("late") else 0)
 
 
 def shown(film: LongFilm) -> tuple[OnlineCalibrator, list[tuple[float, str]], float]:
@@ -93,7 +88,7 @@ def unchanged(camera: str, hours: float, rate: float, seed: int) -> Row:
 
 def switched(camera: str, change: str, rate: float, seed: int) -> Row:
     hours = (SWITCH_AFTER_S + WATCHED_S) / 3600
-    film = LongFilm(CAMERAS[camera], hours, rate, seed, CHANGES[change](CAMERAS[camera]))
+    film = LongFilm(CAMERAS[camera], hours, rate, seed, _switch(change, CAMERAS[camera]))
     calibrator, reported, _ = shown(film)
     late = [(stamp_s, text) for stamp_s, text in reported if stamp_s >= SWITCH_AFTER_S]
     first_frames = [epoch.first_frame for epoch in calibrator.epochs[1:]]

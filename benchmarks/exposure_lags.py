@@ -18,8 +18,6 @@ on where it stopped.
 from __future__ import annotations
 
 import argparse
-import os
-import shutil
 import statistics
 import tempfile
 from collections import Counter
@@ -32,9 +30,10 @@ import numpy as np
 
 from ospc import calibrate
 from ospc.arrays import FloatArray
+from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings, truth
 from results import Row, measured, table_of
-from simulated_family import Member, errors, rendered
+from simulated_family import errors, relinked, rendered
 
 LENGTHS = (80, 400)
 LAGS = (-3, -2, -1, 0, 1, 2, 3)
@@ -52,7 +51,7 @@ _SWEEP_FRAMES = 60
 _COLUMNS = ("recording", "lag", "corrected", "outcome", "V", "shape", "kappa", "states")
 
 
-def member(kind: str, frames: int, seed: int) -> Member:
+def member(kind: str, frames: int, seed: int) -> SimulatedSource:
     """Return a recording whose exposures run in some way; its metadata have no lag."""
     settings = SimulationSettings(
         size=(320, 240),
@@ -70,7 +69,7 @@ def member(kind: str, frames: int, seed: int) -> Member:
     if kind == "sweep":
         triangle = np.abs(np.arange(frames) % _SWEEP_FRAMES / (_SWEEP_FRAMES / 2) - 1)
         settings = _programmed(settings, 3.0 * 8.0**triangle)
-    return Member(f"{kind}-{frames}-{seed}", settings)
+    return SimulatedSource(f"{kind}-{frames}-{seed}", settings)
 
 
 def _quantised(exposures_ms: FloatArray) -> FloatArray:
@@ -86,21 +85,12 @@ def _programmed(settings: SimulationSettings, exposures_ms: FloatArray) -> Simul
     return replace(settings, exposure="file", exposures_ms=tuple(exposures_ms.round(6).tolist()))
 
 
-def lagged(original: Path, place: Path, lag: int) -> Path:
-    """Make a recording with the images of another, whose exposures come so many frames late."""
-    shutil.copytree(original, place, copy_function=os.link)
-    listed = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
-    late = np.clip(np.arange(len(listed)) - lag, 0, len(listed) - 1)
-    lines = [f"{name} {stamp} {listed[i][2]}" for (name, stamp, _), i in zip(listed, late, strict=True)]
-    # The file is linked to the original's, which must not change.
-    (place / "times.txt").unlink()
-    (place / "times.txt").write_text("\n".join(lines) + "\n")
-    return place
-
-
 def examined(original: Path, settings: SimulationSettings, lag: int) -> Row:
+    def late(exposures_ms: FloatArray) -> FloatArray:
+        return exposures_ms[np.clip(np.arange(exposures_ms.size) - lag, 0, exposures_ms.size - 1)]
+
     with tempfile.TemporaryDirectory(dir=original.parent) as folder:
-        found = calibrate(lagged(original, Path(folder) / original.name, lag))
+        found = calibrate(relinked(original, Path(folder) / original.name, late))
     corrected = int(found.source.get("exposure_lag_corrected_frames", 0))
     # The response is nothing but what exposures say.
     doubted = found.verdicts["response"].state != "identifiable"

@@ -212,16 +212,9 @@ class Campaign:
             if end_s and (time.process_time() > end_s or progress.read()[0] >= GUIDED_SHARE * self.inputs):
                 os._exit(0)
 
-        options = {
-            "timeout": HANGING_S,
-            "report_slow_units": HANGING_S,
-            "rss_limit_mb": self.megabytes,
-            "max_len": longest(target),
-            "seed": progress.read()[0] % 2**31 + 1,
-            "artifact_prefix": f"{place}/libfuzzer-",
-            "detect_leaks": 0,
-        }
-        command = [sys.argv[0], str(place / "corpus"), *(f"-{key}={value}" for key, value in options.items())]
+        limits = [f"-timeout={HANGING_S}", f"-report_slow_units={HANGING_S}", f"-rss_limit_mb={self.megabytes}"]
+        limits += [f"-max_len={longest(target)}", f"-seed={progress.read()[0] % 2**31 + 1}", "-detect_leaks=0"]
+        command = [sys.argv[0], str(place / "corpus"), *limits, f"-artifact_prefix={place}/libfuzzer-"]
         atheris.Setup(command, try_one, custom_mutator=mutate)
         atheris.Fuzz()
 

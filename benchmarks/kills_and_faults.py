@@ -153,6 +153,10 @@ def content(folder: Path) -> dict[str, bytes]:
     return found
 
 
+def differing(one: dict[str, bytes], other: dict[str, bytes]) -> list[str]:
+    return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
+
+
 def torn(folder: Path) -> list[str]:
     """Return the files that are not whole; those that bear the name of an unfinished one may be."""
     return [
@@ -217,8 +221,7 @@ class Tester:
                 self._undisturbed(self.commands[name], out)
                 self.duration_s[name] = time.monotonic() - begun_s
                 found.append(content(out))
-            different = [key for key in found[0].keys() | found[1].keys() if found[0].get(key) != found[1].get(key)]
-            if different:
+            if different := differing(*found):
                 sys.exit(f"{name}: two undisturbed runs differ in {different}")
             self.expected[name] = found[1]
 
@@ -245,9 +248,8 @@ class Tester:
         elif code not in (*ENDED_WELL, 130, -signal.SIGKILL):
             row.wrong += 1
             row.remarks.append(f"exit {code}: {errors[-300:]}")
-        broken = torn(out) if out.is_dir() else []
-        row.torn += bool(broken)
-        if broken:
+        if broken := torn(out) if out.is_dir() else []:
+            row.torn += 1
             row.remarks.append(f"torn: {broken}")
 
     def complete(self, row: Row, out: Path) -> None:
@@ -261,12 +263,9 @@ class Tester:
             row.lost += code is not None
             row.hangs += code is None
             row.remarks.append(f"did not go on, exit {code}: {errors[-500:]}")
-        else:
-            found, expected = content(out), self.expected[name]
-            different = sorted(key for key in found.keys() | expected.keys() if found.get(key) != expected.get(key))
-            row.wrong += bool(different)
-            if different:
-                row.remarks.append(f"differ: {different[:6]}")
+        elif different := differing(content(out), self.expected[name]):
+            row.wrong += 1
+            row.remarks.append(f"differ: {different[:6]}")
         shutil.rmtree(out, ignore_errors=True)
 
     def start(self, row: Row, out: Path, *, again: bool = False, **more: Any) -> subprocess.Popen[bytes]:

@@ -28,8 +28,9 @@ import numpy as np
 
 from ospc import Calibration, Frame, LiveCalibrator, OspcError, calibrate, open_recording
 from ospc.arrays import Image
+from ospc.research.source import SimulatedSource
 from results import Row, measured, table_of
-from simulated_family import Member, errors, family, identified, rendered
+from simulated_family import errors, family, identified, rendered
 
 _COMMON = ("recording", "rate", "busy")
 _RUN_COLUMNS = (
@@ -99,7 +100,7 @@ def _burn() -> None:
         sum(range(100_000))
 
 
-def unchanged(member: Member, place: Path, rate: float, processes: int, command: Row) -> Row:
+def unchanged(member: SimulatedSource, place: Path, rate: float, processes: int, command: Row) -> Row:
     """Play a recording and compare with what the command found."""
     film = [(frame.image, frame.exposure_ms) for frame in open_recording(place)]
     with busy(processes):
@@ -123,7 +124,7 @@ def unchanged(member: Member, place: Path, rate: float, processes: int, command:
     }
 
 
-def by_command(member: Member, place: Path) -> Row:
+def by_command(member: SimulatedSource, place: Path) -> Row:
     """Return what ospc.calibrate makes of a recording."""
     found = calibrate(place)
     return {"identified": identified(found), **errors(found, member.settings, "command ")}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,11 @@ import cv2
 import numpy as np
 
 from ospc import Calibration, simulate
+from ospc.arrays import FloatArray
 from ospc.photometry.response import Response
 from ospc.research.method import Estimate
 from ospc.research.scoring import Truth, score
+from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings, truth
 from results import Row
 
@@ -32,20 +34,12 @@ _SHORTEST, _LONGEST = 400, 2000
 """Frames of a recording; their logarithm is drawn evenly from this range."""
 
 
-@dataclass(frozen=True)
-class Member:
-    """One recording of the family: its name and what to simulate."""
-
-    name: str
-    settings: SimulationSettings
-
-
-def family(count: int, seed: int = 0) -> list[Member]:
+def family(count: int, seed: int = 0) -> list[SimulatedSource]:
     """Return the first recordings of a family; a larger count only adds to them."""
     return [_member(number, seed) for number in range(count)]
 
 
-def _member(number: int, seed: int) -> Member:
+def _member(number: int, seed: int) -> SimulatedSource:
     random = np.random.default_rng([seed, number])
     response = _RESPONSES[number % len(_RESPONSES)]
     frames = round(float(np.exp(random.uniform(np.log(_SHORTEST), np.log(_LONGEST)))))
@@ -67,7 +61,7 @@ def _member(number: int, seed: int) -> Member:
         exposure_max_ms=float(random.choice([15.0, 40.0])),
         **_exposure_course(number, frames, random),
     )
-    return Member(f"{seed}-{number:03d}", settings)
+    return SimulatedSource(f"{seed}-{number:03d}", settings)
 
 
 def _exposure_course(number: int, frames: int, random: np.random.Generator) -> dict[str, object]:
@@ -81,7 +75,7 @@ def _exposure_course(number: int, frames: int, random: np.random.Generator) -> d
     return {"exposure": "file", "exposures_ms": tuple((4.0 * 6.0**triangle).round(4).tolist())}
 
 
-def rendered(members: Sequence[Member], folder: Path) -> dict[str, Path]:
+def rendered(members: Sequence[SimulatedSource], folder: Path) -> dict[str, Path]:
     """Render those recordings that the folder doesn't hold yet, and return the path of each by its name."""
     places = {member.name: folder / member.name for member in members}
     missing = [member for member in members if not places[member.name].exists()]
@@ -101,6 +95,18 @@ def _render(settings: SimulationSettings, place: Path) -> None:
     shutil.rmtree(unfinished, ignore_errors=True)
     simulate(unfinished, settings)
     unfinished.rename(place)
+
+
+def relinked(original: Path, place: Path, change: Callable[[FloatArray], FloatArray]) -> Path:
+    """Make a recording with the images of another, and other exposures."""
+    shutil.copytree(original, place, copy_function=os.link)
+    listed = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
+    exposures_ms = change(np.array([float(exposure) for *_, exposure in listed])).tolist()
+    # The file is linked to the original's, which must not change.
+    (place / "times.txt").unlink()
+    lines = (f"{name} {stamp} {e}\n" for (name, stamp, _), e in zip(listed, exposures_ms, strict=True))
+    (place / "times.txt").write_text("".join(lines))
+    return place
 
 
 def errors(calibration: Calibration | None, known: Any, prefix: str = "") -> Row:

@@ -15,7 +15,6 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -58,13 +57,11 @@ def settings(exposures_ms: tuple[float, ...]) -> SimulationSettings:
 
 def pools() -> list[list[Frame]]:
     """Return the views of one walk, once for each order of the exposures."""
-    turned = [EXPOSURES_MS[n:] + EXPOSURES_MS[:n] for n in range(len(EXPOSURES_MS))]
-    made = [
-        [Frame.of_array(frame.image, frame.exposure_ms) for frame in frames(settings(exposures))]
-        for exposures in turned
-    ]
-    for pool in made:
-        for frame in pool:
+    made = []
+    for n in range(len(EXPOSURES_MS)):
+        walk = frames(settings(EXPOSURES_MS[n:] + EXPOSURES_MS[:n]))
+        made.append([Frame.of_array(frame.image, frame.exposure_ms) for frame in walk])
+        for frame in made[-1]:
             frame.image.setflags(write=False)
     return made
 
@@ -72,9 +69,7 @@ def pools() -> list[list[Frame]]:
 def film(made: list[list[Frame]], number_of_frames: int) -> Iterator[Frame]:
     """Walk forth and back, with another order of the exposures on every walk."""
     walk = [*range(VIEWS), *range(VIEWS - 2, 0, -1)]
-    for number in count():
-        if number == number_of_frames:
-            return
+    for number in range(number_of_frames):
         turn, step = divmod(number, len(walk))
         frame = made[turn % len(made)][walk[step]]
         yield Frame.of_array(frame.image, frame.exposure_ms, index=number, stamp_s=number / 50)
@@ -103,12 +98,6 @@ def status(number: int, calibration: Calibration, push_s: float, process_s: floa
         "verdicts": {name: verdict.state for name, verdict in calibration.verdicts.items()},
         "warnings": list(calibration.warnings),
     }
-
-
-def known_shape() -> list[float]:
-    """Return the truth of what :func:`shape` returns."""
-    known = truth(settings(EXPOSURES_MS))
-    return shape(Calibration(SIZE, known.response, known.vignette))
 
 
 def soak(kind: str, number_of_frames: int, results: Path) -> None:
@@ -140,7 +129,8 @@ def soak(kind: str, number_of_frames: int, results: Path) -> None:
 def table(results: Path) -> str:
     """Return what changed between the frames from 20 000 on and those at the end, as medians of ten lines."""
     rows = [json.loads(line) for line in results.read_text().splitlines()]
-    expected = np.array(known_shape())
+    known = truth(settings(EXPOSURES_MS))
+    expected = np.array(shape(Calibration(SIZE, known.response, known.vignette)))
     shown: list[Row] = []
     for kind in sorted({row["kind"] for row in rows}):
         own = [row for row in rows if row["kind"] == kind]
