@@ -149,22 +149,12 @@ def _draw(found: Ambiguity, name: str, path: Path) -> Path:
         left.plot(found.exponents, 255 * np.array(found.free), color=ORANGE, lw=2, label="exposures free: e^γ")
         left.plot(found.exponents, 255 * np.array(found.known), color=BLUE, ls="--", lw=2, label="exposures known: e")
         left.axvline(1, color=GREY, lw=1)
-        left.set(
-            xscale="log",
-            xlabel="exponent γ of response and vignette",
-            ylabel="unexplained, grey levels",
-            title="All exponents fit equally well, unless e is known",
-            ylim=(0, None),
-        )
+        left.set(xscale="log", ylim=(0, None), title="All exponents fit equally well, unless e is known")
+        left.set(xlabel="exponent γ of response and vignette", ylabel="unexplained, grey levels")
         right.plot(found.starts, found.reached, "o-", color=ORANGE, label="joint estimation")
         right.axhline(1, color=GREY, lw=1, label="truth")
-        right.set(
-            xscale="log",
-            yscale="log",
-            xlabel="exponent of the start",
-            ylabel="exponent of the result",
-            title="The result of joint estimation depends on its start",
-        )
+        right.set(xscale="log", yscale="log", title="The result of joint estimation depends on its start")
+        right.set(xlabel="exponent of the start", ylabel="exponent of the result")
         ticks = [0.35, 0.5, 0.7, 1, 1.4, 2, 2.8]
         right.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
         for axes in (left, right):

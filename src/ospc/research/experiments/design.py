@@ -187,12 +187,9 @@ def _curves_csv(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 
 def _ratios_csv(rows: Sequence[Measurement]) -> str:
-    lines = [
-        [row.method, *pair, rounded(k), rounded(estimate), samples]
-        for row in rows
-        if row.ratios
-        for pair, k, estimate, samples in zip(
-            *(row.ratios[name] for name in ("frames", "metadata", "estimated", "samples")), strict=True
-        )
-    ]
+    columns = ("frames", "metadata", "estimated", "samples")
+    lines = []
+    for row in rows:
+        for pair, k, estimate, samples in zip(*(row.ratios.get(name, ()) for name in columns), strict=True):
+            lines.append([row.method, *pair, rounded(k), rounded(estimate), samples])
     return csv_text([["method", "first", "second", "metadata", "estimated", "samples"], *lines])

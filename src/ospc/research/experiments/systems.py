@@ -177,11 +177,8 @@ def in_colour(source: Source) -> Source:
 
 def system_tasks(systems: Sequence[System], sources: Sequence[Source]) -> list[Task]:
     """Return one task for every system on every recording, all systems on the first recording first."""
-    return [
-        measuring_task(in_colour(source) if system.colour else source, system)
-        for source in sources
-        for system in systems
-    ]
+    pairs = [(in_colour(source) if system.colour else source, system) for source in sources for system in systems]
+    return [measuring_task(source, system) for source, system in pairs]
 
 
 _PANELS = metrics("response_shape_rmse", "vignette_rmse")

@@ -106,13 +106,9 @@ class Footage:
     def chosen(self, frames: BoolArray) -> Footage:
         """Return some of the frames, with their own metadata."""
         kept = np.flatnonzero(frames)
-        return replace(
-            self,
-            images=tuple(self.images[i] for i in kept),
-            exposures_ms=self.exposures_ms[kept],
-            stamps_s=self.stamps_s[kept],
-            names=tuple(self.names[i] for i in kept),
-        )
+        images, names = tuple(self.images[i] for i in kept), tuple(self.names[i] for i in kept)
+        left = replace(self, images=images, names=names, stamps_s=self.stamps_s[kept])
+        return left.with_exposures(self.exposures_ms[kept])
 
 
 Change: TypeAlias = Callable[[Footage, float, np.random.Generator], Footage]

@@ -42,12 +42,8 @@ def fault_tasks(
     sources: Sequence[GoodSource], faults: Sequence[Fault], strengths: Sequence[str] = STRENGTHS
 ) -> list[Task]:
     """Return the runs: of every recording the clean one first, then each fault with each strength."""
-    numbers = [STRENGTHS.index(strength) for strength in strengths]
-    return [
-        task
-        for source in sources
-        for task in (fault_task(source), *(fault_task(source, fault, n) for fault in faults for n in numbers))
-    ]
+    chosen = [(fault, STRENGTHS.index(strength)) for fault in faults for strength in strengths]
+    return [fault_task(source, *put) for source in sources for put in ((), *chosen)]
 
 
 def fault_tables(runs: Sequence[Run]) -> list[Table]:

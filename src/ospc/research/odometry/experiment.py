@@ -97,17 +97,10 @@ class RunResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return a line of the table of runs, of JSON-compatible values."""
-        return {
-            "recording": self.recording,
-            "condition": self.condition,
-            "run": self.run,
-            "outcome": self.ending,
-            "reason": self.reason,
-            **{name: None if self.errors is None else getattr(self.errors, name) for name in _FIGURES},
-            "poses": self.poses,
-            "covered": self.covered,
-            "seconds": self.tracked.seconds,
-        }
+        about = {"recording": self.recording, "condition": self.condition, "run": self.run}
+        errors = {name: None if self.errors is None else getattr(self.errors, name) for name in _FIGURES}
+        extent = {"poses": self.poses, "covered": self.covered, "seconds": self.tracked.seconds}
+        return {**about, "outcome": self.ending, "reason": self.reason, **errors, **extent}
 
 
 def judged(
@@ -206,15 +199,10 @@ def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], li
                 continue
             source = OdometryInput.of(recording, images, condition, photometry)
             depends_on = {"input": source.describe(), "odometry": odometry.describe()}
-            tasks += [
-                Task(
-                    f"{name}, {condition.name} (run {number})",
-                    depends_on | {"run": number},
-                    partial(_run, odometry, source, number),
-                    (name, source, number),
-                )
-                for number in range(experiment.runs)
-            ]
+            for number in range(experiment.runs):
+                run = partial(_run, odometry, source, number)
+                title = f"{name}, {condition.name} (run {number})"
+                tasks.append(Task(title, depends_on | {"run": number}, run, (name, source, number)))
     return sorted(tasks, key=lambda task: task.about[2]), failed
 
 

@@ -119,16 +119,10 @@ class OdometryInput:
     def of(cls, recording: Recording, images: Path, condition: Condition, photometry: Photometry) -> OdometryInput:
         """Return a recording under a condition."""
         needed(recording.path, CAMERA)
-        exposures = np.asarray(recording.exposures_ms, dtype=np.float64)
-        return cls(
-            recording.path,
-            images,
-            np.asarray(recording.stamps_s, dtype=np.float64),
-            exposures if condition.metadata_exposures else np.ones_like(exposures),
-            condition,
-            photometry,
-            identity(recording) | {"name": ""},
-        )
+        stamps, exposures = np.array([recording.stamps_s, recording.exposures_ms], dtype=np.float64)
+        given = exposures if condition.metadata_exposures else np.ones_like(exposures)
+        known = identity(recording) | {"name": ""}
+        return cls(recording.path, images, stamps, given, condition, photometry, known)
 
     def describe(self) -> dict[str, Any]:
         """Return what results depend on: recording, camera, mode, and a hash of each parameter."""

@@ -57,15 +57,12 @@ class Program:
         The images' path has a slash because DSO looks for times.txt beside the part after the last one.
         """
         curves = source.photometry
-        return [
-            str(self.executable.resolve()),
-            "files=./images",
-            f"calib={CAMERA}",
-            f"mode={source.condition.mode}",
-            *([] if curves.response is None else [f"gamma={PCALIB}"]),
-            *([] if curves.vignette is None else [f"vignette={VIGNETTE}"]),
-            *self.arguments,
-        ]
+        given: dict[str, object] = {"files": "./images", "calib": CAMERA, "mode": source.condition.mode}
+        if curves.response is not None:
+            given["gamma"] = PCALIB
+        if curves.vignette is not None:
+            given["vignette"] = VIGNETTE
+        return [str(self.executable.resolve()), *(f"{key}={value}" for key, value in given.items()), *self.arguments]
 
     def track(self, source: OdometryInput, run: int) -> Tracked:
         """Run the program once in a folder of its own."""

@@ -30,14 +30,10 @@ Columns = dict[str, list[tuple[Condition, list[RunResult]]]]
 
 def columns_of(experiment: Experiment, results: Iterable[RunResult]) -> Columns:
     """Return the columns of the table for every recording."""
-    runs = sorted(results, key=lambda run: run.run)
-    return {
-        name: [
-            (condition, [run for run in runs if (run.recording, run.condition) == (name, condition.name)])
-            for condition in experiment.conditions
-        ]
-        for name in experiment.recordings
-    }
+    found: Columns = {name: [(one, []) for one in experiment.conditions] for name in experiment.recordings}
+    for run in sorted(results, key=lambda run: run.run):
+        next(runs for condition, runs in found[run.recording] if condition.name == run.condition).append(run)
+    return found
 
 
 def median_table(columns: Columns) -> Table:
@@ -114,13 +110,8 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
             steps, counts = [*finite, 1.5 * largest], [*range(1, len(finite) + 1), len(finite)]
             label = f"{condition.title}: {len(finite)} of {len(errors)} finished"
             axes.step(steps, counts, where="post", label=label, **look(number))
-        axes.set(
-            xscale="log",
-            ylim=(0, None),
-            xlabel="alignment error $e_{align}$, in units of the truth",
-            ylabel="runs with at most that error",
-            title="Cumulative error of all runs",
-        )
+        axes.set(xscale="log", ylim=(0, None), title="Cumulative error of all runs")
+        axes.set(xlabel="alignment error $e_{align}$, in units of the truth", ylabel="runs with at most that error")
         figure.legend(loc="outside lower center", ncols=2)
         return save(figure, path)
 

@@ -55,14 +55,11 @@ class Bergmann:
         free = self.estimate()
         variants = {} if self._truth is None else {f"{name}-wgt": free.aligned_to(self._truth)}
         variants[f"{name}-wogt"] = free
-        return {
-            variant: Estimate(
-                one.response,
-                one.vignette,
-                exposures=dict(zip(one.frames.tolist(), one.exposures.tolist(), strict=True)),
-            )
-            for variant, one in variants.items()
-        }
+        outcomes: dict[str, Outcome] = {}
+        for variant, one in variants.items():
+            exposures = dict(zip(one.frames.tolist(), one.exposures.tolist(), strict=True))
+            outcomes[variant] = Estimate(one.response, one.vignette, exposures=exposures)
+        return outcomes
 
     def _estimated(self, iterations: int) -> JointEstimate:
         tracks = self._tracker.observations()
