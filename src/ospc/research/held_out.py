@@ -15,14 +15,11 @@ from ospc.photometry.vignette import Vignette
 from ospc.simulation import SimulationSettings, irradiances
 from ospc.simulation.responses import make_response, make_vignette
 
-PAIRS = 400
-"""Pairs of a simulated recording: enough for the median error to be known to a few percent."""
+PAIRS, _VIEWS = 400, 12
+"""Pairs of a simulated recording, enough to know the median error to a few percent, and views they are drawn from."""
 
 _POINTS, _FEWEST_POINTS = 400, 50
 """Points of a pair, and how many of them must be exposed in both frames."""
-
-_VIEWS = 12
-"""Rendered views that the pairs are drawn from."""
 
 _DARKEST, _BRIGHTEST = 5 / 255, 250 / 255
 """Grey levels outside of which a point counts as clipped."""

@@ -35,11 +35,8 @@ _FARTHEST, _FEWEST_PLACES = 3, 50
 _FACTOR, _FACTOR_TOLERANCE = 8.0, 0.05
 """The exposure factor whose prediction is reported, and the largest difference of ln that counts as this factor."""
 
-_LABORATORY_GREYS = (5, 215)
-"""Where the makers' response is valid; above, it bends the wrong way."""
-
-_MAX_RADIAL_DISPLACEMENT = 0.01
-"""This video does not show the camera's vignette; pairs that depend on it would judge the motion."""
+_LABORATORY_GREYS, _MAX_RADIAL_DISPLACEMENT = (5, 215), 0.01
+"""Where the makers' response is valid, and |R₀ − R₁| up to which pairs are read: the video shows no vignette."""
 
 _FEATURES, _RATIO, _FEWEST_MATCHES = 3000, 0.8, 20
 """SIFT features of a frame, distance of the best over the second match (Lowe 2004), and matches of two frames."""

@@ -118,11 +118,8 @@ def _courses(count: int, frames: int, data: Path | None) -> list[FloatArray] | N
     return sorted(parts, key=lambda part: -float(np.std(np.log(part))))[:count]
 
 
-_LOG_TINT = 0.5
-"""Standard deviation of ln of a surface's brightness in red and blue over that in green."""
-
-_LEAST_CONTRAST = 0.4
-"""Least contrast of a texture in red and blue over that in green."""
+_LOG_TINT, _LEAST_CONTRAST = 0.5, 0.4
+"""Standard deviation of ln of a surface's brightness, and a texture's least contrast, over those in green."""
 
 _CHANNELS = (1, 0, 2)
 """Offsets of the seeds of the noise of blue, green and red: that of green is the grey recording's."""

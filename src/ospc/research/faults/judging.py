@@ -33,8 +33,8 @@ Outcome = Literal["detected", "corrected", "harmless", "uncertain", "confident a
 CLEAN = "none"
 """Stands for the fault of a recording without any."""
 
-MOST_SIGMAS = 3.0
-"""Largest error in stated standard deviations."""
+MOST_SIGMAS, _CENTRE = 3.0, 0.1
+"""Largest error in stated standard deviations; that of V is judged beyond this radius, since V is 1 at the centre."""
 
 MOST_KAPPA, MOST_VIGNETTE = 0.005, 0.005
 """Largest log-ratio error of the response and RMSE of the vignette's profile: half a per cent is what corrected
@@ -42,9 +42,6 @@ images are used to."""
 
 _LOW, _HIGH = 0.25, 0.75
 """Grey levels between which the step of ln g is judged, as verdicts do."""
-
-_CENTRE = 0.1
-"""Radius beyond which the stated deviation of the vignette is judged: V is 1 at the centre by definition."""
 
 
 @dataclass(frozen=True)

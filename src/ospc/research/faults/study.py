@@ -42,8 +42,11 @@ def fault_tasks(
     sources: Sequence[GoodSource], faults: Sequence[Fault], strengths: Sequence[str] = STRENGTHS
 ) -> list[Task]:
     """Return the runs: of every recording the clean one first, then each fault with each strength."""
-    chosen = [(fault, STRENGTHS.index(strength)) for fault in faults for strength in strengths]
-    return [fault_task(source, *put) for source in sources for put in ((), *chosen)]
+    tasks = []
+    for source in sources:
+        tasks.append(fault_task(source))
+        tasks += [fault_task(source, fault, STRENGTHS.index(name)) for fault in faults for name in strengths]
+    return tasks
 
 
 def fault_tables(runs: Sequence[Run]) -> list[Table]:

@@ -17,15 +17,11 @@ LEVELS = 4
 _ITERATIONS, _SETTLED = 12, 1e-6
 """Most steps on a level, and the change at which they end on the finest one."""
 
-_HUBER = 1.345
-"""Huber's tuning constant: 95 % efficient for normal residuals."""
+_HUBER, _AGREEING_SIGMAS = 1.345, 3
+"""Huber's tuning constant, 95 % efficient for normal residuals, and residual in σ up to which a point agrees."""
 
-_AGREEING_SIGMAS = 3
-_NEAR_M = 0.05
-"""Points nearer than this are treated as behind the camera."""
-
-_FEWEST = 20
-"""Points in the image that a step needs."""
+_NEAR_M, _FEWEST = 0.05, 20
+"""Depth below which points count as behind the camera, and points in the image that a step needs."""
 
 _GRADIENT = 0.1
 """Gradient, in brightness per pixel, at which a residual has half its weight: there, misplacement dominates."""

@@ -83,20 +83,14 @@ class SceneDepth:
 _CELLS_ACROSS = 40
 """Cells across the image; the steepest pixel of each is tracked."""
 
-_FARTHEST_MOVE = 0.08
-"""Median displacement of points, in widths of the image, at which the next frame becomes a keyframe."""
+_FARTHEST_MOVE, _MOST_FRAMES = 0.08, 25
+"""Median displacement of points, in image widths, and number of frames after which the next becomes a keyframe."""
 
 _LEAST_AGREEING, _LOST = 0.6, 0.15
 """Share of agreeing points below which a frame becomes a keyframe, and below which tracking is lost."""
 
-_MOST_FRAMES = 25
-"""Frames after which the next one becomes a keyframe in any case."""
-
-_SATURATED = 0.985
-"""Grey level, of full scale, that counts as saturated."""
-
-_LEAST_V = 0.02
-"""Lower bound on V, which brightness is divided by."""
+_SATURATED, _LEAST_V = 0.985, 0.02
+"""Grey level, of full scale, that counts as saturated, and lower bound on V, which brightness is divided by."""
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,8 @@ Ending = Literal["finished", "lost", "diverged", "failed", "timeout"]
 """``lost``: it gave up before the end. ``diverged``: its poses are not finite, or far outside of all others.
 ``failed``: the program ended with an error or without a trajectory."""
 
-LEAST_COVERED = 0.9
-"""Share of a recording's duration that the poses of a finished run span."""
-
-_LARGEST_STRETCH = 1e6
-"""Largest over median distance of the poses from their median, beyond which a run has diverged."""
+LEAST_COVERED, _LARGEST_STRETCH = 0.9, 1e6
+"""Share of a recording's duration that a finished run spans, and its largest over median distance of poses."""
 
 _FIGURES = ("e_align", "e_s", "e_r_deg", "rmse")
 """The errors that are written, of :class:`~ospc.evaluation.trajectory.AlignmentError`."""

@@ -23,11 +23,8 @@ from ospc.research.method import Estimate, Outcome
 LEVELS = 256
 """Grey levels of 8-bit images."""
 
-_LEAST_CHANGE = 1.05
-"""Least ratio of the largest exposure to the smallest."""
-
-_LEAST_SLOPE = 1e-9
-"""Growth of g from one grey level to the next where its estimate is flat."""
+_LEAST_CHANGE, _LEAST_SLOPE = 1.05, 1e-9
+"""Least ratio of the largest to the smallest exposure, and growth of g from level to level where it would be flat."""
 
 _DARKEST, _BRIGHTEST = 3, 250
 """Grey levels between which the values of g are used; beyond, saturation and noise distort them."""
@@ -35,10 +32,8 @@ _DARKEST, _BRIGHTEST = 3, 250
 _FEWEST_LEVELS, _END_LEVELS = 20, 10
 """Grey levels that must have a value, and number of those that g is extended from."""
 
-_MOST_IMAGES = 24
-"""Images of a series: enough for every method, few enough for memory."""
-
-_FEWEST_UNSATURATED = 100
+_MOST_IMAGES, _FEWEST_UNSATURATED = 24, 100
+"""Images of a series, enough for every method and few enough for memory, and pixels never saturated that suffice."""
 
 
 @dataclass(frozen=True)

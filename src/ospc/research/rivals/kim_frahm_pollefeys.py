@@ -40,20 +40,14 @@ _DARKEST, _BRIGHTEST = 5.0, 250.0
 """Grey levels outside of which pixels are not used."""
 
 _SETTLED_PX = 0.02
-_OUTLIER = 0.1
-"""Root mean square residual of ln g above which a feature was not tracked."""
-
-_FEWEST = 15
-"""Features of a pair."""
+_OUTLIER, _FEWEST = 0.1, 15
+"""RMS residual of ln g above which a feature was not tracked, and features that a pair needs."""
 
 _EVERY, _TURNS = 10, 4
 """Pairs after which c is estimated again while frames come in, and turns over all pairs kept at the end."""
 
-_LEAST_CHANGE = 0.05
-"""Smallest |K| of pairs that the response is estimated from: with less, only the noise of grey levels shows."""
-
-_MOST_PAIRS = 60
-"""Pairs whose pixels are kept for the last turns."""
+_LEAST_CHANGE, _MOST_PAIRS = 0.05, 60
+"""Smallest |K| of pairs for the response, as less shows only the noise of grey levels, and pairs kept for the end."""
 
 
 @dataclass(frozen=True)

@@ -41,12 +41,10 @@ _RINGS, _FEWEST_IN_CELL = 25, 10
 _PULL = 3.0
 """Weight of the mean curve: the errors of the grey levels of one pair are correlated, so their number misleads."""
 
-_ASSUMED_LOG_RATIO = float(np.log(1.5))
+_ASSUMED_LOG_RATIO, _LEAST_LOG_CHANGE = float(np.log(1.5)), 0.03
+"""ln of the exposure ratio that the publication assumes, and change of ln brightness that fixes the exponent."""
 _FLOOR, _CEILING = 3, 250
 """Grey levels outside of which ratios are too noisy or saturated."""
-
-_LEAST_LOG_CHANGE = 0.03
-"""Smallest change of brightness, as ln, that fixes the exponent."""
 
 _HUBER = 1.345
 """Huber's tuning constant: 95 % efficient for normal residuals."""

@@ -17,11 +17,8 @@ from ospc.photometry.response import Response
 from ospc.unknown_exposures.response_model import family_of_inverses
 
 _LEVELS = 256
-_COMPONENTS = 5
-"""Components, as in the publications."""
-
-_DARKEST = 1e-4
-"""Irradiance below which ln g is not followed."""
+_COMPONENTS, _DARKEST = 5, 1e-4
+"""Components, as in the publications, and irradiance below which ln g is not followed."""
 
 ANCHOR = 128
 """Grey level at which one point of the response fixes the exponent."""

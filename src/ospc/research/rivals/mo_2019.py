@@ -32,11 +32,8 @@ from ospc.unknown_exposures.tracking import GainRobustTracker
 _IMAGES, _APART = 6, 4
 """Images of the matrix, and frames from one to the next: tracks have to last through all."""
 
-_FEWEST_POINTS = 25
-"""Points that are exposed in all images of a set."""
-
-_EXPOSED = (0.03, 0.97)
-"""Grey levels between which points are used."""
+_FEWEST_POINTS, _EXPOSED = 25, (0.03, 0.97)
+"""Points that must be exposed in all images of a set, and grey levels between which they are."""
 
 _NOISE, _GAUGE = 0.01, 0.01
 """Relative error of an irradiance against which coefficients, whose variance is 1, are weighed, and tolerance of ln g

@@ -39,20 +39,15 @@ _PLATES = np.array(list(product((-0.66, 0.0, 0.66), (-0.5, 0.0, 0.5))))
 _KNOTS = np.array([0.1, 0.25, 0.4, 0.6, 0.75, 0.9])
 """Grey levels of the splines of g."""
 
-_USUAL_GAMMA = 2.2
-"""γ without a known point: that of a usual camera."""
+_USUAL_GAMMA, _BENDING = 2.2, 1.5
+"""γ of a usual camera, without a known point, and weight over one observation that pulls splines to zero."""
 
-_BENDING = 1.5
-"""Weight that pulls splines to zero, over one observation: the smooth models explain what they can."""
-
-_ROBUST = 0.05
-"""Residual of ln g beyond which it counts less."""
+_ROBUST, _FEWEST = 0.05, 300
+"""Residual of ln g beyond which it counts less, and observations that are needed."""
 
 _DARKEST, _BRIGHTEST = 0.03, 0.97
 _LEAST = 1e-4
 """Grey levels outside of which points are not used, and least value of g and V."""
-
-_FEWEST = 300
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,8 @@ from ospc.recording import Frame
 from ospc.recording.decoding import decode_grey
 from ospc.recording.writing.images import encoded
 
-_DISTINCT = 150
-"""Frames that are simulated and then shown again and again: more would take long, and memory."""
-
-_QUALITY = 92
-"""JPEG quality of the frames, that of usual cameras."""
+_DISTINCT, _QUALITY = 150, 92
+"""Frames simulated and then shown again and again, as more take long, and memory; JPEG quality of usual cameras."""
 
 _FRAMES_PER_SECOND = 20
 _SEED = 7
