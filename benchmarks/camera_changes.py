@@ -73,11 +73,8 @@ def unchanged(camera: str, hours: float, rate: float, seed: int) -> Row:
     """Show a film of a camera that stays the same; all changes reported are false."""
     film = LongFilm(CAMERAS[camera], hours, rate, seed)
     calibrator, reported, spent_s = shown(film)
-    return {
-        "camera": camera,
-        "seed": seed,
-        "rate": rate,
-        "hours": hours,
+    about = {"camera": camera, "seed": seed, "rate": rate, "hours": hours}
+    return about | {
         "false changes": len(reported),
         "called": "; ".join(text for _, text in reported[:3]),
         "processed": film.rendered,
@@ -92,11 +89,8 @@ def switched(camera: str, change: str, rate: float, seed: int) -> Row:
     calibrator, reported, _ = shown(film)
     late = [(stamp_s, text) for stamp_s, text in reported if stamp_s >= SWITCH_AFTER_S]
     first_frames = [epoch.first_frame for epoch in calibrator.epochs[1:]]
-    return {
-        "camera": camera,
-        "seed": seed,
-        "rate": rate,
-        "change": change,
+    about = {"camera": camera, "seed": seed, "rate": rate, "change": change}
+    return about | {
         "false changes": len(reported) - len(late[:1]),
         "delay s": late[0][0] - SWITCH_AFTER_S if late else None,
         "off by s": first_frames[-len(late)] / rate - SWITCH_AFTER_S if late else None,

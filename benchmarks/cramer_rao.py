@@ -66,14 +66,8 @@ def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str
     found = []
     for draw in np.random.default_rng(0).standard_normal((_DRAWS, len(root))):
         moved = replace(fit, parameters=fit.parameters + _STEP * root @ draw)
-        other = moved.response(inputs.max_grey)
-        found.append(
-            (
-                vignette_rmse(moved.vignette(inputs.size), vignette),
-                response_shape_rmse(other, response),
-                log_ratio_error(other, response),
-            )
-        )
+        other, corners = moved.response(inputs.max_grey), vignette_rmse(moved.vignette(inputs.size), vignette)
+        found.append((corners, response_shape_rmse(other, response), log_ratio_error(other, response)))
     return dict(zip(METRICS, (np.sqrt(np.mean(np.square(found), axis=0)) / _STEP).tolist(), strict=True))
 
 

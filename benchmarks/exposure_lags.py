@@ -39,14 +39,9 @@ LENGTHS = (80, 400)
 LAGS = (-3, -2, -1, 0, 1, 2, 3)
 KINDS = ("auto", "flicker", "quantised", "jitter", "sweep")
 _RESPONSES = ("srgb", "gamma2.2", "filmic", "linear", "log")
-_STEP = 2 ** (1 / 3)
-"""Factor between the exposures that a camera with third stops can set."""
-
-_JITTER = 0.01
-"""Standard deviation of the metadata's relative error."""
-
-_SWEEP_FRAMES = 60
-"""Frames from the shortest exposure to the longest and back."""
+_STEP, _JITTER, _SWEEP_FRAMES = 2 ** (1 / 3), 0.01, 60
+"""Factor between the exposures of a camera with third stops, standard deviation of the metadata's relative error, and
+frames from the shortest exposure to the longest and back."""
 
 _COLUMNS = ("recording", "lag", "corrected", "outcome", "V", "shape", "kappa", "states")
 
@@ -102,16 +97,8 @@ def examined(original: Path, settings: SimulationSettings, lag: int) -> Row:
         outcome = "undetermined" if doubted else "missed"
     states = " ".join(f"{name}:{verdict.state}" for name, verdict in found.verdicts.items())
     reasons = {name: verdict.reason for name, verdict in found.verdicts.items()}
-    return {
-        "recording": original.name,
-        "lag": lag,
-        "corrected": corrected,
-        "outcome": outcome,
-        "doubted": doubted,
-        **errors(found, settings),
-        "states": states,
-        "reasons": reasons,
-    }
+    lags = {"lag": lag, "corrected": corrected, "outcome": outcome, "doubted": doubted}
+    return {"recording": original.name, **lags, **errors(found, settings), "states": states, "reasons": reasons}
 
 
 def summaries(rows: Sequence[Row]) -> list[Row]:
@@ -122,15 +109,12 @@ def summaries(rows: Sequence[Row]) -> list[Row]:
     for case, members in cases.items():
         counts = Counter(row["outcome"] for row in members)
         kappas = [row["kappa"] for row in members if row["kappa"] is not None]
-        result.append(
-            {
-                "case": case,
-                "runs": len(members),
-                **{outcome: counts[outcome] for outcome in ("found", "undetermined", "missed", "wrong")},
-                "median kappa": statistics.median(kappas) if kappas else None,
-                "worst kappa": max(kappas, default=None),
-            }
-        )
+        outcomes = {outcome: counts[outcome] for outcome in ("found", "undetermined", "missed", "wrong")}
+        kappa = {
+            "median kappa": statistics.median(kappas) if kappas else None,
+            "worst kappa": max(kappas, default=None),
+        }
+        result.append({"case": case, "runs": len(members), **outcomes, **kappa})
     return result
 
 

@@ -53,23 +53,13 @@ if TYPE_CHECKING:
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
 """Folder in memory, where there is one: inputs are written as files, most of them durably."""
 
-HANGING_S = 120
-"""Wall-clock time after which an input is given up; a busy machine must not reach it by itself."""
+HANGING_S, LOADING_S, SLOWEST = 120, 60, 30
+"""Wall-clock time after which an input is given up; processor time beyond a turn by which its process must be gone,
+as it tries the whole corpus at first; and wall-clock seconds for one of processor time on a busy machine."""
 
-LOADING_S = 60
-"""Processor time beyond that of a turn by which its process must be gone: it tries the whole corpus at first."""
-
-SLOWEST = 30
-"""Wall-clock time that may pass in a second of processor time, on a machine that does other things first."""
-
-FITTED_TO = 100
-"""One in so many accepted states is fitted to: several times as many can be tried then."""
-
-MOST_FOUND = 1000
-"""Most files kept of what was found."""
-
-GUIDED_SHARE = 0.1
-"""Share of the inputs that is guided by coverage: new code is hardly reached after that."""
+FITTED_TO, GUIDED_SHARE, MOST_FOUND = 100, 0.1, 1000
+"""One in so many accepted states is fitted to; share of the inputs that is guided by coverage, as new code is hardly
+reached after that; and most files kept of what was found."""
 
 CURRENT = "current"
 """File that holds the input that is being tried, followed by what is left of longer ones."""

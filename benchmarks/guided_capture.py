@@ -10,7 +10,6 @@ vignette are known to the goal, by the stated uncertainty and by the truth.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,17 +28,11 @@ from ospc.simulation.scene import Scene
 
 RESPONSES = ("srgb", "gamma2.2", "linear", "filmic")
 FPS = 20.0
-ESTIMATE_S = 0.5
-"""Shortest time between complete estimates where quick figures are within the goal, in seconds."""
+ESTIMATE_S, CHECK_S = 0.5, 2.0
+"""Seconds between complete estimates: at least, where quick figures reach the goal, and at most, for the truth."""
 
-CHECK_S = 2.0
-"""Longest time between them, so that the true errors are known, in seconds."""
-
-LOOK_S = 0.5
-"""Time between looks of the adviser."""
-
-REACTION_S = 0.7
-"""Time after which a person follows a new instruction."""
+LOOK_S, REACTION_S = 0.5, 0.7
+"""Seconds between looks of the adviser, and until a person follows a new instruction."""
 
 TURN_DEG_S, SETTLE_S = 30.0, 0.3
 """How fast a person turns, and how fast that changes. Hand-held motion turns by 30 degrees/s on average, too."""
@@ -59,11 +52,9 @@ YAWS, PITCHES = np.radians(np.arange(0, 360, 15)), np.radians([-20, 0, 20])
 ALMOST_WHITE, ALMOST_BLACK = (0.75, 0.97), (0.02, 0.2)
 """Grey levels of what a person takes for almost white and almost black in the picture."""
 
-_EYE, _BLOCK = (64, 48), 4
-"""Size of the view with which a person looks around, and edge of its blocks, in pixels."""
-
-_EVEN = 0.1
-"""Relative standard deviation of the radiance of a block up to which it counts as even."""
+_EYE, _BLOCK, _EVEN = (64, 48), 4, 0.1
+"""Size of the view with which a person looks around, and edge of its blocks, in pixels; relative standard deviation
+of the radiance of a block up to which it counts as even."""
 
 
 def rotation(yaw: float, pitch: float) -> FloatArray:
@@ -219,9 +210,7 @@ def errors(known: Calibration, camera: Camera) -> tuple[float, float]:
     return response, vignette
 
 
-def capture(
-    settings: SimulationSettings, longest_s: float, *, directed: bool, report: Callable[[str], None]
-) -> dict[str, float]:
+def capture(settings: SimulationSettings, longest_s: float, *, directed: bool, verbose: bool) -> dict[str, float]:
     """Film until the goal is reached, and return when: by the stated uncertainty, and by the truth."""
     camera, calibrator, adviser = Camera(settings), OnlineCalibrator(), Adviser()
     person, motion = Person(camera.scene, settings, camera.truth.response), Motion.of(settings)
@@ -238,9 +227,9 @@ def capture(
         calibrator.push(camera.shoot(position_m, turn))
         if number % int(LOOK_S * FPS) == 0:
             instruction = adviser.look(calibrator.preview(), time_s, known)
-            if instruction.kind != said:
+            if verbose and instruction.kind != said:
                 said = instruction.kind
-                report(f"    {time_s:5.1f} s {said:8} response ±{instruction.response_sigma}")
+                print(f"    {time_s:5.1f} s {said:8} response ±{instruction.response_sigma}")
         if time_s >= estimated_s + (ESTIMATE_S if adviser.expects_end else CHECK_S):
             estimated_s = time_s
             known = calibrator.calibration()
@@ -249,7 +238,8 @@ def capture(
             if adviser.look(calibrator.preview(), time_s, known).kind == "done":
                 found |= {"stated": time_s, "response": response, "vignette": vignette}
                 break
-    report(f"    {'directed' if directed else 'undirected'}: {found}")
+    if verbose:
+        print(f"    {'directed' if directed else 'undirected'}: {found}")
     return found
 
 
@@ -264,8 +254,8 @@ def main() -> None:
     for seed in range(arguments.first, arguments.first + arguments.rooms):
         settings = SimulationSettings(size=(320, 240), fps=FPS, seed=seed, response=RESPONSES[seed % len(RESPONSES)])
         both = [
-            capture(settings, arguments.longest, directed=d, report=print if arguments.verbose else lambda _: None)
-            for d in (True, False)
+            capture(settings, arguments.longest, directed=directed, verbose=arguments.verbose)
+            for directed in (True, False)
         ]
         rows.append(both)
         shown = "; ".join(f"{what} {both[0][what]:5.1f} s and {both[1][what]:5.1f} s" for what in ("stated", "true"))

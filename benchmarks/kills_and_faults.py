@@ -43,11 +43,8 @@ PROGRAM = "from ospc.cli.main import main; main()"
 SETTINGS = ("--set", "points_per_pair=100", "--set", "max_points=3000", "--set", "rounds=4")
 SIZE = (160, 120)
 FRAMES = 30
-HANGING_S = 180
-"""A command that has not ended by then hangs; undisturbed, it takes a few seconds."""
-
-ANSWER_S = 10
-"""Ctrl-C has to be answered by then, also on a machine that does other things too."""
+HANGING_S, ANSWER_S = 180, 10
+"""By then a command has to end, which undisturbed takes a few seconds, and Ctrl-C to be answered if all is busy."""
 
 MOST_IN_A_ROW = 4
 """Disturbances before a run is let go on to its end."""

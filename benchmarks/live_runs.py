@@ -19,7 +19,6 @@ import multiprocessing
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
@@ -43,42 +42,26 @@ Film: TypeAlias = list[tuple[Image, float]]
 """Decoded images, ready to be played, and their exposures in ms."""
 
 
-@dataclass
-class Played:
-    """What happened while a film was played: what was said of each change, and the final calibration.
-
-    ``late`` frames were pushed more than a frame's time late, because the machine was busy; ``dropped`` ones were let
-    go because the calibrator was busy. ``failure`` says why there is no calibration.
-    """
-
-    reported: list[str]
-    worst_push_ms: float = 0.0
-    late: int = 0
-    dropped: int = 0
-    calibration: Calibration | None = None
-    failure: str = ""
-
-
-def play(film: Film, rate: float) -> Played:
-    """Push a film's frames at a rate in frames/s and return what happened."""
-    played = Played([])
+def play(film: Film, rate: float) -> tuple[Calibration | None, Row]:
+    """Push a film's frames at a rate in frames/s; return the final calibration and what happened."""
+    worst_push_s, late, found = 0.0, 0, None
     try:
         with LiveCalibrator() as live:
             begun_s = time.perf_counter()
             for index, (image, exposure_ms) in enumerate(film):
                 due_s = begun_s + index / rate
                 time.sleep(max(0.0, due_s - time.perf_counter()))
-                played.late += time.perf_counter() > due_s + 1 / rate
+                late += time.perf_counter() > due_s + 1 / rate
                 frame = Frame.of_array(image, exposure_ms, index=index, stamp_s=index / rate)
                 before_s = time.perf_counter()
                 live.push(frame)
-                played.worst_push_ms = max(played.worst_push_ms, 1e3 * (time.perf_counter() - before_s))
-            played.calibration = live.calibration()
-            played.dropped = live.status.dropped
-            played.reported = [epoch.change.text for epoch in live.status.epochs if epoch.change]
+                worst_push_s = max(worst_push_s, time.perf_counter() - before_s)
+            found, status = live.calibration(), live.status
     except OspcError as error:
-        played.failure = str(error)
-    return played
+        return None, {"failure": str(error), "notes": [], "worst push ms": 1e3 * worst_push_s, "late": late}
+    notes = [epoch.change.text for epoch in status.epochs if epoch.change]
+    counts = {"dropped": status.dropped, "worst push ms": 1e3 * worst_push_s, "late": late}
+    return found, {**counts, "notes": notes, "failure": ""}
 
 
 @contextmanager
@@ -104,23 +87,15 @@ def unchanged(member: SimulatedSource, place: Path, rate: float, processes: int,
     """Play a recording and compare with what the command found."""
     film = [(frame.image, frame.exposure_ms) for frame in open_recording(place)]
     with busy(processes):
-        played = play(film, rate)
-    known = identified(played.calibration)
+        calibration, played = play(film, rate)
+    known = identified(calibration)
     return {
-        "recording": member.name,
-        "rate": rate,
-        "busy": processes,
-        "frames": len(film),
-        "false changes": len(played.reported),
-        "notes": played.reported,
-        "lost": bool(played.failure) or (not known and bool(command["identified"])),
+        **{"recording": member.name, "rate": rate, "busy": processes, "frames": len(film), **played},
+        "false changes": len(played["notes"]),
+        "lost": bool(played["failure"]) or (not known and bool(command["identified"])),
         "identified": known,
-        **errors(played.calibration, member.settings),
+        **errors(calibration, member.settings),
         **{name: value for name, value in command.items() if name.startswith("command ")},
-        "worst push ms": played.worst_push_ms,
-        "dropped": played.dropped,
-        "late": played.late,
-        "failure": played.failure,
     }
 
 

@@ -28,40 +28,27 @@ SIZE = (320, 240)
 _PICTURE_M = (8.0, 8.0)
 """Edge lengths of a picture; with a texel of 4 mm it has 2000 x 2000 pixels."""
 
-_PICTURES = 4
-_PANELS = 220
-_PANEL_M = (0.2, 1.3)
-"""Number of panels and posters on a picture, and their smallest and largest edge."""
+_PICTURES, _PANELS = 4, 220
+"""Number of pictures, and of panels and posters on each."""
 
-_PANEL_LEVELS = (0.04, 0.9)
-"""Reflectance of the darkest and the brightest panel."""
+_PANEL_M, _PANEL_LEVELS = (0.2, 1.3), (0.04, 0.9)
+"""Smallest and largest edge of a panel, and reflectance of the darkest and the brightest."""
 
 _POSTERS = ("chelsea", "coffee", "camera", "gravel", "grass", "brick")
 
-_CELL_PX = 8
-"""Lamps and clouds are computed on a grid of this spacing in image pixels, and interpolated."""
+_CELL_PX, _METER_PX, _COARSER = 8, 40, 4
+"""Spacing in image pixels of the grid on which lamps and clouds are computed, and of the places that the exposure
+control meters, on pictures reduced by a factor: a place stands for its surroundings."""
 
-_METER_PX = 40
-"""Spacing of the places that the exposure control meters, in image pixels."""
+_METER_INTERVAL_S, _BLOCK_S = 0.1, 60.0
+"""The scene's brightness is metered so often, and for this long at once."""
 
-_COARSER = 4
-"""The pictures that it meters are reduced by this factor: a place stands for its surroundings."""
+_STAY_S, _WALK_S = (90.0, 400.0), 1.2
+"""How long the camera stays in front of a picture, and takes to walk past the edge to the next."""
 
-_METER_INTERVAL_S = 0.1
-_BLOCK_S = 60.0
-"""The scene's brightness is metered for this long at once."""
-
-_STAY_S = (90.0, 400.0)
-"""How long the camera stays in front of a picture."""
-
-_WALK_S = 1.2
-"""How long it takes to walk past the edge between two pictures."""
-
-_CLOUDS = ((0.6, 170.0), (0.5, 430.0), (0.4, 1900.0))
-"""Depth in ln of the daylight, and period in s; each cloud covers the sun for a sixth of its period or so."""
-
-_CLOUD_POWER = 8
-"""Of a sine, which makes a smooth pulse of its positive half."""
+_CLOUDS, _CLOUD_POWER = ((0.6, 170.0), (0.5, 430.0), (0.4, 1900.0)), 8
+"""Depth in ln of the daylight, and period in s; and the power of a sine whose positive half is a smooth pulse: each
+cloud covers the sun for a sixth of its period or so."""
 
 _ROOM_LIGHT = 1.1
 """Amplitude in ln of the light that differs from place to place: what the exposure mostly follows."""

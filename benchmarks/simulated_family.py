@@ -5,17 +5,17 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from ospc import Calibration, simulate
 from ospc.arrays import FloatArray
 from ospc.photometry.response import Response
 from ospc.research.method import Estimate
+from ospc.research.runner import OnProgress, ResultStore, Task, run
 from ospc.research.scoring import Truth, score
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings, truth
@@ -78,23 +78,18 @@ def _exposure_course(number: int, frames: int, random: np.random.Generator) -> d
 def rendered(members: Sequence[SimulatedSource], folder: Path) -> dict[str, Path]:
     """Render those recordings that the folder doesn't hold yet, and return the path of each by its name."""
     places = {member.name: folder / member.name for member in members}
-    missing = [member for member in members if not places[member.name].exists()]
-    if missing:
-        folder.mkdir(parents=True, exist_ok=True)
-        with ProcessPoolExecutor(RENDERING_PROCESSES, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
-            jobs = [pool.submit(_render, member.settings, places[member.name]) for member in missing]
-            for number, job in enumerate(jobs, start=1):
-                job.result()
-                print(f"rendered {number} of {len(jobs)} recordings", flush=True)
+    tasks = [Task(m.name, m.describe(), partial(_render, m.settings, places[m.name])) for m in members]
+    for one in run(tasks, ResultStore(folder / "cache"), RENDERING_PROCESSES):
+        if not one.stored:
+            print(f"rendered {one.task.name}", flush=True)
     return places
 
 
-def _render(settings: SimulationSettings, place: Path) -> None:
-    # Renamed when complete, so that what an interruption leaves behind isn't taken for a recording.
-    unfinished = place.with_name(place.name + ".unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    simulate(unfinished, settings)
-    unfinished.rename(place)
+def _render(settings: SimulationSettings, place: Path, _progress: OnProgress) -> bool:
+    # What an interruption left behind.
+    shutil.rmtree(place, ignore_errors=True)
+    simulate(place, settings)
+    return True
 
 
 def relinked(original: Path, place: Path, change: Callable[[FloatArray], FloatArray]) -> Path:

@@ -33,8 +33,8 @@ SIZE = (128, 96)
 VIEWS = 480
 EXPOSURES_MS = (3.0, 5.0, 8.0, 12.0, 20.0)
 ASKED_EVERY = 1000
-SETTLED_FRAMES = 20_000
-"""From here on memory has to stay where it is."""
+SETTLED_FRAMES, MEDIAN_OF = 20_000, 10
+"""From where on memory has to stay where it is, and lines at the beginning and at the end that are compared."""
 
 WAITING = 64
 """Frames that may wait for the live calibrator's thread: none is dropped, and its queue is in use."""
@@ -42,12 +42,8 @@ WAITING = 64
 GREYS, RADII = np.linspace(0.1, 0.9, 9), np.linspace(0, 1, 6)
 """Where responses and vignettes are compared."""
 
-
 SETTINGS = {"points_per_pair": 200, "max_points": 6000, "rounds": 4}
 """A calibration every thousand frames must not take longer than these."""
-
-MEDIAN_OF = 10
-"""Lines at the beginning and at the end that are compared."""
 
 
 def settings(exposures_ms: tuple[float, ...]) -> SimulationSettings:
