@@ -86,7 +86,13 @@ def draw_curves(
     title: str, curves: Mapping[str, Mapping[str, Sequence[float]]], rows: Sequence[Measurement], path: Path
 ) -> Path:
     """Draw responses and vignettes of one recording, by name, the truth first; and the exposure ratios of rows."""
-    ratios = {row.method: found for row in rows if len(found := _reliable_ratios(row))}
+    ratios = {}
+    for row in rows:
+        table = np.array(
+            [row.ratios.get(name, []) for name in ("metadata", "estimated", "samples")], dtype=np.float64
+        )
+        if np.any(reliable := table[2] >= _FEWEST_SAMPLES):
+            ratios[row.method] = table[:2, reliable].T
     figure = new_figure(15.0 if ratios else 10.0, 4.6)
     with rules():
         axes = figure.subplots(1, 3 if ratios else 2)
@@ -106,12 +112,6 @@ def draw_curves(
             if axis.lines:
                 axis.legend(loc="best")
         return save(figure, path)
-
-
-def _reliable_ratios(row: Measurement) -> Any:
-    """Return exposure ratios of the metadata and of the calibration, shape (n, 2)."""
-    table = np.array([row.ratios.get(name, []) for name in ("metadata", "estimated", "samples")], dtype=np.float64)
-    return table[:2, table[2] >= _FEWEST_SAMPLES].T
 
 
 def _draw_ratios(axes: Any, ratios: Mapping[str, Any]) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image
 from ospc.calibrator import calibrate
 from ospc.errors import NotObservableError
+from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.recording import open_recording
@@ -87,6 +88,11 @@ class Footage:
     def half(self) -> int:
         """Number of the first frame of the second half."""
         return len(self) // 2
+
+    def from_centre(self) -> FloatArray:
+        """Return the places (x, y) of all pixels relative to the image centre, shape (height, width, 2)."""
+        height, width = self.images[0].shape
+        return np.asarray(pixel_grid((width, height)) - [(width - 1) / 2, (height - 1) / 2])
 
     def with_images(self, images: Iterable[Image]) -> Footage:
         """Return the recording with other images."""

@@ -154,15 +154,11 @@ def _masked(footage: Footage, inside: BoolArray) -> Footage:
 
 
 def _letterbox(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    height, width = footage.images[0].shape
-    inside = np.abs(np.arange(height) - (height - 1) / 2) < height * (1 - share) / 2
-    return _masked(footage, np.tile(inside[:, None], width))
+    return _masked(footage, np.abs(footage.from_centre()[..., 1]) < len(footage.images[0]) * (1 - share) / 2)
 
 
 def _disc(footage: Footage, radius: float, _random: np.random.Generator) -> Footage:
-    height, width = footage.images[0].shape
-    from_centre = pixel_grid((width, height)) - [(width - 1) / 2, (height - 1) / 2]
-    return _masked(footage, np.asarray(np.linalg.norm(from_centre, axis=-1) < radius * height / 2))
+    return _masked(footage, np.linalg.norm(footage.from_centre(), axis=-1) < radius * len(footage.images[0]) / 2)
 
 
 FAULTS = (

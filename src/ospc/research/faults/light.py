@@ -61,15 +61,8 @@ def _shaded(footage: Footage, transmission: Float32Array) -> Footage:
     return replace(_times(footage, transmission), vignette=known)
 
 
-def _grid(footage: Footage) -> tuple[FloatArray, FloatArray]:
-    """Return x and y of every pixel in heights of the image, 0 in the middle, shape (height, width) each."""
-    height, width = footage.images[0].shape
-    y, x = np.mgrid[:height, :width].astype(np.float64)
-    return (x - (width - 1) / 2) / height, (y - (height - 1) / 2) / height
-
-
 def _smudge(footage: Footage, depth: float, random: np.random.Generator) -> Footage:
-    x, y = _grid(footage)
+    x, y = np.moveaxis(footage.from_centre() / len(footage.images[0]), -1, 0)
     transmission = np.ones_like(x)
     for centre in random.uniform(-0.5, 0.5, (4, 2)):
         transmission -= depth * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (2 * 0.04**2))
@@ -203,7 +196,9 @@ FAULTS = (
         lambda f, x, _: _shaded(f, f.camera.attenuation ** np.float32(-x))),
     Fault("smudge", "four smudges that take {} of the light", (0.1, 0.3, 0.6), _smudge),
     Fault("graduated-filter", "a filter that takes {} of the light at the top", (0.1, 0.25, 0.5),
-        lambda f, x, _: _shaded(f, (1 - x * (0.5 - _grid(f)[1])).astype(np.float32))),
+        lambda f, x, _: _shaded(
+            f, (1 - x * (0.5 - f.from_centre()[..., 1] / len(f.images[0]))).astype(np.float32)
+        )),
     Fault("decentred", "a vignette moved by {} of the height", (0.03, 0.06, 0.12), _decentred),
     Fault("vignette-midway", "V to the power of {} from half-way on", (0.8, 0.5, 0),
         lambda f, x, _: f.relit(

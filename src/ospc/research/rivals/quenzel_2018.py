@@ -79,21 +79,19 @@ def estimate_splines(points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bendin
     totals, frames = np.bincount(point, weights=weight**2), int(frame.max()) + 1
     knots, terms = grey_basis.shape[1], plane_basis.shape[1]
 
+    # Only the splines: neither the even polynomial, the first three terms, nor the exposures.
+    bent = np.r_[:knots, knots + 3 : knots + terms]
+
     def residuals(unknown: FloatArray) -> FloatArray:
         curve = np.log(np.maximum(grey + grey_basis @ unknown[:knots], _LEAST))
         shade = np.log(np.maximum(1 + plane_basis @ unknown[knots : knots + terms], _LEAST))
         rest = curve - shade - np.append(0.0, unknown[knots + terms :])[frame]
         # ln L is the mean over the observations of a point.
-        return np.asarray(weight * (rest - (np.bincount(point, weights=weight**2 * rest) / totals)[point]))
-
-    # Only the splines: neither the even polynomial, the first three terms, nor the exposures.
-    bent = np.r_[:knots, knots + 3 : knots + terms]
-
-    def with_bending(unknown: FloatArray) -> FloatArray:
-        return np.append(residuals(unknown), bending * unknown[bent])
+        data = weight * (rest - (np.bincount(point, weights=weight**2 * rest) / totals)[point])
+        return np.append(data, bending * unknown[bent])
 
     start = np.zeros(knots + terms + frames - 1)
-    found = least_squares(with_bending, start, loss="soft_l1", f_scale=_ROBUST, method="trf", x_scale="jac").x
+    found = least_squares(residuals, start, loss="soft_l1", f_scale=_ROBUST, method="trf", x_scale="jac").x
     exposures = np.exp(np.append(0.0, found[knots + terms :]))
     return Estimate(
         _response(gamma, found[:knots]),

@@ -106,7 +106,7 @@ class _Spent:
 def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRow:
     """Measure pushing frames and the final calibration with a preset in this process, with clocks in its steps."""
     from ospc.calibrator import OnlineCalibrator, drive
-    from ospc.research.speed.reel import clocks, with_rest
+    from ospc.research.speed.reel import OTHER, clocks
 
     count = min(count, SLOW_FRAMES) if preset == "paper" else count
     decoding = reel.decoding_s(count)
@@ -127,7 +127,7 @@ def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRo
         *(f"preset {preset}", size, count, spent.seconds, spent.cpu_s, "decoding", *decoding),
         push_ms=_spread(pushes),
         peak_mb=_peak_mb(reel.megabytes),
-        stages=with_rest(stages, spent.seconds),
+        stages={**stages, OTHER: max(0.0, spent.seconds - sum(stages.values()))},
     )
 
 

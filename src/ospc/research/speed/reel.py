@@ -135,11 +135,6 @@ def clocks() -> Iterator[dict[str, float]]:
         yield seconds
 
 
-def with_rest(seconds: dict[str, float], total_s: float) -> dict[str, float]:
-    """Return seconds by stage, and what is left of a total."""
-    return {**seconds, OTHER: max(0.0, total_s - sum(seconds.values()))}
-
-
 def _clocked(step: Callable[..., Any], stage: str, seconds: dict[str, float], thread: int) -> Callable[..., Any]:
     @wraps(step)
     def clocked(*args: Any, **named: Any) -> Any:
