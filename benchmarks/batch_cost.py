@@ -16,12 +16,10 @@ import os
 import resource
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from ospc.batch.cameras import merged_cameras
 from ospc.batch.manifest import Entry
@@ -61,29 +59,23 @@ def processor_s() -> float:
     return sum(u.ru_utime + u.ru_stime for u in usage)
 
 
-@contextmanager
-def timed(times: Counter[str], name: str) -> Iterator[None]:
-    before = time.process_time()
-    yield
-    times[name] += time.process_time() - before
-
-
-def parts(entries: list[Entry]) -> Counter[str]:
+def parts(entries: list[Entry]) -> dict[str, float]:
     """Return where the time of a recording goes, in seconds."""
-    times: Counter[str] = Counter()
+    times = []
     for entry in entries:
-        with timed(times, "open and identify"):
-            recording = open_recording(entry.recording)
-            identity(recording)
+        marks = [time.process_time()]
+        recording = open_recording(entry.recording)
+        identity(recording)
+        marks.append(time.process_time())
         calibrator = OnlineCalibrator()
-        with timed(times, "read and compare frames"):
-            for frame in recording:
-                calibrator.push(frame)
-        with timed(times, "estimate"):
-            calibrator.calibration()
-        with timed(times, "summary"):
-            calibrator.summary()
-    return Counter({name: value / len(entries) for name, value in times.items()})
+        for frame in recording:
+            calibrator.push(frame)
+        for step in (calibrator.calibration, calibrator.summary):
+            marks.append(time.process_time())
+            step()
+        times.append(np.diff([*marks, time.process_time()]))
+    names = ("open and identify", "read and compare frames", "estimate", "summary")
+    return dict(zip(names, np.mean(times, axis=0).tolist(), strict=True))
 
 
 def cost(folder: Path, count: int, size: tuple[int, int], frames: int) -> dict[str, object]:
@@ -113,7 +105,7 @@ def cost(folder: Path, count: int, size: tuple[int, int], frames: int) -> dict[s
         "bytes of a result": sum(results) / len(results),
         "table and page, bytes": sum((out / n).stat().st_size for n in ("batch.csv", "index.html")),
         "peak memory, MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "parts": dict(parts(entries[:RENDERED])),
+        "parts": parts(entries[:RENDERED]),
     }
 
 

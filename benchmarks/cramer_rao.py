@@ -50,13 +50,8 @@ def calibrated(settings: SimulationSettings) -> OnlineCalibrator:
 def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str, float]:
     """Return the root mean square of the errors that the noise of the sensor alone would cause."""
     full_well, read_noise = settings.sensor
-    sensor = ErrorModel(
-        constant=1 / 12 / 255**2 / _PIXELS_AVERAGED,
-        shot=1 / full_well / _PIXELS_AVERAGED,
-        read=(read_noise / full_well) ** 2 / _PIXELS_AVERAGED,
-        registration_sigma_px=0.0,
-        radiance_sigma=0.0,
-    )
+    variances = np.array([1 / 12 / 255**2, 1 / full_well, (read_noise / full_well) ** 2]) / _PIXELS_AVERAGED
+    sensor = ErrorModel(*variances.tolist(), registration_sigma_px=0.0, radiance_sigma=0.0)
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, inputs.noise, effects=fit.effects)
     assert inputs.observations is not None
     equations = estimator.information(inputs.observations, replace(fit, errors=sensor), fit.parameters)

@@ -106,11 +106,8 @@ def _png(data: bytes, words: list[bytes], random: Random) -> bytes:
     kind, content = chunks[index]
     how = random.random()
     if how < 0.8 and content:
-        if kind == b"IDAT" and random.random() < 0.5:
-            content = _recompressed(content, words, random)
-        else:
-            content = _bytes(content, words, random)
-        chunks[index] = (kind, content)
+        recompressed = kind == b"IDAT" and random.random() < 0.5
+        chunks[index] = (kind, (_recompressed if recompressed else _bytes)(content, words, random))
     elif how < 0.9:
         chunks.insert(random.randrange(len(chunks)), (kind, content))
     else:

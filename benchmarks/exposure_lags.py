@@ -48,13 +48,9 @@ _COLUMNS = ("recording", "lag", "corrected", "outcome", "V", "shape", "kappa", "
 
 def member(kind: str, frames: int, seed: int) -> SimulatedSource:
     """Return a recording whose exposures run in some way; its metadata have no lag."""
-    settings = SimulationSettings(
-        size=(320, 240),
-        frames=frames,
-        seed=500 + 10 * seed + KINDS.index(kind),
-        response=_RESPONSES[(seed + KINDS.index(kind)) % len(_RESPONSES)],
-        noise=("low", "high")[seed % 2],
-    )
+    number, noise = KINDS.index(kind), ("low", "high")[seed % 2]
+    settings = SimulationSettings(size=(320, 240), frames=frames, seed=500 + 10 * seed + number, noise=noise)
+    settings = replace(settings, response=_RESPONSES[(seed + number) % len(_RESPONSES)])
     if kind == "flicker":
         settings = replace(settings, flicker=0.1)
     if kind == "jitter":

@@ -68,13 +68,6 @@ COUNTS = struct.Struct("<QQQQQ")
 """Inputs, understood, found, microseconds of the slowest, and peak of the memory in KiB: shared with the child."""
 
 
-def known() -> tuple[str, ...]:
-    """Return the names of all parsers."""
-    from test_damaged_input import NAMES
-
-    return NAMES
-
-
 def parsers(folder: Path, guided: bool) -> dict[str, Target]:
     """Return all parsers by name, observed by the fuzzer if it is guided; samples are made in an empty folder."""
     observed: AbstractContextManager[None] = nullcontext()
@@ -110,9 +103,11 @@ class Progress:
 
     def add(self, understood: bool, found: bool, spent_s: float) -> None:
         inputs, accepted, wrong, slowest, peak = self.read()
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        counts = inputs + 1, accepted + understood, wrong + found, max(slowest, int(spent_s * 1e6)), max(peak, memory)
-        COUNTS.pack_into(self._shared, 0, *counts)
+        slowest, peak = (
+            max(slowest, int(spent_s * 1e6)),
+            max(peak, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss),
+        )
+        COUNTS.pack_into(self._shared, 0, inputs + 1, accepted + understood, wrong + found, slowest, peak)
 
 
 @dataclass(frozen=True)
@@ -256,9 +251,11 @@ class Campaign:
             path.with_suffix(".txt").write_text(said, "utf-8", "backslashreplace")
 
     def table(self) -> str:
+        from test_damaged_input import NAMES
+
         names = ("parser", "inputs", "understood", "corpus", "slowest s", "peak MiB", "found")
         rows = []
-        for name in known():
+        for name in NAMES:
             inputs, understood, found, slowest, peak = self.progress(name).read()
             corpus = len(list((self.place(name) / "corpus").iterdir()))
             counts = (name, inputs, understood, corpus, slowest / 1e6, peak // 1024, found)

@@ -10,7 +10,6 @@ vignette are known to the goal, by the stated uncertainty and by the truth.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,26 +62,16 @@ def rotation(yaw: float, pitch: float) -> FloatArray:
     return np.stack([right, np.cross(forward, right), forward], axis=-1)
 
 
-@dataclass(frozen=True)
-class Settled:
-    """A view when the exposure control has settled: the exposure, and the grey levels of even blocks."""
-
-    exposure: float
-    even: FloatArray
-    blocks: int
-
-    @classmethod
-    def of(cls, look: Float32Array, response: Response, mean: float) -> Settled:
-        exposures = np.geomspace(1e-3, 1e3, 61) / look.mean()
-        exposure = float(np.interp(mean, [response(np.clip(look * e, 0, 1)).mean() for e in exposures], exposures))
-        rows, columns = look.shape[0] // _BLOCK, look.shape[1] // _BLOCK
-        blocks = look.reshape(rows, _BLOCK, columns, _BLOCK)
-        means, spreads = blocks.mean(axis=(1, 3)), blocks.std(axis=(1, 3))
-        even = means[spreads < _EVEN * means]
-        return cls(exposure, response(np.clip(even * exposure, 0, 1)), means.size)
-
-    def share_between(self, low: float, high: float) -> float:
-        return float(np.sum((self.even > low) & (self.even < high))) / self.blocks
+def settled(look: Float32Array, response: Response, mean: float) -> tuple[float, float, float]:
+    """Return the exposure of a view when it has settled, and the shares of even blocks almost white and black."""
+    exposures = np.geomspace(1e-3, 1e3, 61) / look.mean()
+    exposure = float(np.interp(mean, [response(np.clip(look * e, 0, 1)).mean() for e in exposures], exposures))
+    rows, columns = look.shape[0] // _BLOCK, look.shape[1] // _BLOCK
+    blocks = look.reshape(rows, _BLOCK, columns, _BLOCK)
+    means, spreads = blocks.mean(axis=(1, 3)), blocks.std(axis=(1, 3))
+    even = response(np.clip(means[spreads < _EVEN * means] * exposure, 0, 1))
+    white, black = (np.sum((even > low) & (even < high)) for low, high in (ALMOST_WHITE, ALMOST_BLACK))
+    return exposure, float(white) / means.size, float(black) / means.size
 
 
 class Camera:
@@ -127,13 +116,9 @@ class Person:
             radiance(scene, View(_EYE, _EYE[0] * self._focal[0], self._place(0.0), rotation(*view)), 0.0)
             for view in self._views
         ]
-        settled = [Settled.of(look, response, settings.auto_target) for look in looks]
-        limits = settings.exposure_min_ms, settings.exposure_max_ms
-        self._log_e = np.log(np.clip([s.exposure for s in settled], *limits))
-        self._worth = {
-            "bright": np.array([s.share_between(*ALMOST_WHITE) for s in settled]),
-            "dark": np.array([s.share_between(*ALMOST_BLACK) for s in settled]),
-        }
+        exposures, white, black = np.array([settled(look, response, settings.auto_target) for look in looks]).T
+        self._log_e = np.log(np.clip(exposures, settings.exposure_min_ms, settings.exposure_max_ms))
+        self._worth = {"bright": white, "dark": black}
         self._ends = (self._gaze, self._gaze)
 
     def pose(self, time_s: float, instruction: Instruction) -> tuple[FloatArray, FloatArray]:

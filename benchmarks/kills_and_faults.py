@@ -61,12 +61,8 @@ SENTENCES = {1: ("ospc: error: ", "OpenBLAS error: Memory allocation still faile
 """How the sentence begins that goes with an exit code; where memory ends, OpenBLAS ends the process with its own."""
 
 
-@dataclass(frozen=True)
-class Command:
-    """A command, and what to add to go on after it was stopped."""
-
-    arguments: tuple[str, ...]
-    again: tuple[str, ...] = ()
+Command: TypeAlias = tuple[tuple[str, ...], tuple[str, ...]]
+"""The arguments of a command, and what to add to go on after it was stopped."""
 
 
 @dataclass
@@ -93,14 +89,14 @@ def commands(work: Path) -> dict[str, Command]:
     resuming = ("--resume", "--checkpoint-every", "0")
     small = ("--count", "1", "--frames", "10", "--size", "96x72")
     return {
-        "calibrate": Command(("calibrate", one, *out, *SETTINGS, *resuming)),
-        "live": Command(("live", one, *out, "--no-page", "--pace", "0", "--goal", "0"), ("--force",)),
-        "correct": Command(("correct", one, states[0], *out), ("--force",)),
-        "merge": Command(("merge", *states, *out), ("--force",)),
-        "batch": Command(("batch", str(work / "recordings"), *out, "-j", "2", *SETTINGS[:2])),
-        "experiments": Command(("experiments", "static", *out[:2], *small)),
-        "of one": Command(("calibrate", one, *out, *SETTINGS)),
-        "of two": Command(("calibrate", two, *out, *SETTINGS)),
+        "calibrate": (("calibrate", one, *out, *SETTINGS, *resuming), ()),
+        "live": (("live", one, *out, "--no-page", "--pace", "0", "--goal", "0"), ("--force",)),
+        "correct": (("correct", one, states[0], *out), ("--force",)),
+        "merge": (("merge", *states, *out), ("--force",)),
+        "batch": (("batch", str(work / "recordings"), *out, "-j", "2", *SETTINGS[:2]), ()),
+        "experiments": (("experiments", "static", *out[:2], *small), ()),
+        "of one": (("calibrate", one, *out, *SETTINGS), ()),
+        "of two": (("calibrate", two, *out, *SETTINGS), ()),
     }
 
 
@@ -108,9 +104,9 @@ def started(
     command: Command, out: Path, *, again: bool, before: Callable[[], None] | None = None, **environment: str
 ) -> subprocess.Popen[bytes]:
     """Start a command as a process group of its own."""
-    arguments = [str(out) if argument == "OUT" else argument for argument in command.arguments]
+    arguments = [str(out) if argument == "OUT" else argument for argument in command[0]]
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *arguments, *(command.again if again else ())],
+        [sys.executable, "-c", PROGRAM, *arguments, *(command[1] if again else ())],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -208,7 +204,6 @@ class Tester:
         self.expected: dict[str, dict[str, bytes]] = {}
 
     def prepare(self, name: str) -> None:
-        """Run a command undisturbed, twice."""
         if name not in self.expected:
             found = []
             for _ in range(2):
@@ -225,10 +220,9 @@ class Tester:
     def _undisturbed(self, command: Command, out: Path) -> None:
         code, errors = ended(started(command, out, again=False))
         if code not in ENDED_WELL:
-            sys.exit(f"undisturbed {command.arguments} failed: {errors}")
+            sys.exit(f"undisturbed {command[0]} failed: {errors}")
 
     def judge(self, row: Row, out: Path, code: int | None, errors: str) -> None:
-        """Count what came of a disturbance."""
         row.runs += 1
         lines = [line for line in errors.splitlines() if line.strip()]
         if code is None:
@@ -361,7 +355,6 @@ def disk(place: Path, kilobytes: int) -> Iterator[Path]:
 
 
 def remounted(place: Path, option: str) -> bool:
-    """Mount a disk anew, and tell whether that was possible."""
     done = subprocess.run(["mount", "-o", f"remount,{option}", str(place)], capture_output=True, check=False)
     return done.returncode == 0
 

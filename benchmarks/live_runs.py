@@ -31,10 +31,9 @@ from ospc.research.source import SimulatedSource
 from results import Row, measured, table_of
 from simulated_family import errors, family, identified, rendered
 
-_COMMON = ("recording", "rate", "busy")
-_RUN_COLUMNS = (
-    *_COMMON, "frames", "false changes", "lost", "V", "shape", "kappa", "command V", "command shape",
-    "command kappa", "worst push ms", "dropped", "late", "failure",
+_COLUMNS = (
+    "recording", "rate", "busy", "frames", "false changes", "lost", "V", "shape", "kappa", "command V",
+    "command shape", "command kappa", "worst push ms", "dropped", "late", "failure",
 )  # fmt: skip
 
 
@@ -43,7 +42,6 @@ Film: TypeAlias = list[tuple[Image, float]]
 
 
 def play(film: Film, rate: float) -> tuple[Calibration | None, Row]:
-    """Push a film's frames at a rate in frames/s; return the final calibration and what happened."""
     worst_push_s, late, found = 0.0, 0, None
     try:
         with LiveCalibrator() as live:
@@ -100,7 +98,6 @@ def unchanged(member: SimulatedSource, place: Path, rate: float, processes: int,
 
 
 def by_command(member: SimulatedSource, place: Path) -> Row:
-    """Return what ospc.calibrate makes of a recording."""
     found = calibrate(place)
     return {"identified": identified(found), **errors(found, member.settings, "command ")}
 
@@ -132,7 +129,7 @@ def main() -> None:
         for rate in arguments.rates
     }
     rows = measured(calls, results)
-    print(table_of("Live runs", rows, _RUN_COLUMNS))
+    print(table_of("Live runs", rows, _COLUMNS))
     print(summary(rows))
 
 

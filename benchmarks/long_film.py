@@ -118,7 +118,7 @@ class LongFilm:
         self._phase = {axis: random.uniform(0, 2 * np.pi, len(waves)) for axis, waves in _SPEED.items()}
         self._visits = _visits(3600 * hours, random)
         self._brightness = random.normal(0, 0.6, len(self._visits))
-        self._lamps = _Lamps.drawn(random)
+        self._lamps = _Lamps(random)
         self._cloud_phase = random.uniform(0, 2 * np.pi, len(_CLOUDS) + 2)
         self._object_phase = random.uniform(0, 1, (_OBJECTS, 3))
         self.rendered = 0
@@ -131,14 +131,8 @@ class LongFilm:
         for index, exposure_ms in enumerate(exposures_ms):
             stamp_s = index / self._rate
             late = self._switch.late_frames if stamp_s >= self._switch.at_s else 0
-            yield Frame(
-                index,
-                stamp_s,
-                exposures_ms[index - late],
-                f"frame {index}",
-                partial(self._image, index, exposure_ms),
-                verify=lambda: None,
-            )
+            render, stated_ms = partial(self._image, index, exposure_ms), exposures_ms[index - late]
+            yield Frame(index, stamp_s, stated_ms, f"frame {index}", render, verify=lambda: None)
 
     # The exposure control.
 
@@ -265,39 +259,26 @@ class _Optics:
         self.attenuation = self.vignette.image().astype(np.float32)
 
 
-@dataclass(frozen=True)
 class _Lamps:
-    """Lamps, each of which lights a part of every picture and is switched at random times.
+    """Lamps, each of which lights a part of every picture and is switched at random times."""
 
-    By lamp: the middle of what it lights, in pixels of a picture, shape (lamps, 2); its radius in pixels, its light
-    relative to the daylight, and the time after which it is decided anew whether it is on.
-    """
-
-    place: FloatArray
-    reach: FloatArray
-    strength: FloatArray
-    period_s: FloatArray
-    seed: int
-
-    @classmethod
-    def drawn(cls, random: np.random.Generator) -> _Lamps:
-        return cls(
-            random.uniform(0.2, 0.8, (_LAMPS, 2)) * _PICTURE_M[0] / TEXEL_M,
-            random.uniform(200, 700, _LAMPS),
-            random.uniform(0.3, 1.5, _LAMPS),
-            random.uniform(25, 150, _LAMPS),
-            int(random.integers(2**31)),
-        )
+    def __init__(self, random: np.random.Generator) -> None:
+        # The middle of what each lights and its radius, in pixels of a picture; its light relative to the daylight.
+        self._place = random.uniform(0.2, 0.8, (_LAMPS, 2)) * _PICTURE_M[0] / TEXEL_M
+        self._reach = random.uniform(200, 700, _LAMPS)
+        self._strength = random.uniform(0.3, 1.5, _LAMPS)
+        # Time after which it is decided anew whether a lamp is on.
+        self._period_s = random.uniform(25, 150, _LAMPS)
+        self._seed = int(random.integers(2**31))
 
     def light(self, places: Float32Array, time_s: float) -> Float32Array:
-        """Return daylight and lamplight at places of a picture, relative to the daylight."""
         total = np.ones(places.shape[:-1], np.float32)
-        for number, period_s in enumerate(self.period_s):
+        for number, period_s in enumerate(self._period_s):
             slot = int(time_s / period_s)
-            if (slot * 2654435761 + number * 40503 + self.seed) >> 7 & 1:
-                squared = np.sum((places - self.place[number].astype(np.float32)) ** 2, axis=-1)
-                total += np.float32(self.strength[number]) * np.exp(
-                    -squared / np.float32(2 * self.reach[number] ** 2)
+            if (slot * 2654435761 + number * 40503 + self._seed) >> 7 & 1:
+                squared = np.sum((places - self._place[number].astype(np.float32)) ** 2, axis=-1)
+                total += np.float32(self._strength[number]) * np.exp(
+                    -squared / np.float32(2 * self._reach[number] ** 2)
                 )
         return total
 

@@ -130,19 +130,13 @@ def _functions(module: ast.Module) -> list[tuple[str, ast.FunctionDef]]:
     return functions
 
 
-def copy_of_sources(folder: Path, mutation: Mutation | None) -> Path:
-    """Copy the package into a folder, mutate it, and return the folder to import it from."""
-    sources = folder / "src"
-    shutil.copytree(ROOT / "src", sources, ignore=shutil.ignore_patterns("__pycache__"))
-    if mutation is not None:
-        mutate(sources, mutation)
-    return sources
-
-
 def run_gate(mutation: Mutation | None) -> Row:
     """Run the accuracy gate on a copy of the package; return whether it passed, failed tests and errors measured."""
     with tempfile.TemporaryDirectory() as folder:
-        sources = copy_of_sources(Path(folder), mutation)
+        sources = Path(folder) / "src"
+        shutil.copytree(ROOT / "src", sources, ignore=shutil.ignore_patterns("__pycache__"))
+        if mutation is not None:
+            mutate(sources, mutation)
         environment = {**os.environ, "PYTHONPATH": str(sources), "PYTHONDONTWRITEBYTECODE": "1"}
         report = Path(folder) / "report.xml"
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]

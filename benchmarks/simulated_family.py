@@ -117,6 +117,5 @@ def errors(calibration: Calibration | None, known: Any, prefix: str = "") -> Row
 
 
 def identified(calibration: Calibration | None) -> list[str]:
-    """Return the names of the quantities that a calibration holds to be known."""
     verdicts = {} if calibration is None else calibration.verdicts
     return [name for name, verdict in verdicts.items() if verdict.known]

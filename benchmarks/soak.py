@@ -63,7 +63,6 @@ def pools() -> list[list[Frame]]:
 
 
 def film(made: list[list[Frame]], number_of_frames: int) -> Iterator[Frame]:
-    """Walk forth and back, with another order of the exposures on every walk."""
     walk = [*range(VIEWS), *range(VIEWS - 2, 0, -1)]
     for number in range(number_of_frames):
         turn, step = divmod(number, len(walk))
