@@ -87,8 +87,9 @@ def unchanged(member: SimulatedSource, place: Path, rate: float, processes: int,
     with busy(processes):
         calibration, played = play(film, rate)
     known = identified(calibration)
-    return {
-        **{"recording": member.name, "rate": rate, "busy": processes, "frames": len(film), **played},
+    about = {"recording": member.name, "rate": rate, "busy": processes, "frames": len(film)}
+    return about | {
+        **played,
         "false changes": len(played["notes"]),
         "lost": bool(played["failure"]) or (not known and bool(command["identified"])),
         "identified": known,

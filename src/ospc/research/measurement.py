@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -109,10 +109,6 @@ class Measurement:
         if self.figures:
             return ""
         return self.failure or "; ".join(self.reasons.values()) or "it found neither response nor vignette"
-
-    def summary(self) -> dict[str, Any]:
-        """Return everything but the curves and ratios as JSON-compatible values."""
-        return {name: value for name, value in asdict(self).items() if name not in ("curves", "ratios")}
 
 
 @dataclass(frozen=True)

@@ -77,15 +77,13 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
     parts = ("response", "vignette")
     header = ["recording", "group", *factors, "method", *figures, *limits, "seconds"]
     header += [f"{part}_{what}" for what in ("verdict", "reason") for part in parts]
-    lines = [
-        [
-            *(row.recording, row.group, *map(row.factors.get, factors), row.method),
-            *(*map(row.figures.get, figures), *map(row.limits.get, limits)),
-            None if row.seconds is None else rounded(row.seconds, 3),
-            *(*map(row.states.get, parts), *map(row.reasons.get, parts), row.failure),
-        ]
-        for row in rows
-    ]
+    lines = []
+    for row in rows:
+        names = [row.recording, row.group, *map(row.factors.get, factors), row.method]
+        values = [*map(row.figures.get, figures), *map(row.limits.get, limits)]
+        seconds = None if row.seconds is None else rounded(row.seconds, 3)
+        said = [*map(row.states.get, parts), *map(row.reasons.get, parts), row.failure]
+        lines.append([*names, *values, seconds, *said])
     return csv_text([[*header, "failure"], *lines])
 
 

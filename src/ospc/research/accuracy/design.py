@@ -114,23 +114,19 @@ def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Sour
     ``data`` is the folder of real data. Recordings with the camera in motion have ``frames`` frames; those at rest
     have three tenths of them.
     """
-    database, no_database = _given(data, FILE, "gamma curves take the place of measured responses")
-    video, no_video = _given(data, VIDEO, "no real video")
-    charts, no_charts = _given(data, CHARTS, "no photographs of charts")
-    sources: list[Source] = [*_moving_sources(_measured(database), frames), *_static_sources(frames)]
-    if video is not None:
-        sources.append(VideoSource(VIDEO, video))
-    if charts is not None:
-        sources += chart_sources(charts)
-    return sources, [note for note in (no_database, no_video, no_charts) if note]
-
-
-def _given(data: Path | None, part: str, otherwise: str) -> tuple[Path | None, str]:
-    """Return the path of a part of the real data, or None and a note on what happens without it."""
-    if data is None:
-        return None, f"--data is not given: {otherwise}"
-    place = data / part
-    return (place, "") if place.exists() else (None, f"{place} is not there: {otherwise}")
+    parts = {
+        FILE: "gamma curves take the place of measured responses",
+        VIDEO: "no real video",
+        CHARTS: "no photographs of charts",
+    }
+    places = {} if data is None else {part: data / part for part in parts if (data / part).exists()}
+    wanting = {part: "--data is not given" if data is None else f"{data / part} is not there" for part in parts}
+    sources: list[Source] = [*_moving_sources(_measured(places.get(FILE)), frames), *_static_sources(frames)]
+    if VIDEO in places:
+        sources.append(VideoSource(VIDEO, places[VIDEO]))
+    if CHARTS in places:
+        sources += chart_sources(places[CHARTS])
+    return sources, [f"{wanting[part]}: {otherwise}" for part, otherwise in parts.items() if part not in places]
 
 
 def select(items: Sequence[_Item], pattern: str | None, what: str = "recording") -> list[_Item]:

@@ -47,7 +47,7 @@ def accuracy_report(rows: Sequence[Measurement], presets: Sequence[str], notes: 
         notes,
         presets={name: as_dict(preset(name)) for name in presets},
         summary={group: _spreads(members) for group, members in groups_of(rows).items()},
-        measurements=[row.summary() for row in rows],
+        measurements=[{k: v for k, v in vars(row).items() if k not in ("curves", "ratios")} for row in rows],
     )
     texts = {
         "results.json": as_json(content),

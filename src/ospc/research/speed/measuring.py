@@ -123,8 +123,12 @@ def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRo
         calibrator = Clocked(preset)
         drive(calibrator, reel.frames(count))
         calibrator.calibration()
+    times = (spent.seconds, spent.cpu_s, "decoding", *decoding)
     return SpeedRow(
-        *(f"preset {preset}", size, count, spent.seconds, spent.cpu_s, "decoding", *decoding),
+        f"preset {preset}",
+        size,
+        count,
+        *times,
         push_ms=_spread(pushes),
         peak_mb=_peak_mb(reel.megabytes),
         stages={**stages, OTHER: max(0.0, spent.seconds - sum(stages.values()))},
@@ -155,8 +159,12 @@ def live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> SpeedRo
             status = calibrator.status
     known = "not converged" if known_s is None else f"converged after {known_s:.0f} s"
     share = f"{spent.cpu_s / spent.seconds:.0%} of a core"
+    times = (spent.seconds, spent.cpu_s, "decoding", *decoding)
     return SpeedRow(
-        *(f"live, {rate_hz:g} frames/s", size, count, spent.seconds, spent.cpu_s, "decoding", *decoding),
+        f"live, {rate_hz:g} frames/s",
+        size,
+        count,
+        *times,
         push_ms=_spread(pushes),
         peak_mb=_peak_mb(shown_mb),
         notes=f"{share}; {status.processed} processed, {status.unusable} unusable; {known}",
