@@ -100,17 +100,17 @@ def test_goals_are_judged_only_at_the_size_and_length_they_are_for(rows):
         "ospc calibrate, 600 frames, 1280×1024",
         "ospc calibrate, 1500 frames, 1280×1024",
     ]
-    quick = tasks["ospc calibrate, 500 frames, 640×480"].judged
+    quick = tasks["ospc calibrate, 500 frames, 640×480"].about
     assert quick(replace(rows[3], seconds=2.9)).met
     assert not quick(replace(rows[3], seconds=3.1)).met
-    long = tasks["ospc calibrate, 1500 frames, 1280×1024"].judged
+    long = tasks["ospc calibrate, 1500 frames, 1280×1024"].about
     assert long(replace(rows[3], seconds=6.0, against_s=10.0)).met
     assert not long(replace(rows[3], seconds=8.0, against_s=10.0)).met
-    easy = tasks["live, 30 s at 30 frames/s, 640×480"].judged
+    easy = tasks["live, 30 s at 30 frames/s, 640×480"].about
     assert easy(replace(rows[2], seconds=10.0, cpu_s=2.4, peak_mb=140.0)).met
     assert not easy(replace(rows[2], seconds=10.0, cpu_s=2.4, peak_mb=160.0)).met
     short = speed_tasks((), (VGA,), 50, 0.0, 30.0)
-    assert all(task.judged(rows[3]).met is None for task in short)
+    assert all(task.about(rows[3]).met is None for task in short)
 
 
 def test_the_command_goes_on_where_it_stopped(tmp_path):

@@ -116,8 +116,8 @@ def flat_pair(
 ) -> HeldOutPair | None:
     """Return the grey levels of flat places in both frames; None where the frames do not match.
 
-    They lie between ``greys``, in [0, 1]: smoothing leaves so little noise that this does not choose by noise. |R₀ −
-    R₁| is up to ``max_radial_displacement``: none that the vignette could be seen in.
+    They lie between ``greys``, in [0, 1]: smoothing leaves so little noise that this does not choose by noise. R
+    differs by up to ``max_radial_displacement``, so little that the vignette cannot be seen.
     """
     points0, points1 = _matches(first, second)
     if len(points0) < _FEWEST_MATCHES:
