@@ -72,10 +72,8 @@ class Measurement:
 
     Attributes
     ----------
-    figures
-        The errors that are known, by :attr:`Metric.figure`.
-    failure
-        The error that ended the method; empty if none did.
+    figures, failure
+        The errors that are known, by :attr:`Metric.figure`; the error that ended the method, empty if none did.
     group, factors
         The group of recordings this one belongs to, and its level of each factor that varies within the group.
     states, reasons
@@ -84,10 +82,9 @@ class Measurement:
         What limits the comparison itself: how uncertain the truth is, how wrong the stated exposures are.
     seconds
         Processor time; of all variants together where a method has several.
-    curves
-        For pictures: "response", g at the 256 grey levels, and "vignette", the mean of V in 50 rings.
-    ratios
-        The exposure ratios that a calibration reports: lists "frames", "metadata", "estimated" and "samples".
+    curves, ratios
+        For pictures: "response", g at the 256 grey levels, and "vignette", the mean of V in 50 rings; and the
+        exposure ratios that a calibration reports, lists "frames", "metadata", "estimated" and "samples".
     """
 
     recording: str

@@ -164,12 +164,11 @@ def median_table(rows: Sequence[Measurement]) -> Table:
     recordings = len(recordings_of(rows))
     lines, best = [], set()
     for number, name in enumerate(methods_of(rows)):
-        for place, column in enumerate(columns):
-            if math.isfinite(column[name]) and column[name] == min(column.values()):
-                best.add((number, place + 1))
+        found = [column[name] for column in columns]
+        lowest = (min(column.values()) for column in columns)
+        best |= {(number, i + 1) for i, (f, low) in enumerate(zip(found, lowest, strict=True)) if f == low < math.inf}
         failed = sum(bool(row.problem) for row in rows if row.method == name)
-        texts = (metric.text(column[name]) for metric, column in zip(_SHOWN, columns, strict=True))
-        lines.append((name, *texts, f"{failed}/{recordings}"))
+        lines.append((name, *(m.text(f) for m, f in zip(_SHOWN, found, strict=True)), f"{failed}/{recordings}"))
     title = f"Medians over {recordings} recordings" if recordings > 1 else "Errors"
     header = ("method", *(metric.label for metric in _SHOWN), "no result")
     return Table(title, header, tuple(lines), best=frozenset(best))

@@ -63,8 +63,7 @@ def _text(median: float, runs: Sequence[RunResult]) -> str:
 
 def _summary(runs: Sequence[RunResult]) -> dict[str, Any]:
     """Return the median, None for an infinite one, and how many runs finished."""
-    median = _median(runs)
-    finished = sum(math.isfinite(run.error) for run in runs)
+    median, finished = _median(runs), sum(math.isfinite(run.error) for run in runs)
     return {"median": median if math.isfinite(median) else None, "finished": finished, "runs": len(runs)}
 
 

@@ -117,38 +117,36 @@ def _tasks_of(
         yield task(f"correcting in memory to {kind}", partial(correcting, dtype=kind))
 
 
-_HEADER = (
-    "", "size", "frames", "seconds", "CPU s", "against", "×", "×, CPU", "goal", "push 50 %", "99 %", "memory", "notes"
-)  # fmt: skip
 _LEAST_NAMED = 0.06
 """Share of the time from which a stage's name fits into its bar."""
 
 
-def _cells(row: SpeedRow) -> tuple[str, ...]:
-    at_a_pace = row.what.startswith("live")
-    push = ("", "") if row.push_ms is None else tuple(f"{ms:.2g} ms" for ms in row.push_ms[:2])
+def _cells(row: SpeedRow) -> dict[str, str]:
+    half, rare = ("", "") if row.push_ms is None else (f"{ms:.2g} ms" for ms in row.push_ms[:2])
     verdict = {True: "reached", False: "missed", None: ""}[row.met]
-    return (
-        row.what,
-        f"{row.size[0]}×{row.size[1]}",
-        str(row.frames),
-        f"{row.seconds:.3g}",
-        f"{row.cpu_s:.3g}",
-        f"{row.against}: {row.against_s:.3g} s",
-        "" if at_a_pace else f"{row.ratio:.2f}",
-        f"{row.cpu_ratio:.2f}",
-        f"{row.goal}: {verdict}" if row.goal else "",
-        *push,
-        "" if row.peak_mb is None else f"{row.peak_mb:.0f} MB",
-        row.notes,
-    )
+    return {
+        "": row.what,
+        "size": f"{row.size[0]}×{row.size[1]}",
+        "frames": str(row.frames),
+        "seconds": f"{row.seconds:.3g}",
+        "CPU s": f"{row.cpu_s:.3g}",
+        "against": f"{row.against}: {row.against_s:.3g} s",
+        "×": "" if row.what.startswith("live") else f"{row.ratio:.2f}",
+        "×, CPU": f"{row.cpu_ratio:.2f}",
+        "goal": f"{row.goal}: {verdict}" if row.goal else "",
+        "push 50 %": half,
+        "99 %": rare,
+        "memory": "" if row.peak_mb is None else f"{row.peak_mb:.0f} MB",
+        "notes": row.notes,
+    }
 
 
 def speed_report(rows: Sequence[SpeedRow]) -> StudyReport:
     """Return the report, with ``speed.json``, ``speed.md`` and ``speed.png``."""
     machine = {"cores": os.cpu_count(), "machine": platform.machine(), "system": platform.system()}
     content = {"rows": [row.as_dict() for row in rows], "machine": machine, "versions": versions()}
-    table = Table("Speed", _HEADER, tuple(_cells(row) for row in rows), 2)
+    lines = [_cells(row) for row in rows]
+    table = Table("Speed", tuple(lines[0]), tuple(tuple(line.values()) for line in lines), 2)
     texts = {"speed.json": as_json(content), "speed.md": table.as_markdown()}
     pictures = {"speed.png": partial(_draw, rows)} if any(row.stages for row in rows) else {}
     return StudyReport([table], texts, pictures, content=content)
