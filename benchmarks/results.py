@@ -19,7 +19,7 @@ def measured(calls: Mapping[str, Callable[[], Row]], folder: Path) -> list[Row]:
     Those that the folder has already are not computed again.
     """
     tasks = [
-        Task(name, {"call": name, "made_with": made_with()}, lambda _progress, call=call: call())
+        Task(name, {"call": name, "made_with": made_with(whole=True)}, lambda _progress, call=call: call())
         for name, call in calls.items()
     ]
     found: dict[str, Row] = {}

@@ -42,13 +42,14 @@ def test_results_depend_on_the_source_that_makes_them_and_on_libraries(tmp_path,
         (package / part / "a.py").write_text("1")
     monkeypatch.setattr(runner_module.ospc, "__file__", str(package / "__init__.py"))
 
-    def hashed():
+    def hashed(**options):
         runner_module.source_hash.cache_clear()
-        return made_with()["source"]
+        return made_with(**options)["source"]
 
-    before = hashed()
+    before, whole_before = hashed(), hashed(whole=True)
     (package / "cli" / "a.py").write_text("2")
     assert hashed() == before
+    assert hashed(whole=True) != whole_before
     (package / "estimation" / "a.py").write_text("2")
     assert hashed() != before
     assert {"ospc", "numpy", "scipy", "opencv"} <= set(made_with())

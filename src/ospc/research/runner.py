@@ -24,7 +24,7 @@ _KEY_DIGITS = 24
 """Hexadecimal digits of a key: 96 bits, far more than any number of results needs."""
 
 _WITHOUT_EFFECT = ("cli", "report", "batch", "live", "diagnosis")
-"""Parts of the package whose source cannot change a result."""
+"""Parts of the package whose source cannot change what methods find."""
 
 
 class ResultStore:
@@ -65,19 +65,20 @@ def key_of(description: dict[str, Any]) -> str:
     return sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()
 
 
-def made_with() -> dict[str, str]:
-    """Return the versions and the source that results of this package's own methods depend on."""
-    return {name: version for name, version in versions().items() if name != "python"} | {"source": source_hash()}
+def made_with(*, whole: bool = False) -> dict[str, str]:
+    """Return the versions and the source that results depend on; the whole package's, or that of its methods."""
+    libraries = {name: version for name, version in versions().items() if name != "python"}
+    return libraries | {"source": source_hash(whole)}
 
 
 @cache
-def source_hash() -> str:
-    """Return a hash of the package's source, without the parts that cannot change a result."""
+def source_hash(whole: bool = False) -> str:
+    """Return a hash of the package's source, without the parts that cannot change what its methods find."""
     root = Path(ospc.__file__).parent
     total = sha256()
     for path in sorted(root.rglob("*.py")):
         part = path.relative_to(root)
-        if part.parts[0] not in _WITHOUT_EFFECT:
+        if whole or part.parts[0] not in _WITHOUT_EFFECT:
             total.update(part.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return total.hexdigest()
 

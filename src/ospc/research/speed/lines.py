@@ -98,7 +98,7 @@ def _tasks_of(
     def task(what: str, measure: Any, judged: _Judged = _without_goal) -> Task:
         name = f"{what}, {size[0]}×{size[1]}"
         machine = {"cores": os.cpu_count(), "node": platform.node()}
-        depends_on = {"speed": name, "frames": frames, "machine": machine, "made_with": made_with()}
+        depends_on = {"speed": name, "frames": frames, "machine": machine, "made_with": made_with(whole=True)}
         return Task(name, depends_on, partial(_measure, size, frames, measure, judged), judged)
 
     for wanted, goal in _COMMANDS.get(size, {frames: _without_goal}).items():
