@@ -38,7 +38,7 @@ def accuracy(
 
     sources, notes = accuracy_sources(data, frames)
     run_study(
-        [MeasuringTask(source, PresetMethods(name)) for name in presets for source in select(sources, only)],
+        [measuring_task(source, PresetMethods(name)) for name in presets for source in select(sources, only)],
         out,
         jobs,
         lambda finished: accuracy_report([row for one in finished for row in measured(one.result)], presets, notes),

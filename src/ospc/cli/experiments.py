@@ -74,26 +74,26 @@ class _Run:
 
     def _compare_methods(self) -> None:
         from ospc.research.experiments.design import EXPERIMENTS, experiment_report
-        from ospc.research.source import MeasuringTask, judge, measured
+        from ospc.research.source import judge, measured, measuring_task
 
         experiment = EXPERIMENTS[self.name]
         sources = self._sources(*experiment.stand_ins, speed=experiment.speed, at_rest=experiment.at_rest)
         others = self._others()
 
         def report(finished: Sequence[Finished]) -> StudyReport:
-            done = [one.task.source for one in finished]
-            rows = [row for one in finished for row in (*measured(one.result), *judge(one.task.source, others))]
+            done = [one.task.about for one in finished]
+            rows = [row for one in finished for row in (*measured(one.result), *judge(one.task.about, others))]
             return experiment_report(experiment, done, rows)
 
-        tasks = [MeasuringTask(source, experiment) for source in sources]
+        tasks = [measuring_task(source, experiment) for source in sources]
         run_study(tasks, self.out, self.jobs, report, partly=bool)
 
     def _show_ambiguity(self) -> None:
-        from ospc.research.experiments.ambiguity import Ambiguity, AmbiguityTask, ambiguity_report
+        from ospc.research.experiments.ambiguity import Ambiguity, ambiguity_report, ambiguity_task
 
         source, *_ = self._sources(1, _AMBIGUITY_FRAMES)
         run_study(
-            [AmbiguityTask(source)],
+            [ambiguity_task(source)],
             self.out,
             1,
             lambda finished: ambiguity_report(Ambiguity(**finished[0].result), source.name),
