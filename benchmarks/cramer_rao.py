@@ -55,7 +55,7 @@ def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, inputs.noise, effects=fit.effects)
     assert inputs.observations is not None
     equations = estimator.information(inputs.observations, replace(fit, errors=sensor), fit.parameters)
-    precision = equations.matrix + estimator.prior(fit.parameters).precision(fit.hyperparameters)
+    precision = equations.matrix + fit.prior(fit.parameters).precision(fit.hyperparameters)
     root = np.linalg.cholesky(np.linalg.inv(precision))
     response, vignette = fit.response(inputs.max_grey), fit.vignette(inputs.size)
     found = []

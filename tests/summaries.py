@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ospc.estimation.model_choice import fit_with_chosen_vignette
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.methods.inputs import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response

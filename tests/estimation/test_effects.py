@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
+from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse

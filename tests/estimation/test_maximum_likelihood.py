@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.model_choice import fit_with_chosen_vignette
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
 from ospc.methods.paper import solve_kkt
 from ospc.observations import ExposedObservations

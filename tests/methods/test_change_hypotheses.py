@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ospc.arrays import FloatArray
+from ospc.estimation.model_choice import fit_with_chosen_vignette
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_hypotheses import explain
 from ospc.methods.prediction_errors import GREY_KNOTS, PARTS, ExplainedChange, PairErrors

@@ -46,31 +46,28 @@ Addition = Literal["light", "exposure", "log"]
 
 @dataclass(frozen=True)
 class Seen:
-    """What effects depend on, for each of n observations.
+    """What effects depend on, for each of n observations, shape (n,).
 
     Attributes
     ----------
-    exposure
-        Exposure over the typical one, shape (n,).
-    dark
-        The same, less what the response holds, shape (n,).
+    exposure, dark
+        Exposure over the typical one, and the same less what the response holds.
     light
-        g at the expected grey level, shape (n,).
+        g at the expected grey level.
     log_grey_gain
-        What a power of 1 + θ of the grey level adds to ln g, over θ: γ ln M, shape (n,).
+        What a power of 1 + θ of the grey level adds to ln g, over θ: γ ln M.
     log_black_gain
-        What a rise of the grey level by θ takes from ln g, over θ: γ/M, shape (n,).
+        What a rise of the grey level by θ takes from ln g, over θ: γ/M.
     frame_light, light_nearby
-        Mean of g over the frame and sum over the surroundings, less what the response holds, shape (n,).
+        Mean of g over the frame and sum over the surroundings, less what the response holds.
     log_surround_gain
-        What a power θ of the grey level of the surroundings, put on the grey level, adds to ln g, over θ: γ ln M̄,
-        shape (n,).
+        What a power θ of the grey level of the surroundings, put on the grey level, adds to ln g, over θ: γ ln M̄.
     time
-        From -1 for the first to 1 for the last group, shape (n,).
+        From -1 for the first to 1 for the last group.
     squared_radius
-        R², in half diagonals, shape (n,).
+        R², in half diagonals.
     log_exposure_rate
-        As of observations, shape (n,).
+        As of observations.
     """
 
     exposure: FloatArray
@@ -92,10 +89,8 @@ class Effect:
 
     Attributes
     ----------
-    adds
-        What it adds to: the light on the sensor, the exposure, or ln g.
-    amount
-        What a parameter of 1 adds, in irradiance, typical exposures, or ln g, shape (n,).
+    adds, amount
+        What it adds to, and what a parameter of 1 adds: irradiance, typical exposures, or ln g, shape (n,).
     sigma
         Prior standard deviation of the parameter.
     systematic
@@ -120,9 +115,7 @@ EFFECTS = {
     "veiling glare": Effect("light", lambda seen: seen.frame_light, *GLARE, 0.0, MOST_ADDED_LIGHT),
     "light scattered nearby": Effect("light", lambda seen: seen.light_nearby, *SCATTER, 0.0, MOST_ADDED_LIGHT),
     "dark current": Effect("light", lambda seen: seen.dark, *DARK_CURRENT, 0.0, MOST_ADDED_LIGHT),
-    "exposure offset": Effect(
-        "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, -MOST_OFFSET, MOST_OFFSET
-    ),
+    "exposure offset": Effect("exposure", lambda seen: np.ones_like(seen.dark), *OFFSET, -MOST_OFFSET, MOST_OFFSET),
     LATE_EXPOSURES: Effect(
         "log", lambda seen: seen.log_exposure_rate, *LATENESS, -MOST_LATE_FRAMES, MOST_LATE_FRAMES
     ),
@@ -143,15 +136,7 @@ CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
 
 @dataclass(frozen=True)
 class TypicalLight:
-    """What additional light is made of, in a typical observation.
-
-    Attributes
-    ----------
-    frame_moments, surround_moments
-        As of observations.
-    dark
-        Exposure over the typical one.
-    """
+    """What additional light is made of, in a typical observation: moments, and exposure over the typical one."""
 
     frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
     surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
@@ -199,11 +184,7 @@ class Effects:
     @property
     def sigma(self) -> FloatArray:
         """Prior standard deviation of each parameter about zero, shape (len,)."""
-        return np.array([effect.sigma for effect in self._effects])
-
-    @property
-    def _effects(self) -> list[Effect]:
-        return [EFFECTS[name] for name in self.chosen]
+        return np.array([EFFECTS[name].sigma for name in self.chosen])
 
     def and_(self, *names: str) -> Effects:
         """Return these effects with others."""
@@ -212,17 +193,7 @@ class Effects:
     def seen(
         self, observations: ExposedObservations, basis: ResponseBasis, coefficients: FloatArray, index: IntArray
     ) -> Seen:
-        """Return what the effects depend on.
-
-        Parameters
-        ----------
-        observations
-            n observations.
-        basis, coefficients
-            The response.
-        index
-            Indices of the expected grey levels in the basis's grid, shape (n,).
-        """
+        """Return what the effects depend on, by a response; ``index`` has the expected grey levels in its grid."""
         grid, irradiance = basis.grid, np.exp(basis.log_of(coefficients))
         gamma, cubic = basis.gamma_of(coefficients)[index], _cubic(grid, irradiance)
         exposure = np.exp(observations.log_exposure - self.log_typical_exposure)
@@ -230,33 +201,23 @@ class Effects:
         share, *around = observations.surround_moments.T
         mean_around = np.where(share > 0, around[0] / np.maximum(share, DARKEST_GREY), 1.0)
         return Seen(
-            exposure,
-            exposure - self.typical.dark,
-            np.maximum(irradiance[index], DARKEST_IRRADIANCE),
-            gamma * np.log(grid[index]),
-            gamma / grid[index],
-            (observations.frame_moments - self.typical.frame_moments) @ cubic,
-            (observations.surround_moments - self.typical.surround_moments)[:, 1:] @ cubic,
-            gamma * np.log(np.maximum(mean_around, DARKEST_GREY)),
-            2 * (observations.group - first) / max(last - first, 1) - 1,
-            np.sum(observations.position**2, axis=1),
-            observations.log_exposure_rate,
+            exposure=exposure,
+            dark=exposure - self.typical.dark,
+            light=np.maximum(irradiance[index], DARKEST_IRRADIANCE),
+            log_grey_gain=gamma * np.log(grid[index]),
+            log_black_gain=gamma / grid[index],
+            frame_light=(observations.frame_moments - self.typical.frame_moments) @ cubic,
+            light_nearby=(observations.surround_moments - self.typical.surround_moments)[:, 1:] @ cubic,
+            log_surround_gain=gamma * np.log(np.maximum(mean_around, DARKEST_GREY)),
+            time=2 * (observations.group - first) / max(last - first, 1) - 1,
+            squared_radius=np.sum(observations.position**2, axis=1),
+            log_exposure_rate=observations.log_exposure_rate,
         )
 
     def without_typical_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
         """Return effects whose response holds no additional light, and what becomes of the parameters.
 
-        Parameters
-        ----------
-        basis
-            Basis of the response.
-        parameters
-            Coefficients of the response, any others, and last those of the effects, shape (p,).
-
-        Returns
-        -------
-        tuple of Effects and FloatArray
-            The effects, and the parameters, shape (p,).
+        These are the coefficients of the response, any others, and last those of the effects, shape (p,).
         """
         n = len(basis)
         irradiance = np.exp(basis.log_of(parameters[:n]))
@@ -286,18 +247,15 @@ class Effects:
     def jacobian(self, values: FloatArray, seen: Seen) -> FloatArray:
         """Return the derivative of :meth:`log_gain` by the parameters, shape (n, len)."""
         added, factor, _ = self._parts(values, seen)
-        over = {
-            "light": seen.light * (1 - added),
-            "exposure": seen.exposure * factor,
-            "log": np.ones_like(added),
-        }
-        return np.stack([effect.amount(seen) / over[effect.adds] for effect in self._effects], axis=1)
+        over = {"light": seen.light * (1 - added), "exposure": seen.exposure * factor, "log": np.ones_like(added)}
+        effects = [EFFECTS[name] for name in self.chosen]
+        return np.stack([effect.amount(seen) / over[effect.adds] for effect in effects], axis=1)
 
     def _parts(self, values: FloatArray, seen: Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the share of light added, the factor on the exposure, and what is added to ln g, shape (n,) each."""
         sums = {adds: np.zeros_like(seen.exposure) for adds in get_args(Addition)}
-        for effect, value in zip(self._effects, values, strict=True):
-            sums[effect.adds] += value * effect.amount(seen)
+        for name, value in zip(self.chosen, values, strict=True):
+            sums[EFFECTS[name].adds] += value * EFFECTS[name].amount(seen)
         added = np.clip(sums["light"] / seen.light, -MAX_ADDED_SHARE, MAX_ADDED_SHARE)
         factor = np.maximum(1 + sums["exposure"] / seen.exposure, MIN_EXPOSURE_FACTOR)
         return added, factor, sums["log"]

@@ -58,16 +58,8 @@ class ErrorModel:
     ) -> FloatArray:
         """Return the variance of each observation's grey level, shape (n,).
 
-        Parameters
-        ----------
-        grey
-            Expected grey level, shape (n,).
-        slope
-            dM/d ln e at the expected grey level, shape (n,).
-        irradiance
-            g at the expected grey level, shape (n,).
-        gradient
-            Grey gradient around the sample, per pixel, shape (n,).
+        Grey level, slope dM/d ln e and irradiance g are those expected; the gradient is that of the grey level around
+        the sample, per pixel, shape (n,) each.
         """
         carried = slope**2 * ((self.read / irradiance + self.shot) / irradiance + self.radiance_sigma**2)
         variance = self.constant + carried + (self.registration_sigma_px * gradient) ** 2

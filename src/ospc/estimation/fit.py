@@ -9,13 +9,11 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.estimation.effects import Effects, Seen
+from ospc.estimation.effects import Seen
 from ospc.estimation.error_model import ErrorModel
-from ospc.estimation.noisy_mean import mean_shift
+from ospc.estimation.mean_of_pixels import PixelMeans
+from ospc.estimation.model import Model
 from ospc.estimation.prior import PriorHyperparameters
-from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.texture import TextureShift
-from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
@@ -35,36 +33,27 @@ SUPPORT_QUANTILES = (0.002, 0.998)
 """Quantiles of the grey levels observed between which a response counts as measured: single outliers measure
 nothing."""
 
-
 _SMALLEST_STEP = 1e-12
 """Least step of g from one level to the next: a gamma as steep as 20 near black is zero in floating point for
 several."""
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Parameters of response and vignette with their covariance.
+class Fit(Model):
+    """The parameters of a model with their covariance.
 
     Attributes
     ----------
-    response_basis, vignette_basis
-        The bases that the parameters belong to.
-    effects
-        The effects whose parameters were fitted, too.
     parameters
         Response coefficients, then parameters of the vignette, then those of the effects, shape (p,).
     covariance
         Their covariance, disagreement between parts of the observations included, shape (p, p).
     chance
         Their covariance by chance alone, which more samples reduce, shape (p, p).
-    errors
-        Error model of the observations.
-    hyperparameters
-        Hyperparameters of the prior, as chosen by the data.
-    points
-        Number of scene points in which some observation has weight.
-    groups
-        Number of groups of observations.
+    errors, hyperparameters
+        Error model of the observations, and hyperparameters of the prior as the data chose them.
+    points, groups
+        Number of scene points in which some observation has weight, and of groups of observations.
     pixel_noise
         Noise of the single pixels that the observations are means of; None where it is not known.
     texture_share
@@ -73,9 +62,6 @@ class Fit:
         What the observations say about effects, chosen or not; empty where nothing else was tried.
     """
 
-    response_basis: ResponseBasis
-    vignette_basis: VignetteBasis
-    effects: Effects
     parameters: FloatArray
     covariance: FloatArray
     chance: FloatArray
@@ -90,31 +76,26 @@ class Fit:
     @property
     def response_parameters(self) -> FloatArray:
         """Coefficients of the response basis, shape (len(response_basis),)."""
-        return self.parameters[: len(self.response_basis)]
+        return self.split(self.parameters)[0]
 
     @property
     def vignette_parameters(self) -> FloatArray:
         """Parameters of the vignette basis, shape (len(vignette_basis),)."""
-        return self.parameters[self.vignette_part]
+        return self.split(self.parameters)[1]
 
     @property
     def effect_parameters(self) -> FloatArray:
         """Parameters of the effects, shape (len(effects),)."""
-        return self.parameters[self.vignette_part.stop :]
+        return self.split(self.parameters)[2]
 
-    @property
-    def vignette_part(self) -> slice:
-        """Where the parameters of the vignette are among all."""
-        n = len(self.response_basis)
-        return slice(n, n + len(self.vignette_basis))
+    @cached_property
+    def log_response(self) -> FloatArray:
+        """The logarithm of g on the response basis's grid."""
+        return self.response_basis.log_of(self.response_parameters)
 
     def log_irradiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln e·L of observations: without vignette and additional light, shape (n,)."""
-        log_g = np.interp(
-            self.grey_of_mean(observations),
-            self.response_basis.grid,
-            self.response_basis.log_of(self.response_parameters),
-        )
+        log_g = np.interp(self.grey_of_mean(observations), self.response_basis.grid, self.log_response)
         without_vignette = log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
         if not len(self.effects):
             return without_vignette
@@ -122,36 +103,22 @@ class Fit:
 
     def grey_of_mean(self, observations: Observations) -> FloatArray:
         """Return the grey level of the mean irradiance of the pixels of each observation, shape (n,)."""
-        if self._shifts is None:
+        if self._pixel_means is None:
             return observations.grey
-        by_noise, by_texture = self._shifts
         index = self.response_basis.index_of(observations.grey)
-        texture = self.texture_share * by_texture(observations, index)
-        return np.asarray(observations.grey - by_noise[index] + texture)
+        texture = self.texture_share * self._pixel_means.by_texture(observations, index)
+        return np.asarray(observations.grey - self._pixel_means.by_noise[index] + texture)
 
     @cached_property
-    def _shifts(self) -> tuple[FloatArray, TextureShift] | None:
-        """What noise adds to the mean of pixels, on the basis's grid, and what texture takes from it."""
+    def _pixel_means(self) -> PixelMeans | None:
         if self.pixel_noise is None:
             return None
-        basis, log_response = self.response_basis, self.response_basis.log_of(self.response_parameters)
-        by_noise = mean_shift(basis.grid, log_response, self.pixel_noise)
-        return by_noise, TextureShift.of(basis, self.response_parameters, self.pixel_noise)
+        return PixelMeans.of(self.response_basis, self.response_parameters, self.pixel_noise)
 
     def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the derivative of :meth:`log_irradiance` by the parameters of both curves.
+        """Return the derivative of :meth:`log_irradiance` by the parameters of both curves, shape (n, curves).
 
-        Parameters
-        ----------
-        grey
-            Grey levels, shape (n,).
-        position
-            Places relative to the image centre in half diagonals, shape (n, 2).
-
-        Returns
-        -------
-        FloatArray
-            Shape (n, len(response_basis) + len(vignette_basis)).
+        Grey levels have shape (n,), places relative to the image centre in half diagonals (n, 2).
         """
         by_vignette = self.vignette_basis.jacobian(self.vignette_parameters, position)
         return np.concatenate([self.response_basis.log_rows(grey), -by_vignette], axis=1)
@@ -177,14 +144,10 @@ class Fit:
         return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 
     def _seen(self, observations: ExposedObservations) -> Seen:
-        index = self.response_basis.index_of(observations.grey)
-        return self.effects.seen(observations, self.response_basis, self.response_parameters, index)
+        return self.seen(self.parameters, observations, self.response_basis.index_of(observations.grey))
 
     def response(
-        self,
-        max_grey: int = 255,
-        support: tuple[float, float] = (0.0, 1.0),
-        grey_range: GreyRange = FULL_RANGE,
+        self, max_grey: int = 255, support: tuple[float, float] = (0.0, 1.0), grey_range: GreyRange = FULL_RANGE
     ) -> Response:
         """Return the response with its standard deviation.
 
@@ -199,26 +162,27 @@ class Fit:
         """
         levels = min(max_grey + 1, _MAX_LEVELS)
         grey = grey_range.level(np.linspace(0, 1, levels))
-        log_g = np.interp(grey, self.response_basis.grid, self.response_basis.log_of(self.response_parameters))
-        table = np.exp(log_g)
+        table = np.exp(np.interp(grey, self.response_basis.grid, self.log_response))
         # Below black and above white, too, a response has to increase.
         table, least = np.where(grey > 0, table, 0.0), np.arange(levels) * _SMALLEST_STEP
         table = np.maximum(table, least) if grey_range.is_full else table + least
         reference = float(grey_range.level(sum(support) / 2))
+        model = {
+            "name": "local gamma",
+            "functions": self.response_basis.functions,
+            "knots": self.response_basis.knots.tolist(),
+            "coefficients": self.response_parameters.tolist(),
+            "prior_walk": self.hyperparameters.walk,
+            "prior_drift": self.hyperparameters.drift,
+        }
+        if not grey_range.is_full:
+            model["grey_range"] = [grey_range.black, grey_range.white]
         return Response.from_values(
             table,
             log_sigma=self.log_response_sigma(grey, reference),
-            scale_sigma=float(self.log_response_sigma(np.array([reference]), 1.0)[0]),
+            scale_sigma=self.log_response_step_sigma(1.0, reference),
             support=support,
-            model={
-                "name": "local gamma",
-                "functions": self.response_basis.functions,
-                "knots": self.response_basis.knots.tolist(),
-                "coefficients": self.response_parameters.tolist(),
-                "prior_walk": self.hyperparameters.walk,
-                "prior_drift": self.hyperparameters.drift,
-            }
-            | ({} if grey_range.is_full else {"grey_range": [grey_range.black, grey_range.white]}),
+            model=model,
         )
 
     def vignette(self, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
@@ -265,33 +229,28 @@ class Fit:
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the variance of ln V at radii, shape (n,), along the half diagonals, shape (4, n)."""
         part = self.vignette_part
-        rows = self.vignette_basis.jacobian(self.vignette_parameters, _along_diagonals(radius))
+        along = (radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2)
+        rows = self.vignette_basis.jacobian(self.vignette_parameters, along)
         variance = np.einsum("ij,jk,ik->i", rows, covariance[part, part], rows)
         return np.asarray(variance.reshape(len(_DIAGONALS), -1))
 
     @property
     def vignette_sigma_at_corner(self) -> float:
         """Standard deviation of V at the corner."""
-        return self._vignette_at_corner * float(self.log_vignette_sigma(np.array([1.0]))[0])
+        return self._sigma_at_corner(self.covariance)
 
     @property
     def chance_vignette_sigma_at_corner(self) -> float:
         """The random part of :attr:`vignette_sigma_at_corner`, which more samples reduce."""
-        variance = self._log_vignette_variance(np.array([1.0]), self.chance).mean()
-        return self._vignette_at_corner * float(np.sqrt(variance))
+        return self._sigma_at_corner(self.chance)
 
-    @property
-    def _vignette_at_corner(self) -> float:
+    def _sigma_at_corner(self, covariance: FloatArray) -> float:
         corner = np.array([[1.0, 1.0]]) / np.sqrt(2)
-        return float(np.exp(self.vignette_basis.log_value(self.vignette_parameters, corner))[0])
+        value = float(np.exp(self.vignette_basis.log_value(self.vignette_parameters, corner))[0])
+        return value * float(np.sqrt(self._log_vignette_variance(np.array([1.0]), covariance).mean()))
 
 
 def measured_greys(observations: Observations) -> tuple[float, float]:
     """Return the lowest and the highest grey level, in [0, 1], at which observations measure the response."""
     low, high = np.quantile(observations.grey, SUPPORT_QUANTILES).tolist()
     return low, high
-
-
-def _along_diagonals(radius: FloatArray) -> FloatArray:
-    """Return the positions at radii along the four half diagonals, shape (n,) -> (4 n, 2)."""
-    return np.asarray((radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2))

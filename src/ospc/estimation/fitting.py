@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import NotObservableError, SettingError, counted
-from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
+from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations, Observations
@@ -46,8 +46,7 @@ def fit(
     Returns
     -------
     Fit
-        :meth:`Fit.response <ospc.estimation.fit.Fit.response>` and :meth:`Fit.vignette
-        <ospc.estimation.fit.Fit.vignette>` are the results.
+        Its methods ``response`` and ``vignette`` give the results.
 
     Raises
     ------
@@ -65,12 +64,24 @@ def fit(
     """
     known = settings or DefaultSettings()
     observations.check()
-    exposed = observations.with_exposures(_Exposures.of(exposures_ms, observations))
+    exposed = observations.with_exposures(_Exposures(_log_exposure(exposures_ms, observations)))
     _check_observable(exposed, known, vignette)
     intervals = known.response_intervals if vignette else known.series_intervals
     widest = VignetteBasis(known.radial_terms, free_centre=True, non_radial=True) if vignette else VignetteBasis(0)
     response = ResponseBasis(intervals, known.response_functions)
     return fit_with_chosen_effects(exposed, response, widest, noise, known.rounds)
+
+
+def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> FloatArray:
+    values = np.asarray(exposures_ms, dtype=np.float64)
+    if values.ndim != 1:
+        raise SettingError(f"exposures_ms must have one value for each frame, not shape {values.shape}")
+    last = int(observations.frame.max(initial=-1))
+    if last >= len(values):
+        raise SettingError(f"frame {last} has no exposure: exposures_ms ends at frame {len(values) - 1}")
+    if np.any(values <= 0) or np.any(np.isinf(values)):
+        raise SettingError("exposures must be positive numbers of milliseconds, or NaN where they are unknown")
+    return np.log(values)
 
 
 @dataclass(frozen=True)
@@ -79,21 +90,8 @@ class _Exposures:
 
     log_exposure: FloatArray
 
-    @classmethod
-    def of(cls, exposures_ms: npt.ArrayLike, observations: Observations) -> _Exposures:
-        values = np.asarray(exposures_ms, dtype=np.float64)
-        if values.ndim != 1:
-            raise SettingError(f"exposures_ms must have one value for each frame, not shape {values.shape}")
-        last = int(observations.frame.max(initial=-1))
-        if last >= len(values):
-            raise SettingError(f"frame {last} has no exposure: exposures_ms ends at frame {len(values) - 1}")
-        if np.any(values <= 0) or np.any(np.isinf(values)):
-            raise SettingError("exposures must be positive numbers of milliseconds, or NaN where they are unknown")
-        return cls(np.log(values))
-
     def log_exposure_of(self, frames: IntArray) -> FloatArray:
-        beside = np.pad(self.log_exposure, 1, constant_values=np.nan)
-        return np.asarray(beside[frames + 1])
+        return np.asarray(np.pad(self.log_exposure, 1, constant_values=np.nan)[frames + 1])
 
 
 def _check_observable(observations: ExposedObservations, settings: DefaultSettings, vignette: bool) -> None:

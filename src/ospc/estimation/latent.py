@@ -16,9 +16,8 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.error_model import ErrorModel
-from ospc.estimation.noisy_mean import mean_shift
+from ospc.estimation.mean_of_pixels import PixelMeans
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.texture import TextureShift
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
@@ -32,51 +31,63 @@ from ospc.settings.estimation import (
 
 @dataclass(frozen=True)
 class Latent:
-    """The observations, linearised with the current model.
+    """The observations, linearised with the current model, shape (n,) each.
 
     Attributes
     ----------
-    index
-        Index of the predicted grey level in the basis's grid, shape (n,).
-    grey
-        Predicted grey level, shape (n,).
-    log_response_slope
-        dh/dM at the predicted grey level, shape (n,).
+    index, grey
+        Predicted grey level, and its index in the basis's grid.
+    log_response_slope, irradiance
+        dh/dM and g there.
     linear_log
-        h at the measured grey level, linearised at the predicted one, shape (n,).
-    precision
-        One over the variance of h, shape (n,).
-    residual
-        linear_log − ln e − ln V − u, shape (n,).
-    studentised
-        Residual over its standard deviation, which accounts for the leverage, shape (n,).
-    one_minus_leverage
-        One minus the leverage, shape (n,).
+        h at the measured grey level, linearised at the predicted one.
+    precision, weight
+        One over the variance of h, and the robust weight.
     texture
-        What the texture lowers h by, if all of the variance seen is texture, shape (n,).
+        What the texture lowers h by, if all of the variance seen is texture.
+    offset
+        ln e + ln V.
+    total, mean
+        Sum of weights of the point, and its log radiance u.
     """
 
     index: IntArray
     grey: FloatArray
     log_response_slope: FloatArray
+    irradiance: FloatArray
     linear_log: FloatArray
     precision: FloatArray
-    residual: FloatArray
-    studentised: FloatArray
-    one_minus_leverage: FloatArray
+    weight: FloatArray
     texture: FloatArray
+    offset: FloatArray
+    total: FloatArray
+    mean: FloatArray
+
+    @cached_property
+    def residual(self) -> FloatArray:
+        """linear_log − ln e − ln V − u."""
+        return self.linear_log - self.offset - self.mean
+
+    @cached_property
+    def one_minus_leverage(self) -> FloatArray:
+        """One minus the leverage."""
+        leverage = self.weight * self.precision / np.maximum(self.total, 1e-300)
+        return np.clip(1 - leverage, MIN_ONE_MINUS_LEVERAGE, 1)
+
+    @cached_property
+    def studentised(self) -> FloatArray:
+        """Residual over its standard deviation, which accounts for the leverage."""
+        return self.residual * np.sqrt(self.precision / self.one_minus_leverage)
 
 
 @dataclass(frozen=True)
 class LatentModel:
-    """Linearises observations with a response, a vignette and an error model.
+    """Linearises observations with a response and an error model.
 
     Attributes
     ----------
-    basis
-        Basis of the response.
-    coefficients
-        Coefficients of the response.
+    basis, coefficients
+        The response.
     errors
         Error model of the observations.
     noise
@@ -95,42 +106,17 @@ class LatentModel:
     texture_share: float
     trusted: bool
 
-    def __call__(self, observations: ExposedObservations, log_vignette: FloatArray, weight: FloatArray) -> Latent:
-        """Return the linearised observations.
-
-        Parameters
-        ----------
-        observations
-            The observations.
-        log_vignette
-            ln V of each observation, shape (n,).
-        weight
-            Robust weights, shape (n,).
-        """
+    def __call__(self, observations: ExposedObservations, log_gain: FloatArray, weight: FloatArray) -> Latent:
+        """Return the observations linearised, given ln V of each and their robust weights, shapes (n,)."""
         measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
-        offset = observations.log_exposure + log_vignette
-        state = self._linearised(measured, measured, offset, weight, observations)
-        if self.trusted:
-            for _ in range(LATENT_ITERATIONS):
-                near = MAX_DEVIATION_SIGMAS / (state.log_response_slope * np.sqrt(state.precision))
-                predicted = np.interp(state.mean + offset, self.log_response, self.basis.grid)
-                grey = np.clip(predicted, measured - near, measured + near)
-                state = self._linearised(measured, grey, offset, weight, observations)
-        residual = state.linear_log - offset - state.mean
-        one_minus_leverage = np.clip(
-            1 - weight * state.precision / np.maximum(state.total, 1e-300), MIN_ONE_MINUS_LEVERAGE, 1
-        )
-        return Latent(
-            index=state.index,
-            grey=state.grey,
-            log_response_slope=state.log_response_slope,
-            linear_log=state.linear_log,
-            precision=state.precision,
-            residual=residual,
-            studentised=residual * np.sqrt(state.precision / one_minus_leverage),
-            one_minus_leverage=one_minus_leverage,
-            texture=state.texture,
-        )
+        offset = observations.log_exposure + log_gain
+        latent = self._linearised(observations, measured, offset, weight)
+        for _ in range(LATENT_ITERATIONS if self.trusted else 0):
+            near = MAX_DEVIATION_SIGMAS / (latent.log_response_slope * np.sqrt(latent.precision))
+            predicted = np.interp(latent.mean + offset, self.log_response, self.basis.grid)
+            grey = np.clip(predicted, measured - near, measured + near)
+            latent = self._linearised(observations, grey, offset, weight)
+        return latent
 
     @cached_property
     def log_response(self) -> FloatArray:
@@ -146,12 +132,8 @@ class LatentModel:
         return np.maximum(np.exp(self.log_response), 1e-12)
 
     @cached_property
-    def _mean_shift(self) -> FloatArray:
-        return mean_shift(self.basis.grid, self.log_response, self.pixel_noise)
-
-    @cached_property
-    def _texture_shift(self) -> TextureShift:
-        return TextureShift.of(self.basis, self.coefficients, self.pixel_noise)
+    def _pixel_means(self) -> PixelMeans:
+        return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise)
 
     @cached_property
     def pixel_noise(self) -> NoiseModel:
@@ -164,40 +146,22 @@ class LatentModel:
         return NoiseModel(0.0, 0.0, tuple(variance))
 
     def _linearised(
-        self,
-        measured: FloatArray,
-        grey: FloatArray,
-        offset: FloatArray,
-        weight: FloatArray,
-        observations: ExposedObservations,
-    ) -> _Linearised:
+        self, observations: ExposedObservations, grey: FloatArray, offset: FloatArray, weight: FloatArray
+    ) -> Latent:
         # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
-        level, log_response_slope = self.basis.grid[index], self._log_response_slope[index]
-        excess, texture = measured - level, np.zeros(len(measured))
+        level, slope, irradiance = self.basis.grid[index], self._log_response_slope[index], self._irradiance[index]
+        excess, texture = np.clip(observations.grey, DARKEST_GREY, 1.0) - level, np.zeros(len(level))
         if self.trusted:
             # Neither noise nor texture leave the mean of pixels at the grey level of their mean irradiance.
-            texture = self._texture_shift(observations, index)
-            excess = excess - self._mean_shift[index] + self.texture_share * texture
-        linear_log = self.log_response[index] + log_response_slope * excess
-        variance = self.errors.variance(level, 1 / log_response_slope, self._irradiance[index], observations.gradient)
-        precision = 1 / (variance * log_response_slope**2)
+            texture = self._pixel_means.by_texture(observations, index)
+            excess = excess - self._pixel_means.by_noise[index] + self.texture_share * texture
+        linear_log = self.log_response[index] + slope * excess
+        precision = 1 / (self.errors.variance(level, 1 / slope, irradiance, observations.gradient) * slope**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
-        return _Linearised(
-            index, level, log_response_slope, linear_log, precision, total, mean, log_response_slope * texture
+        return Latent(
+            index, level, slope, irradiance, linear_log, precision, weight, slope * texture, offset, total, mean
         )
-
-
-@dataclass(frozen=True)
-class _Linearised:
-    index: IntArray
-    grey: FloatArray
-    log_response_slope: FloatArray
-    linear_log: FloatArray
-    precision: FloatArray
-    total: FloatArray
-    mean: FloatArray
-    texture: FloatArray
 
 
 def weighted_means(
@@ -205,19 +169,7 @@ def weighted_means(
 ) -> tuple[FloatArray, FloatArray]:
     """Return each point's sum of weights and weighted mean of values, repeated for its observations.
 
-    Parameters
-    ----------
-    values
-        Shape (n,) or (n, p).
-    weights
-        Shape (n,).
-    observations
-        The n observations.
-
-    Returns
-    -------
-    tuple of FloatArray
-        Shapes (n,) and that of ``values``; the mean is zero where all weights of a point are.
+    Values have shape (n,) or (n, p), weights (n,). The mean is zero where all weights of a point are.
     """
     columns = values if values.ndim == 2 else values[:, None]
     weighted = columns * weights[:, None]
@@ -239,17 +191,7 @@ def refitted_share(share: float, latent: Latent, weight: FloatArray, observation
 
     Not all of the variance beside noise is texture of the scene: sharpening, compression and noise that neighbours
     share add to it. The shift of a power law is alike for all observations of a point and leaves the share open.
-
-    Parameters
-    ----------
-    share
-        The share that was taken out of the linearised observations.
-    latent
-        The linearised observations, n of them.
-    weight
-        Their robust weights, shape (n,).
-    observations
-        The observations.
+    ``share`` was taken out of the linearised observations, ``weight`` has their robust weights, shape (n,).
     """
     weight = weight * latent.precision
     shift = latent.texture - weighted_means(latent.texture, weight, observations)[1]

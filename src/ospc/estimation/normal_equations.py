@@ -18,10 +18,8 @@ class NormalEquations:
 
     Attributes
     ----------
-    matrix
-        AᵀWA, shape (p, p).
-    vector
-        AᵀWb, shape (p,).
+    matrix, vector
+        AᵀWA and AᵀWb, shapes (p, p) and (p,).
     scatter
         Sum over the blocks of groups of the outer product of their scores, shape (p, p).
     information_scale
@@ -44,37 +42,18 @@ class NormalEquations:
         """Return the equations with the scatter about the mean score instead of zero.
 
         The mean score is zero at the solution, but not in the direction of a parameter that is left out: there it is
-        what tells that the parameter is missing, and no scatter.
-
-        Parameters
-        ----------
-        about
-            Parameters at which the scores were taken, shape (p,).
+        what tells that the parameter is missing, and no scatter. The scores were taken at ``about``, shape (p,).
         """
         total = self.vector - self.matrix @ about
         return replace(self, scatter=self.scatter - np.outer(total, total) / self.blocks)
 
     def part(self, chosen: IntArray) -> NormalEquations:
-        """Return the equations of some parameters, as if the others were zero; they are to be scaled anew.
-
-        Parameters
-        ----------
-        chosen
-            Indices of the parameters, shape (q,).
-        """
+        """Return the equations of chosen parameters as if the others were zero; they are to be scaled anew."""
         block = np.ix_(chosen, chosen)
         return replace(self, matrix=self.matrix[block], vector=self.vector[chosen], scatter=self.scatter[block])
 
     def without_last(self, count: int, precision: FloatArray) -> NormalEquations:
-        """Return scaled equations with the last parameters integrated out.
-
-        Parameters
-        ----------
-        count
-            How many.
-        precision
-            Precision of their prior about zero, shape (count,).
-        """
+        """Return scaled equations with the last parameters, of a prior precision, (count,), integrated out."""
         if not count:
             return self
         n, scale = len(self.vector) - count, self.information_scale
@@ -87,23 +66,14 @@ class NormalEquations:
     def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
         """Return the equations with the information scale that follows from the scatter between groups.
 
-        Parameters
-        ----------
-        prior_precision
-            Precision of the prior, which makes directions that the data do not determine count little, shape (p, p).
-        sandwich_factor
-            As in the attributes.
+        The precision of the prior, shape (p, p), makes directions that the data do not determine count little.
         """
         # At the solution the scores add up to zero: of a single block nothing is left to tell its scatter.
         scatter = self.matrix if self.blocks == 1 else self.scatter * self.blocks / (self.blocks - 1)
         factor = cho_factor(self.matrix + prior_precision)
         spread = np.trace(cho_solve(factor, scatter)) / max(np.trace(cho_solve(factor, self.matrix)), 1e-300)
-        return replace(
-            self,
-            scatter=scatter,
-            information_scale=float(sandwich_factor**2 / max(spread, 1e-6)),
-            sandwich_factor=sandwich_factor,
-        )
+        scale = float(sandwich_factor**2 / max(spread, 1e-6))
+        return replace(self, scatter=scatter, information_scale=scale, sandwich_factor=sandwich_factor)
 
     def posterior_precision(self, prior: Prior, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision of the parameters given data and prior, shape (p, p)."""
@@ -113,15 +83,8 @@ class NormalEquations:
         """Return the covariance of the most probable parameters about the truth, shape (p, p).
 
         It is the sandwich of Huber (1967): what the parameters do comes from the scatter of the scores, direction by
-        direction, not from the errors assumed.
-
-        Parameters
-        ----------
-        prior, hyperparameters
-            The prior.
-        disagreement
-            What is to be added to the scatter between the groups because parts of the observations disagree in ways
-            that all groups share, shape (p, p).
+        direction, not from the errors assumed. ``disagreement``, shape (p, p), is added to the scatter between the
+        groups because parts of the observations disagree in ways that all groups share.
         """
         bread = np.linalg.inv(self.posterior_precision(prior, hyperparameters))
         # The information scale is the sandwich factor squared over the spread of the scatter.
@@ -144,19 +107,12 @@ class NormalEquations:
         return CANDIDATES[int(np.argmax(fit - log_determinant + of_candidates))]
 
     def solve(self, prior: Prior, hyperparameters: PriorHyperparameters, floor: FloatArray) -> FloatArray:
-        """Return the most probable parameters not below ``floor``, shape (p,), by non-negative least squares.
+        """Return the most probable parameters, shape (p,), by non-negative least squares.
 
-        Parameters
-        ----------
-        prior
-            The prior.
-        hyperparameters
-            Its hyperparameters.
-        floor
-            Lowest value of each parameter, −inf for none, shape (p,).
+        None is below its ``floor``, shape (p,), which is −inf for those without any.
         """
         precision = self.posterior_precision(prior, hyperparameters)
-        target = self._target(prior, hyperparameters)
+        target = np.asarray(self.information_scale * self.vector + prior.precision(hyperparameters) @ prior.mean)
         free = cho_solve(cho_factor(precision), target)
         if np.all(free >= floor):
             return np.asarray(free)
@@ -172,6 +128,3 @@ class NormalEquations:
         found[bound] = low + nnls(upper, rest)[0]
         found[~bound] = cho_solve(factor, target[~bound] - cross @ found[bound])
         return found
-
-    def _target(self, prior: Prior, hyperparameters: PriorHyperparameters) -> FloatArray:
-        return np.asarray(self.information_scale * self.vector + prior.precision(hyperparameters) @ prior.mean)

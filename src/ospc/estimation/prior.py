@@ -28,12 +28,8 @@ from ospc.settings.estimation import (
 class PriorHyperparameters:
     """How rough ln γ is expected to be.
 
-    Attributes
-    ----------
-    walk
-        Standard deviation of a random walk over the whole range of grey levels: allows kinks anywhere.
-    drift
-        Standard deviation of a random walk of the slope over the whole range: allows smooth bends.
+    ``walk`` is the standard deviation of a random walk over the whole range of grey levels, which allows kinks
+    anywhere, ``drift`` that of a random walk of the slope, which allows smooth bends.
     """
 
     walk: float
@@ -54,10 +50,8 @@ class Prior:
 
     Attributes
     ----------
-    knots
-        Grey levels of the response's knots, shape (n,).
-    about
-        Response coefficients at which ln γ is linearised, shape (n,).
+    knots, about
+        Grey levels of the response's knots, and the coefficients at which ln γ is linearised, shape (n,).
     further_sigma
         Standard deviation of each further parameter about zero: of the vignette and of effects, shape (q,).
     """
@@ -99,10 +93,7 @@ def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> Floa
     """Return the covariance of ln γ at grey levels, shape (n,) -> (n, n): random walks from the middle outwards."""
     offset = grey - PRIOR_MIDDLE_GREY
     same_side = offset[:, None] * offset > 0
-    near, far = (
-        np.minimum(np.abs(offset)[:, None], np.abs(offset)),
-        np.maximum(np.abs(offset)[:, None], np.abs(offset)),
-    )
+    near, far = (pick(np.abs(offset)[:, None], np.abs(offset)) for pick in (np.minimum, np.maximum))
     walk = np.where(same_side, near, 0.0)
     drift = np.where(same_side, near**2 * (3 * far - near) / 6, 0.0)
     level = LEVEL_SIGMA**2 + SLOPE_SIGMA**2 * offset[:, None] * offset
@@ -111,13 +102,8 @@ def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> Floa
 
 def _ends(grey: FloatArray) -> FloatArray:
     """Return the covariance of ln γ that is independent of the curve in the middle, at both ends, shape (n, n)."""
-    shoulder = SHOULDER_SIGMA * _shoulder(grey)
+    shoulder = SHOULDER_SIGMA * np.clip((grey - SHOULDER_GREY) / (1 - SHOULDER_GREY), 0.0, 1.0)
     white, black = WHITE_SIGMA**2 * grey**END_EXPONENT, BLACK_SIGMA**2 * (1 - grey) ** END_EXPONENT
     return np.asarray(
         np.outer(shoulder, shoulder) + np.minimum(white[:, None], white) + np.minimum(black[:, None], black)
     )
-
-
-def _shoulder(grey: FloatArray) -> FloatArray:
-    """Return a ramp from 0 where the shoulder begins to 1 at white, shape (n,)."""
-    return np.clip((grey - SHOULDER_GREY) / (1 - SHOULDER_GREY), 0.0, 1.0)

@@ -68,14 +68,7 @@ FUNCTIONS: dict[str, LocalFunctions] = {"hats": Hats()}
 
 @dataclass(frozen=True)
 class ResponseBasis:
-    """Functions for the local gamma, and their integrals for ln g.
-
-    Attributes
-    ----------
-    intervals
-        Number of intervals between the knots.
-    functions
-        Name of the functions in :data:`FUNCTIONS`.
+    """Functions for the local gamma, by their name in :data:`FUNCTIONS`, and their integrals for ln g.
 
     Raises
     ------
@@ -108,7 +101,7 @@ class ResponseBasis:
     @cached_property
     def gamma_table(self) -> FloatArray:
         """Bⱼ on the grid, shape (4097, len)."""
-        return self._values(self.grid)
+        return FUNCTIONS[self.functions].values(self.grid, self.intervals)
 
     @cached_property
     def log_table(self) -> FloatArray:
@@ -122,7 +115,8 @@ class ResponseBasis:
         log_edges = np.log(edges)
         half = np.diff(log_edges)[:, None] / 2
         places = np.exp((log_edges[:-1] + log_edges[1:])[:, None] / 2 + half * nodes)
-        steps = half * sum(weight * self._values(place) for weight, place in zip(weights, places.T, strict=True))
+        values = (FUNCTIONS[self.functions].values(place, self.intervals) for place in places.T)
+        steps = half * sum(weight * value for weight, value in zip(weights, values, strict=True))
         table = np.zeros((RESPONSE_GRID_STEPS + 1, len(self)))
         table[:-1] = -steps[::-1].cumsum(axis=0)[::-1]
         return table
@@ -166,9 +160,6 @@ class ResponseBasis:
         part = (at - lower)[:, None]
         return np.asarray(self.log_table[lower] * (1 - part) + self.log_table[lower + 1] * part)
 
-    def _values(self, grey: FloatArray) -> FloatArray:
-        return FUNCTIONS[self.functions].values(grey, self.intervals)
-
 
 def typical_gamma(grey: npt.ArrayLike) -> FloatArray:
     """Return a typical local gamma at grey levels in [0, 1].
@@ -176,5 +167,4 @@ def typical_gamma(grey: npt.ArrayLike) -> FloatArray:
     A straight line through the medians over 201 measured responses of films and cameras (Grossberg and Nayar 2003,
     database of response functions) up to grey level 0.8. Above, cameras differ too much for a median to help.
     """
-    m = np.asarray(grey, dtype=np.float64)
-    return np.asarray(TYPICAL_GAMMA_BLACK + TYPICAL_GAMMA_RISE * m)
+    return np.asarray(TYPICAL_GAMMA_BLACK + TYPICAL_GAMMA_RISE * np.asarray(grey, dtype=np.float64))

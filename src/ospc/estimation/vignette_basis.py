@@ -13,16 +13,10 @@ from ospc.settings.estimation import VIGNETTE_SIGMA
 
 @dataclass(frozen=True)
 class VignetteBasis:
-    """Radial terms R², R⁴, …, optionally about a free centre and with non-radial terms.
+    """So many radial terms R², R⁴, …, optionally about a free centre and with non-radial terms.
 
-    Attributes
-    ----------
-    radial
-        Number of radial terms.
-    free_centre
-        Whether the centre is estimated: two more parameters, in which ln V is not linear.
-    non_radial
-        Whether the terms :data:`~ospc.photometry.vignette.NON_RADIAL` are added.
+    A free centre is two more parameters, in which ln V is not linear; the non-radial terms are those of
+    :data:`~ospc.photometry.vignette.NON_RADIAL`.
     """
 
     radial: int
@@ -58,11 +52,9 @@ class VignetteBasis:
     def jacobian(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of ln V by the parameters, shape (n, 2) -> (n, len)."""
         offset = position - self.centre(parameters)
-        squared = np.sum(offset**2, axis=1)
-        radial = squared[:, None] ** np.arange(1, self.radial + 1)
-        columns = [radial]
+        squared, order = np.sum(offset**2, axis=1), np.arange(1, self.radial + 1)
+        columns = [squared[:, None] ** order]
         if self.free_centre:
-            order = np.arange(1, self.radial + 1)
             by_squared = (squared[:, None] ** (order - 1)) @ (order * parameters[: self.radial])
             columns.append(-2 * offset * by_squared[:, None] - self._slope_of_non_radial(parameters, offset))
         if self.non_radial:
@@ -91,10 +83,6 @@ class VignetteBasis:
         return replace(model, limit=usable_radius + float(np.hypot(*model.centre)))
 
     def _model(self, parameters: FloatArray, size: ImageSize) -> LogVignette:
-        centre = self.centre(parameters)
-        return LogVignette(
-            size,
-            tuple(parameters[: self.radial].tolist()),
-            (float(centre[0]), float(centre[1])),
-            tuple(parameters[len(self) - len(NON_RADIAL) :].tolist()) if self.non_radial else (),
-        )
+        non_radial = parameters[len(self) - len(NON_RADIAL) :].tolist() if self.non_radial else ()
+        x, y = self.centre(parameters).tolist()
+        return LogVignette(size, tuple(parameters[: self.radial].tolist()), (x, y), tuple(non_radial))

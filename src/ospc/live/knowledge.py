@@ -142,7 +142,7 @@ def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[flo
 def _covariance(fit: Fit, some: ExposedObservations, step: int) -> tuple[FloatArray, float]:
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, fit.pixel_noise)
     equations = estimator.information(some, fit, fit.parameters)
-    prior = estimator.prior(fit.parameters).precision(fit.hyperparameters)
+    prior = fit.prior(fit.parameters).precision(fit.hyperparameters)
     information = step * equations.information_scale * equations.matrix + prior
     return np.asarray(np.linalg.inv(information), dtype=np.float64), equations.information_scale
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from ospc.errors import counted
 from ospc.estimation.fit import Fit
-from ospc.estimation.unevenness import UNEVEN
-from ospc.estimation.unsteadiness import UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE
+from ospc.estimation.residual_effects import UNEVEN, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate

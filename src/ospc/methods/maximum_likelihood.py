@@ -17,9 +17,9 @@ from ospc.correspondence.registration import make_registrar
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.second_thread import SecondThread
 from ospc.correspondence.static_series import StaticSeries
-from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.brightness import BrightnessChange

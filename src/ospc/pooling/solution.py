@@ -13,11 +13,11 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
+from ospc.estimation.model_choice import supported
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import supported
 from ospc.pooling.summary import PARAMETERS, RESPONSE, RESPONSE_PART, VIGNETTE, Summary
 from ospc.settings.estimation import MAX_GAMMA_CHANGE, MIN_GAMMA
 

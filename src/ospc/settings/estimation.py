@@ -27,7 +27,7 @@ TYPICAL_GAMMA_RISE = 0.9
 """Typical local gamma at black, and its linear rise from black to white: they follow the medians over the 201
 measured responses of Grossberg and Nayar (2003) up to grey level 0.8."""
 
-# The vignette basis (ospc.estimation.vignette_basis, vignette_choice)
+# The vignette basis (ospc.estimation.vignette_basis, model_choice)
 
 VIGNETTE_SIGMA = 2.0
 """Prior standard deviation of the vignette's parameters, in ln V at the corner; that of the i-th radial term is
@@ -69,7 +69,7 @@ MIN_ONE_MINUS_LEVERAGE = 1e-3
 PIXEL_NOISE_STRIDE = 16
 """The noise of single pixels is tabulated at every 16th point of the response's grid: at the 8-bit grey levels."""
 
-# The shift of a mean of noisy pixels (ospc.estimation.noisy_mean)
+# The shift of a mean of noisy pixels (ospc.estimation.mean_of_pixels)
 
 SHIFT_LEVELS = 513
 """Grey levels at which the shift is computed, half an 8-bit grey level apart. No effect from 257 to 1025."""
@@ -290,7 +290,7 @@ DARKEST_IRRADIANCE = 1e-3
 """Least irradiance, over that at white, that additional light is compared with: what is darker counts as so bright.
 Below the black level of limited-range video g is next to nothing, and single samples would decide."""
 
-# Which effects count (ospc.estimation.effect_choice)
+# Which effects count (ospc.estimation.model_choice)
 
 SUSPECTED_SIGMAS = 1.5
 """Standard deviations from which on an effect is fitted with everything else. One step towards it tells little: the
@@ -319,7 +319,7 @@ PREFERRED_SHARE = 0.9
 """Significance, over that of the clearest effect, from which on one of a camera is tried before a contradiction: an
 offset of the exposures is also a curvature of their logarithm."""
 
-# Whether the vignette is smooth (ospc.estimation.unevenness)
+# Whether the vignette is smooth (ospc.estimation.residual_effects)
 
 UNEVEN_CELLS = (16, 12)
 """Parts of the image, across and down, that are compared: about square, and as large as dirt."""
@@ -342,7 +342,7 @@ UNEVEN_SIGMAS = 4.5
 whole and cut to three and six tenths, 4.0 was the largest of all parts; in five with smudges of some per cent, 5.0 or
 more."""
 
-# Whether response and vignette are the same in all frames (ospc.estimation.unsteadiness)
+# Whether response and vignette are the same in all frames (ospc.estimation.residual_effects)
 
 UNSTEADY_FEWEST_POINTS = 20
 """Fewest scene points of a pair whose slope is judged."""

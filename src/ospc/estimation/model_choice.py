@@ -1,4 +1,8 @@
-"""The choice of the effects that the observations show; those that they cannot tell widen the uncertainty."""
+"""The choice of the vignette and the effects that the observations show.
+
+A decentred or non-radial vignette is chosen by an information criterion. Effects that cannot be told widen the
+uncertainty.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +16,16 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.residual_effects import uneven_vignette, unsteadiness
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.unevenness import uneven_vignette
-from ospc.estimation.unsteadiness import unsteadiness
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.observations import ExposedObservations
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
+    ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
+    FIRST_FIT_POINTS,
     MIN_GROUPS,
     MIN_GROUPS_TO_CONTRADICT,
     PREFERRED_SHARE,
@@ -29,6 +33,63 @@ from ospc.settings.estimation import (
     SIGNIFICANT_SIGMAS_IN_ALL,
     SUSPECTED_SIGMAS,
 )
+
+_FEWEST_GROUPS = 3
+"""Number of groups that the criterion is computed for at least: the logarithm of one or two is no penalty."""
+
+
+def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
+    observations: ExposedObservations,
+    response: ResponseBasis,
+    widest: VignetteBasis,
+    noise: NoiseModel | None,
+    rounds: int,
+    effects: Effects | None = None,
+) -> Fit:
+    """Fit response and vignette, with no more vignette parameters than the data support.
+
+    Starting from the purely radial model, first the free centre and then the non-radial terms are added, as long as
+    the criterion of Schwarz (1978) is met: the joint Wald statistic of the added parameters, whose covariance
+    includes correlated errors, must exceed their number times the logarithm of the number of groups.
+
+    Parameters
+    ----------
+    observations
+        The observations.
+    response, widest
+        Basis of the response, and the richest vignette considered.
+    noise
+        Noise of single pixels; None where the observations are single pixels themselves.
+    rounds
+        Most rounds of each fit after the first, convex one.
+    effects
+        What is fitted beside them; None for nothing.
+    """
+    beside = Effects() if effects is None else effects
+    simplest = replace(widest, free_centre=False, non_radial=False)
+    estimator = MaximumLikelihoodEstimator(response, simplest, noise, rounds, beside)
+    # A part of the points already gives most of the solution; only the last rounds need all of them.
+    step = len(observations.starts) // FIRST_FIT_POINTS
+    start = estimator.fit(observations.of_points(slice(None, None, step))) if step > 1 else None
+    fit = estimator.fit(observations, start)
+    for richer in (replace(simplest, free_centre=True), widest):
+        if richer == fit.vignette_basis or len(richer) <= len(fit.vignette_basis):
+            continue
+        wider = MaximumLikelihoodEstimator(response, richer, noise, rounds, beside).fit(observations, fit)
+        if not supported(wider, len(richer) - len(fit.vignette_basis)):
+            break
+        fit = wider
+    return fit
+
+
+def supported(fit: Fit, last: int) -> bool:
+    """Return whether the last ``last`` parameters of the vignette meet the criterion."""
+    end = fit.vignette_part.stop
+    part = slice(end - last, end)
+    value = fit.parameters[part]
+    covariance = fit.chance[part, part] + ASYMMETRY_SIGMA**2 * np.eye(last)
+    statistic = float(value @ np.linalg.solve(covariance, value))
+    return bool(statistic > last * np.log(max(fit.groups, _FEWEST_GROUPS)))
 
 
 def fit_with_chosen_effects(
@@ -42,31 +103,28 @@ def fit_with_chosen_effects(
 
     One effect after the other is tried, the clearest first, and kept if it is significant by the scatter of the
     observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. What
-    the effects that are left out may amount to is added to the covariance. A camera at rest shows none.
-
-    Parameters
-    ----------
-    observations, response, widest, noise, rounds
-        As for :func:`~ospc.estimation.vignette_choice.fit_with_chosen_vignette`.
+    the effects that are left out may amount to is added to the covariance. A camera at rest shows none. The
+    parameters are those of :func:`fit_with_chosen_vignette`.
     """
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
     fit, possible = plain, _possible(plain.groups)
     refused: list[str] = []
-    plain_trials = trials = tried(observations, fit, noise, tuple(EFFECTS))
+    plain_trials = trials = _tried(observations, fit, noise, tuple(EFFECTS))
     while name := _suspected(trials, possible):
         possible = tuple(other for other in possible if other != name)
         effects = fit.effects.and_(name)
-        estimator = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, effects)
-        wider = estimator.fit(observations, fit)
+        wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, effects).fit(
+            observations, fit
+        )
         if not _accepted(wider):
             refused.append(name)
             continue
         if name in CONTRADICTIONS:
             return _with_estimates(plain, plain_trials, _estimates(wider)[-1:], refused)
         fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, effects)
-        trials = tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
+        trials = _tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fit, trials, (), refused)
     residual = fit.residuals(observations)
@@ -76,17 +134,11 @@ def fit_with_chosen_effects(
 
 
 @dataclass(frozen=True)
-class Trial:
+class _Trial:
     """What one step of Newton's method from a fit without an effect makes of it.
 
-    Attributes
-    ----------
-    name
-        Name of the effect.
-    value, sigma
-        Its parameter, and the standard deviation by chance.
-    carried
-        How the parameters of the fit follow that of the effect, shape (p,).
+    ``sigma`` is the standard deviation of its value by chance; ``carried``, shape (p,), is how the parameters of the
+    fit follow that of the effect.
     """
 
     name: str
@@ -105,15 +157,16 @@ class Trial:
         return float(np.hypot(self.sigma, EFFECTS[self.name].systematic))
 
 
-def tried(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None, names: Sequence[str]) -> list[Trial]:
+def _tried(
+    observations: ExposedObservations, fit: Fit, noise: NoiseModel | None, names: Sequence[str]
+) -> list[_Trial]:
     """Return what the observations say about effects that a fit leaves out, about each as if it were the only one."""
-    estimator = MaximumLikelihoodEstimator(
-        fit.response_basis, fit.vignette_basis, noise, effects=fit.effects.and_(*names)
-    )
+    effects = fit.effects.and_(*names)
+    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, noise, effects=effects)
     p = len(fit.parameters)
     about = np.concatenate([fit.parameters, np.zeros(len(names))])
     equations = estimator.information(observations, fit, about).centred(about)
-    prior = estimator.prior(about)
+    prior = estimator.model.prior(about)
     precision = prior.precision(fit.hyperparameters)
     trials = []
     for i, name in enumerate(names):
@@ -124,7 +177,7 @@ def tried(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None,
         inverse = np.linalg.inv(whole)
         found = inverse @ (part.information_scale * part.vector + own @ prior.mean[chosen])
         carried = -np.linalg.solve(whole[:p, :p], whole[:p, p])
-        trials.append(Trial(name, float(found[p]), float(np.sqrt(inverse[p, p])), carried))
+        trials.append(_Trial(name, float(found[p]), float(np.sqrt(inverse[p, p])), carried))
     return trials
 
 
@@ -135,7 +188,7 @@ def _possible(groups: int) -> tuple[str, ...]:
     return CONTRADICTIONS if groups >= MIN_GROUPS_TO_CONTRADICT else ()
 
 
-def _suspected(trials: Sequence[Trial], possible: Sequence[str]) -> str:
+def _suspected(trials: Sequence[_Trial], possible: Sequence[str]) -> str:
     """Return the clearest of the possible effects, one of a camera where it is nearly so; empty if none is clear."""
     clear = {trial.name: trial.sigmas for trial in trials if trial.name in possible}
     threshold = max(SUSPECTED_SIGMAS, PREFERRED_SHARE * max(clear.values(), default=0.0))
@@ -158,8 +211,7 @@ def _accepted(fit: Fit) -> bool:
 
 
 def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
-    """Return the estimates of the effects of a fit."""
-    sigma = np.sqrt(np.diag(fit.covariance))[len(fit.parameters) - len(fit.effects) :]
+    sigma = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :]
     return tuple(
         EffectEstimate(name, float(value), float(deviation), name in CORRECTED, name in CONTRADICTIONS)
         for name, value, deviation in zip(fit.effects.chosen, fit.effect_parameters, sigma, strict=True)
@@ -167,23 +219,21 @@ def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
 
 
 def _with_estimates(
-    fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...], refused: Sequence[str]
+    fit: Fit, trials: Sequence[_Trial], found: tuple[EffectEstimate, ...], refused: Sequence[str]
 ) -> Fit:
     """Return a fit with the estimates of effects, and with a covariance that has those that are left out.
 
     An effect that was suspected and refused may be there all the same, as large as it seems.
     """
     left_out = [trial for trial in trials if trial.name in CORRECTED or trial.name in refused]
-    slopes = [_slope_of_left_out(fit, trial) for trial in left_out]
     sizes = [np.hypot(trial.sigma, trial.value if trial.name in refused else 0.0) for trial in left_out]
+    slopes = [_slope_of_left_out(fit, trial) for trial in left_out]
+    widened = sum(size**2 * np.outer(slope, slope) for size, slope in zip(sizes, slopes, strict=True))
     fit = _without_typical_light(fit)
-    covariance = fit.covariance + sum(
-        size**2 * np.outer(slope, slope) for size, slope in zip(sizes, slopes, strict=True)
-    )
     estimates = (
         EffectEstimate(trial.name, trial.value, trial.sigma_in_all) for trial in left_out if trial.name in CORRECTED
     )
-    return replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
+    return replace(fit, covariance=fit.covariance + widened, effect_estimates=(*found, *estimates))
 
 
 def _without_typical_light(fit: Fit) -> Fit:
@@ -196,16 +246,11 @@ def _without_typical_light(fit: Fit) -> Fit:
     if not len(effects):
         return replace(fit, effects=effects)
     slope = approx_fprime(fit.parameters, changed)
-    return replace(
-        fit,
-        effects=effects,
-        parameters=parameters,
-        covariance=slope @ fit.covariance @ slope.T,
-        chance=slope @ fit.chance @ slope.T,
-    )
+    covariance, chance = (slope @ matrix @ slope.T for matrix in (fit.covariance, fit.chance))
+    return replace(fit, effects=effects, parameters=parameters, covariance=covariance, chance=chance)
 
 
-def _slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
+def _slope_of_left_out(fit: Fit, trial: _Trial) -> FloatArray:
     """Return how the parameters follow an effect that is left out, with a response that holds none of it, (p,)."""
     effects = fit.effects.and_(trial.name)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
-from ospc.estimation.noisy_mean import mean_shift
+from ospc.estimation.mean_of_pixels import mean_shift
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.simulation.responses import RESPONSES

@@ -1,0 +1,102 @@
+"""How the mean of pixels differs from the grey level of their mean irradiance: by noise, and by texture.
+
+A sensor adds noise to the irradiance; the response then bends and clips the sum. Near black, where responses are
+steep and the noise is clipped, this shift of the mean is the largest error of all unless it is corrected.
+
+Texture does the same. By Taylor's theorem it lowers the mean by (g″/g′)/2 times its variance. With a power law that
+is alike for all exposures of a place. With other responses it is not, and the fit would take it for a part of the
+response.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.special import ndtri
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.observations import Observations
+from ospc.photometry.noise import NoiseModel
+from ospc.settings.estimation import (
+    DARKEST_GREY,
+    MAX_NOISE,
+    MAX_TEXTURE,
+    MIN_NOISE_IRRADIANCE,
+    MIN_NOISE_LEVELS,
+    SHIFT_LEVELS,
+    SHIFT_QUANTILES,
+    UNCLIPPED_SIGMAS,
+)
+
+_NORMAL = ndtri((np.arange(SHIFT_QUANTILES) + 0.5) / SHIFT_QUANTILES)
+"""Equally probable values of a standard normal variable, shape (65,)."""
+
+
+@dataclass(frozen=True)
+class PixelMeans:
+    """The shifts of one response, on the grid of its basis, shape (grid,) each.
+
+    Attributes
+    ----------
+    by_noise
+        What noise adds to the mean.
+    grid, bend
+        Grey levels, and g″/g′ at them.
+    noise_variance
+        Variance of single pixels.
+    """
+
+    by_noise: FloatArray
+    grid: FloatArray
+    bend: FloatArray
+    noise_variance: FloatArray
+
+    @classmethod
+    def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> PixelMeans:
+        """Return the shifts of a response, by its coefficients and the noise of single pixels."""
+        by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
+        return cls(by_noise, basis.grid, basis.bend_of(coefficients), noise.variance(basis.grid))
+
+    def by_texture(self, observations: Observations, index: IntArray) -> FloatArray:
+        """Return what texture takes from the mean, (n,); zero where the variance of the pixels is unknown.
+
+        ``index`` has the place of each observation's grey level in the grid, shape (n,).
+        """
+        grey, noise = np.maximum(self.grid[index], DARKEST_GREY), self.noise_variance[index]
+        texture = np.where(observations.grey_variance > 0, observations.grey_variance - noise, 0.0)
+        most = (MAX_TEXTURE * grey) ** 2
+        share = np.minimum(1, most / np.maximum(np.abs(texture), most)) / (1 + (noise / (MAX_NOISE * grey) ** 2) ** 2)
+        # The same of all observations of a point: what is corrected in one only would look like another exposure.
+        least = np.repeat(np.minimum.reduceat(share, observations.starts), observations.counts)
+        return np.asarray(self.bend[index] / 2 * texture * least)
+
+
+def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) -> FloatArray:
+    """Return the mean of noisy pixels minus the noise-free grey level, at grey levels with their ln g, shape (n,)."""
+    level = np.linspace(0, 1, SHIFT_LEVELS)
+    log_g = np.interp(level, grid, log_response)
+    irradiance = np.where(level > 0, np.exp(log_g), 0.0)
+    constant, proportional = _irradiance_noise(level, irradiance, noise)
+    sigma = np.sqrt(constant + proportional * irradiance)
+    noisy = np.clip(irradiance[:, None] + sigma[:, None] * _NORMAL, 1e-12, 1.0)
+    mean = np.interp(np.log(noisy), log_response, grid, left=0.0).mean(axis=1)
+    return np.asarray(np.interp(grid, level, mean - level))
+
+
+def _irradiance_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseModel) -> tuple[float, float]:
+    """Return the variance of the irradiance at black and its growth with irradiance: read and shot noise."""
+    variance = noise.variance(level)
+    slope = np.gradient(irradiance, level)
+    # Near the ends, noise cannot be measured, and the model repeats the nearest measurement.
+    unclipped = np.minimum(level, 1 - level) > UNCLIPPED_SIGMAS * np.sqrt(variance)
+    # Levels without any noise would have infinite weight.
+    known = unclipped & (irradiance > MIN_NOISE_IRRADIANCE) & (variance > 0)
+    if np.count_nonzero(known) < MIN_NOISE_LEVELS:
+        return 0.0, 0.0
+    of_irradiance = variance[known] * slope[known] ** 2
+    rows = np.stack([np.ones(len(of_irradiance)), irradiance[known]], axis=1) / of_irradiance[:, None]
+    constant, proportional = nnls(rows, np.ones(len(rows)))[0]
+    return float(constant), float(proportional)

@@ -1,0 +1,200 @@
+"""What is fitted, response, vignette and effects, and the linear system that observations make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.effects import Effects, Seen
+from ospc.estimation.latent import Latent, weighted_means
+from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.prior import Prior
+from ospc.estimation.response_basis import ResponseBasis, typical_gamma
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.observations import ExposedObservations
+from ospc.settings.estimation import (
+    CHUNK_OBSERVATIONS,
+    DISAGREEMENT_SHARE,
+    GROUPS_PER_BLOCK,
+    MAX_GAMMA_CHANGE,
+    MIN_BLOCKS,
+    MIN_GAMMA,
+)
+
+
+@dataclass(frozen=True)
+class Model:
+    """Response, vignette and effects; the parameters of all three, in this order, have shape (p,)."""
+
+    response_basis: ResponseBasis
+    vignette_basis: VignetteBasis
+    effects: Effects
+
+    @property
+    def vignette_part(self) -> slice:
+        """Where the parameters of the vignette are among all."""
+        n = len(self.response_basis)
+        return slice(n, n + len(self.vignette_basis))
+
+    def split(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the parameters of the response, of the vignette and of the effects."""
+        vignette = self.vignette_part
+        return parameters[: vignette.start], parameters[vignette], parameters[vignette.stop :]
+
+    @property
+    def typical(self) -> FloatArray:
+        """Parameters of a typical response and nothing else, shape (p,)."""
+        further = len(self.vignette_basis) + len(self.effects)
+        return np.concatenate([typical_gamma(self.response_basis.knots), np.zeros(further)])
+
+    @property
+    def floor(self) -> FloatArray:
+        """Lowest value of each parameter, −inf for none, shape (p,)."""
+        floor = np.full(self.vignette_part.stop + len(self.effects), -np.inf)
+        floor[: len(self.response_basis)] = MIN_GAMMA
+        return floor
+
+    def limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
+        """Return the parameters with no gamma further from the previous one than its linearised logarithm holds."""
+        n = len(self.response_basis)
+        gamma = np.clip(parameters[:n], previous[:n] / MAX_GAMMA_CHANGE, previous[:n] * MAX_GAMMA_CHANGE)
+        return np.concatenate([gamma, parameters[n:]])
+
+    def prior(self, parameters: FloatArray) -> Prior:
+        """Return the prior of the parameters, linearised at some, shape (p,)."""
+        further_sigma = np.concatenate([self.vignette_basis.prior_sigma, self.effects.sigma])
+        return Prior(self.response_basis.knots, self.split(parameters)[0], further_sigma)
+
+    def seen(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> Seen:
+        """Return what effects depend on; ``index`` has the expected grey levels in the basis's grid, shape (n,)."""
+        return self.effects.seen(observations, self.response_basis, self.split(parameters)[0], index)
+
+    def log_gain(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> FloatArray:
+        """Return ln of the irradiance over exposure and radiance, shape (n,); the index is that of :meth:`seen`."""
+        _, vignette, values = self.split(parameters)
+        log_vignette = self.vignette_basis.log_value(vignette, observations.position)
+        if not len(self.effects):
+            return log_vignette
+        return log_vignette + self.effects.log_gain(values, self.seen(parameters, observations, index))
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """h(M) − ln V − u = ln e + s of every observation, without the radiance u of its point.
+
+    Attributes
+    ----------
+    model, about
+        The model, linearised at parameters of shape (p,).
+    observations, latent
+        n observations, and the same linearised.
+    weight
+        Robust weights, shape (n,).
+    """
+
+    model: Model
+    about: FloatArray
+    observations: ExposedObservations
+    latent: Latent
+    weight: FloatArray
+
+    def equations(self) -> NormalEquations:
+        """Return the normal equations."""
+        p = len(self.about)
+        block = _blocks_of(self.observations.group)
+        matrix, vector, scores = np.zeros((p, p)), np.zeros(p), np.zeros((int(block.max()) + 1, p))
+        for part in _chunks(self.observations):
+            rows, target, factor, member = self._free_of_radiance(part)
+            weighted = rows * factor[:, None]
+            matrix += rows.T @ weighted
+            vector += weighted.T @ target
+            misfit = target - rows @ self.about
+            shape = (len(scores), len(rows))
+            scores += csr_matrix((misfit, (block[part][member], np.arange(len(rows)))), shape=shape) @ weighted
+        return NormalEquations(matrix, vector, scores.T @ scores, blocks=len(scores))
+
+    def disagreement(self, parameters: FloatArray) -> FloatArray:
+        """Return the scatter of the scores between the halves of the observations, cut in several ways, (p, p).
+
+        Errors that all groups share, such as registration that is drawn to equal brightness, do not show in the
+        scatter between groups. Most of them depend on something: on time, on the ratio of the exposures, on the place
+        in the image. Then the halves would have the parameters move to opposite sides.
+        """
+        sides = np.repeat(_halves(self.observations), self.observations.counts, axis=1)
+        scores = np.zeros((len(sides), len(parameters)))
+        for part in _chunks(self.observations):
+            rows, target, factor, member = self._free_of_radiance(part)
+            misfit = target - rows @ parameters
+            scores += (sides[:, part][:, member] * (factor * misfit)) @ rows
+        return np.asarray(DISAGREEMENT_SHARE * scores.T @ scores)
+
+    def _free_of_radiance(self, part: slice) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
+        """Return rows, right-hand sides, weights, and whose they are, with each point's radiance eliminated."""
+        seen = self.observations.where(part)
+        rows, target = self._rows(seen, part)
+        factor = self.weight[part] * self.latent.precision[part]
+        if np.all(seen.counts == 2):
+            # Minus their weighted mean, the two observations of a pair give the same equation: keep one difference.
+            both = factor[0::2] + factor[1::2]
+            factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
+            return rows[0::2] - rows[1::2], target[0::2] - target[1::2], factor, slice(0, None, 2)
+        _, mean = weighted_means(np.column_stack([rows, target]), factor, seen)
+        return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
+
+    def _rows(self, seen: ExposedObservations, part: slice) -> tuple[FloatArray, FloatArray]:
+        """Return rows and right-hand sides, linear in all parameters."""
+        model, index = self.model, self.latent.index[part]
+        gamma, vignette, values = model.split(self.about)
+        jacobian = model.vignette_basis.jacobian(vignette, seen.position)
+        # Where ln V is not linear in its parameters (the centre), what the linearisation leaves goes to the right.
+        constant = model.vignette_basis.log_value(vignette, seen.position) - jacobian @ vignette
+        rows = np.concatenate([model.response_basis.log_table[index], -jacobian], axis=1)
+        # h at the measured grey level is h at the predicted one, which the rows hold, plus this much.
+        excess = self.latent.linear_log[part] - rows[:, : len(gamma)] @ gamma
+        target = seen.log_exposure + constant - excess
+        if len(model.effects):
+            known = model.seen(self.about, seen, index)
+            slopes = model.effects.jacobian(values, known)
+            rows = np.concatenate([rows, -slopes], axis=1)
+            target = target + model.effects.log_gain(values, known) - slopes @ values
+        return rows, target
+
+
+def _blocks_of(group: IntArray) -> IntArray:
+    """Return the block each observation counts to when the spread of scores is measured, shape (n,).
+
+    Errors of one pair of frames recur in the next ones, which show the same scene. Consecutive groups form a block,
+    as long as enough blocks remain to measure a spread between them.
+    """
+    _, number = np.unique(group, return_inverse=True)
+    size = int(np.clip((number.max() + 1) // MIN_BLOCKS, 1, GROUPS_PER_BLOCK))
+    return np.asarray(number // size)
+
+
+def _halves(observations: ExposedObservations) -> FloatArray:
+    """Return -1 or 1 for every point and each way to cut the observations into halves, shape (ways, points).
+
+    The ways are: early and late, large and small exposure ratios, rising and falling exposure, centre and edge.
+    """
+    first = observations.starts
+    last = first + observations.counts - 1
+    log_ratio = observations.log_exposure[last] - observations.log_exposure[first]
+    squared_radius = np.sum(observations.position**2, axis=1)
+    size, time, place = np.abs(log_ratio), observations.group[first], squared_radius[first] + squared_radius[last]
+    above = (time > np.median(time), size > np.median(size), log_ratio > 0.0, place > np.median(place))
+    return np.where(above, 1.0, -1.0)
+
+
+def _chunks(observations: ExposedObservations) -> Iterator[slice]:
+    """Give slices of bounded length that do not cut a point's observations apart."""
+    starts = np.append(observations.starts, len(observations))
+    begin = 0
+    while begin < len(observations):
+        end = int(starts[np.searchsorted(starts, begin + CHUNK_OBSERVATIONS, side="right") - 1])
+        end = end if end > begin else int(starts[np.searchsorted(starts, begin, side="right")])
+        yield slice(begin, end)
+        begin = end

@@ -1,0 +1,134 @@
+"""What no camera with one response and one vignette does, by what a fit leaves in single parts and frames.
+
+Dirt, scratches and shading correction make parts of the image darker or brighter than a smooth vignette. Automatic
+contrast and electronic stabilisation make response and vignette differ from frame to frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtri, stdtr
+
+from ospc.arrays import BoolArray, FloatArray, IntArray, members_of
+from ospc.observations import ExposedObservations
+from ospc.photometry.effect_estimate import EffectEstimate
+from ospc.robust import robust_scale
+from ospc.settings.estimation import (
+    DARKEST_GREY,
+    UNEVEN_CELLS,
+    UNEVEN_FEWEST,
+    UNEVEN_FEWEST_BLOCKS,
+    UNEVEN_GROUPS_PER_BLOCK,
+    UNEVEN_SIGMAS,
+    UNEVEN_SYSTEMATIC,
+    UNSTEADY_FEWEST_PAIRS,
+    UNSTEADY_FEWEST_POINTS,
+    UNSTEADY_SIGMAS,
+    UNSTEADY_SLOPE,
+    UNSTEADY_SPREAD,
+    WEIGHT_CUT_SIGMAS,
+)
+
+UNEVEN, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE = "uneven vignette", "unsteady response", "unsteady vignette"
+"""Names of the findings."""
+
+
+def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+    """Return the part of the image that a smooth vignette explains least; nothing if all are explained.
+
+    Its value is ln of its brightness over that of the vignette: twice the mean residual, because a residual is
+    relative to the mean of two observations. The :meth:`~ospc.estimation.fit.Fit.residuals` are those of a fit to the
+    observations, shape (n,).
+    """
+    known = np.isfinite(residual)
+    if not known.any():
+        return ()
+    limit = WEIGHT_CUT_SIGMAS * robust_scale(residual[known])
+    residual = np.clip(residual, -limit, limit)
+    part = _part(observations)
+    means = (_mean(residual, observations, known & (part == number)) for number in range(np.prod(UNEVEN_CELLS)))
+    found = [one for one in means if one is not None]
+    if not found:
+        return ()
+    mean, sigma, freedom = np.array(found).T
+    # The scatter between few blocks is itself uncertain: the normal deviate that is as improbable is smaller.
+    sigmas = -ndtri(stdtr(freedom, -np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)))
+    worst = int(np.argmax(sigmas))
+    if sigmas[worst] < UNEVEN_SIGMAS:
+        return ()
+    return (EffectEstimate(UNEVEN, 2 * float(mean[worst]), 2 * float(sigma[worst]), contradicts=True),)
+
+
+def _part(observations: ExposedObservations) -> IntArray:
+    """Return the number of the part of the image that each observation is in, shape (n,)."""
+    extent = np.abs(observations.position).max(axis=0)
+    place = np.clip((observations.position / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
+    return np.asarray(place.astype(np.int64) @ [1, UNEVEN_CELLS[0]])
+
+
+def _mean(
+    residual: FloatArray, observations: ExposedObservations, inside: BoolArray
+) -> tuple[float, float, float] | None:
+    """Return the mean residual, its standard deviation by the scatter between blocks, and the degrees of freedom."""
+    _, block = np.unique(observations.group[inside] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
+    count = np.bincount(block).astype(np.float64)
+    if count.sum() < UNEVEN_FEWEST or len(count) < UNEVEN_FEWEST_BLOCKS:
+        return None
+    mean = residual[inside].mean()
+    deviation = np.bincount(block, residual[inside] - mean)
+    sigma = np.sqrt(np.sum(deviation**2) * len(count) / (len(count) - 1)) / count.sum()
+    return float(mean), float(sigma), float(count.sum() ** 2 / np.sum(count**2) - 1)
+
+
+def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+    """Return what differs between the frames of a pair, by the same residuals; nothing if the pairs agree.
+
+    With one response and one vignette, the radiances that two frames show of the same points differ by chance alone.
+    With another exponent in one frame, their logarithms differ in proportion to ln M; with a vignette that was moved,
+    in proportion to x and y. The value is the standard deviation of that slope between pairs, without what the
+    scatter inside them lets expect.
+    """
+    first = observations.starts
+    last = first + observations.counts - 1
+    change = residual[last] - residual[first]
+    known = np.flatnonzero(np.isfinite(change))
+    pairs = [known[members] for members in members_of(observations.group[first][known])]
+    log_grey = np.log(np.maximum(observations.grey, DARKEST_GREY))
+    x, y = ((observations.position[first] + observations.position[last]) / 2).T
+    found = []
+    for name, covariates in (
+        (UNSTEADY_RESPONSE, [(log_grey[first] + log_grey[last]) / 2]),
+        (UNSTEADY_VIGNETTE, [x, y]),
+    ):
+        excess, slopes = max(_excess(covariate, change, pairs) for covariate in covariates)
+        if excess > UNSTEADY_SLOPE:
+            found.append(EffectEstimate(name, excess, excess / np.sqrt(2 * slopes), contradicts=True))
+    return tuple(found)
+
+
+def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) -> tuple[float, int]:
+    """Return the standard deviation of the slope between pairs, 0 if chance explains it, and the number of slopes."""
+    slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
+    if len(slopes) < UNSTEADY_FEWEST_PAIRS:
+        return 0.0, len(slopes)
+    slope, sigma = np.array(slopes).T
+    if robust_scale(slope / sigma) < UNSTEADY_SIGMAS:
+        return 0.0, len(slopes)
+    return float(np.sqrt(max(robust_scale(slope) ** 2 - float(np.median(sigma)) ** 2, 0.0))), len(slopes)
+
+
+def _slope(x: FloatArray, change: FloatArray) -> tuple[float, float] | None:
+    """Return the slope of the changes of one pair and its standard deviation; None if it has too few points."""
+    # Late in a long run most pairs have a point or two left: medians of all these take long.
+    if len(x) < UNSTEADY_FEWEST_POINTS:
+        return None
+    deviation = change - np.median(change)
+    usual = np.abs(deviation) <= WEIGHT_CUT_SIGMAS * robust_scale(deviation)
+    x, y = x[usual] - x[usual].mean(), change[usual] - change[usual].mean()
+    spread = float(x @ x)
+    if len(x) < UNSTEADY_FEWEST_POINTS or spread < UNSTEADY_SPREAD**2 * len(x):
+        return None
+    slope = float(x @ y) / spread
+    left = y - slope * x
+    variance = float(left @ left) / (len(x) - 2) / spread
+    return (slope, np.sqrt(variance)) if variance > 0 else None
