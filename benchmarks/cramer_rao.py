@@ -23,7 +23,7 @@ from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
-from ospc.methods.inputs import FitInputs
+from ospc.methods.summary import FitInputs
 from ospc.research.accuracy.design import accuracy_sources
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings, frames

@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.estimation.model_choice import fit_with_chosen_vignette
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.methods.inputs import FitInputs
+from ospc.methods.summary import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette

@@ -20,9 +20,9 @@ from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.findings import ExposureFindings, LagChoice, lag_in_words
 from ospc.foresight import Foresight
 from ospc.methods.change_detection import Change
-from ospc.methods.inputs import FitInputs
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
+from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of

@@ -16,9 +16,8 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.live.advice import HOLD_S, PATIENCE_S, Adviser
 from ospc.live.capture import Bars
 from ospc.live.knowledge import GOAL, certainty, knowledge_of
-from ospc.methods.inputs import FitInputs
 from ospc.methods.preview import preview_of
-from ospc.methods.summary import summarise
+from ospc.methods.summary import FitInputs, summarise
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict

@@ -16,7 +16,7 @@ from ospc.exposures.course import ExposureReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_estimate import LagEstimate
 from ospc.exposures.tone_mapping import LocalTone
-from ospc.methods.inputs import FitInputs
+from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Verdict
 
 _GAP = 1.5

@@ -64,10 +64,8 @@ class Change:
 
     Attributes
     ----------
-    frame
-        Number of the first frame after it, as nearly as it can be told.
-    found
-        Number of the frame at which it was found.
+    frame, found
+        Numbers of the first frame after it, as nearly as it can be told, and of that at which it was found.
     part
         What changed: ``"response"``, ``"vignette"``, ``"response or vignette"`` or ``"exposures"``.
     text
@@ -92,18 +90,14 @@ class ChangeDetector:
         Absolute errors of whole pairs of neighbours, and errors within them, while nothing was suspected.
     surprises
         Numbers of the first frames of the latest pairs of neighbours, and whether they were surprising.
-    pairs
-        Pairs of frames since the suspicion.
-    since
-        Number of the first frame of the suspicion; None while there is none.
+    pairs, since
+        Pairs of frames since the suspicion, and the number of its first frame; None while there is none.
     calm_until
         Number of the frame from which on there may be another suspicion.
     lag_frames
         Lag that the errors hold for.
-    first_number, first_stamp_s
-        Number and time stamp of the first frame; no frame if negative.
-    frames_per_s
-        Frames per second by the time stamps, within limits.
+    first_number, first_stamp_s, frames_per_s
+        Number and time stamp of the first frame, none if negative, and the rate since then, within limits.
     """
 
     reference: Fit | None = None
@@ -159,18 +153,12 @@ class ChangeDetector:
             return None
         first = max(self.since, pair.frame1 - self._frames(JUDGED_S))
         self.pairs = [old for old in (*self.pairs, pair) if old.frame0 >= first]
-        change = self._proven(exposures)
-        if change is None:
-            self._end_suspicion(pair.frame1)
-        return change
-
-    def _proven(self, exposures: ExposureTable) -> Change | None:
-        assert self.reference is not None
         found = explain(self.pairs, self.reference, exposures, self._usual_error, self._frames(MIN_SPAN_S))
         if found is None:
+            self._end_suspicion(pair.frame1, self.since, self.reference)
             return None
         part, text = found
-        first = min(pair.frame0 for pair in self.pairs)
+        first = min(old.frame0 for old in self.pairs)
         return Change(first, self.pairs[-1].frame1, part, f"{text}, since about frame {first}")
 
     def _look_for_surprises(self, pair: PairErrors) -> None:
@@ -186,16 +174,14 @@ class ChangeDetector:
         usual_effect = max(float(np.median(self.usual_effects)), USUAL_FLOOR_LOG)
         return abs(pair.error) > SURPRISE * self._usual_error or pair.effect > SURPRISE * usual_effect
 
-    def _end_suspicion(self, frame: int) -> None:
+    def _end_suspicion(self, frame: int, since: int, reference: Fit) -> None:
         """End a suspicion that has lasted too long, or that nothing supports any more."""
-        assert self.since is not None
-        assert self.reference is not None
         latest = [pair for pair in self.pairs if pair.of_neighbours][-WATCHED_NEIGHBOURS:]
-        if frame > self.since + self._frames(LONGEST_WATCH_S):
+        if frame > since + self._frames(LONGEST_WATCH_S):
             self.since, self.pairs, self.calm_until = None, [], frame + self._frames(CALM_S)
         elif len(latest) == WATCHED_NEIGHBOURS:
             surprising = sum(self._surprises(pair) for pair in latest) >= MIN_SURPRISING_SHARE * len(latest)
-            if not surprising and best_explanations(self.pairs, self.reference)[0].sigmas < MIN_SIGMAS_OF_HALF:
+            if not surprising and best_explanations(self.pairs, reference)[0].sigmas < MIN_SIGMAS_OF_HALF:
                 self.since, self.pairs = None, []
 
     def _frames(self, duration_s: float) -> int:

@@ -67,16 +67,12 @@ MIN_SLOPE_ERROR_LOG = 0.008
 def explain(
     pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_error: float, min_span_frames: int
 ) -> Finding | None:
-    """Return the change of the camera that pairs prove; None if they prove none.
+    """Return the change of the camera that pairs, in the order of frames, prove; None if they prove none.
 
     Parameters
     ----------
-    pairs
-        Errors of pairs of frames, in the order of frames.
-    fit
-        The fit that predicted them.
-    exposures
-        The exposures by which they were predicted.
+    fit, exposures
+        What predicted them.
     usual_error
         Usual absolute error of a whole pair, in ln.
     min_span_frames

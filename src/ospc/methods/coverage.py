@@ -21,16 +21,9 @@ _FEWEST = 10
 
 
 def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageSize) -> Coverage:
-    """Return the tables of a report: counts of observations and, where there is a fit, their residuals.
+    """Return the tables of a report: counts of observations and, with a fit to them, their residuals.
 
-    Parameters
-    ----------
-    observations
-        The observations.
-    fit
-        Fit to the observations; None where they do not allow one.
-    size
-        Width and height of the frames in pixels.
+    The size is that of the frames in pixels.
     """
     radius = np.linalg.norm(observations.position, axis=1)
     ring = np.clip((radius * _RADII).astype(np.int64), 0, _RADII - 1)
@@ -38,18 +31,17 @@ def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageS
     edges = _exposure_edges(observations.log_exposure)
     exposure = np.clip(np.searchsorted(edges, observations.log_exposure, "right") - 1, 0, len(edges) - 2)
     later = np.flatnonzero(np.diff(observations.point) == 0) + 1
-    counted = (
-        np.exp(edges),
-        _counts(exposure, grey, (len(edges) - 1, _GREYS)),
-        _counts(ring[later - 1], ring[later], (_RADII, _RADII)),
-    )
+    by_exposure = _counts(exposure, grey, (len(edges) - 1, _GREYS))
+    by_radii = _counts(ring[later - 1], ring[later], (_RADII, _RADII))
     if fit is None:
-        return Coverage(*counted)
+        return Coverage(np.exp(edges), by_exposure, by_radii)
     residual = fit.residuals(observations)
     rows = max(1, round(_COLUMNS * size[1] / size[0]))
     by_place = _quantiles(residual, _place(observations, size, rows), rows * _COLUMNS)
     return Coverage(
-        *counted,
+        np.exp(edges),
+        by_exposure,
+        by_radii,
         _quantiles(residual, grey, _GREYS),
         _quantiles(residual, ring, _RADII),
         by_place[:, QUANTILES.index(0.5)].reshape(rows, _COLUMNS),

@@ -50,23 +50,11 @@ _MOVE_RADIALLY = (
 
 
 def response_verdict(
-    settings: DefaultSettings,
-    fit: Fit | None,
-    observations: ExposedObservations | None,
-    unexplained: float,
+    settings: DefaultSettings, fit: Fit | None, observations: ExposedObservations | None, unexplained: float
 ) -> Verdict:
     """Return whether the response is known, and what to record instead where it is not.
 
-    Parameters
-    ----------
-    settings
-        The method's settings.
-    fit
-        The fit, None where there is none.
-    observations
-        What the fit was made to, None where nothing was observed.
-    unexplained
-        Share of a typical change of exposure that the images do not show.
+    ``unexplained`` is the share of a typical change of exposure that the images do not show.
     """
     if observations is not None and observations.log_exposure_change < settings.min_log_exposure_change:
         low, high = observations.exposure_range_ms
@@ -117,15 +105,9 @@ def vignette_verdict(
 
     Parameters
     ----------
-    settings
-        The method's settings.
-    fit
-        The fit, None where there is none.
     reach
         Radial displacement of the scene points that tell the vignette, in half diagonals: half of what is told comes
         from points that move farther.
-    standing_still
-        Whether the camera did not move.
     unexplained
         Share of a typical change of exposure that the images do not show.
     usable_radius
@@ -149,12 +131,12 @@ def vignette_verdict(
 
 
 def _graded(fit: Fit, sigma: float, sure: float, figure: str, remedy: str) -> Verdict:
-    if sigma <= sure and fit.groups < _FEWEST_GROUPS:
-        few = f"{figure}, but from {counted(fit.groups, 'comparison')} of frames only"
-        return Verdict("marginal", few, "record more frames: their scatter tells how well the curve is known")
-    if sigma <= sure:
+    if sigma > sure:
+        return Verdict("not identifiable" if sigma > _VAGUE else "marginal", figure, remedy)
+    if fit.groups >= _FEWEST_GROUPS:
         return Verdict("identifiable", figure)
-    return Verdict("not identifiable" if sigma > _VAGUE else "marginal", figure, remedy)
+    few = f"{figure}, but from {counted(fit.groups, 'comparison')} of frames only"
+    return Verdict("marginal", few, "record more frames: their scatter tells how well the curve is known")
 
 
 def unexplained_share(ratios: ExposureRatios) -> float:

@@ -25,11 +25,10 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
-from ospc.methods.inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Progress, check_size
 from ospc.methods.preview import Preview, preview_of
-from ospc.methods.summary import summarise
+from ospc.methods.summary import FitInputs, summarise
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
@@ -65,17 +64,7 @@ _REMEMBERED_MOTIONS = 200
 
 
 class MaximumLikelihoodMethod:
-    """The presets ``default`` and ``fast``.
-
-    Parameters
-    ----------
-    settings
-        Every number of the method.
-    size
-        Width and height of the frames in pixels.
-    max_grey
-        Largest grey value of the frames.
-    """
+    """The presets ``default`` and ``fast``, for frames of a size in pixels and a largest grey value."""
 
     def __init__(self, settings: DefaultSettings, size: ImageSize, max_grey: int) -> None:
         check_size(size)
@@ -172,22 +161,17 @@ class MaximumLikelihoodMethod:
     @property
     def progress(self) -> Progress:
         """How far it has come."""
-        if self._fit is None:
-            return Progress(self._pairs, self._reservoir.points)
-        sigma_at_corner = self._fit.vignette_sigma_at_corner
+        sigma_at_corner = None if self._fit is None else self._fit.vignette_sigma_at_corner
         return Progress(self._pairs, self._reservoir.points, self._response_sigma, sigma_at_corner)
 
     def preview(self, exposures: ExposureTable) -> Preview | None:
         """Return what is known without a new fit; None before anything was observed."""
-        observations = self._observations()
+        observations = self._observations(exposures)
         if observations is None:
             return None
-        exposed = observations.with_exposures(exposures)
         latest = None if self._latest is None else self._latest.with_exposures(exposures)
-        if not len(exposed):
-            return None
         return preview_of(
-            exposed,
+            observations,
             latest,
             self._fit,
             size=self._size,
@@ -207,16 +191,13 @@ class MaximumLikelihoodMethod:
         return self._inputs[1]
 
     def _new_inputs(self, exposures: ExposureTable, grey_range: GreyRange) -> FitInputs:
-        observations = self._observations()
-        exposed = None if observations is None else observations.with_exposures(exposures).stretched(grey_range)
-        if exposed is not None and not len(exposed):
-            exposed = None
+        observations = self._observations(exposures, grey_range)
         return FitInputs(
             size=self._size,
             max_grey=self._max_grey,
             noise=self._noise.model(),
-            observations=exposed,
-            fit=None if exposed is None else self._fitted(exposed, grey_range),
+            observations=observations,
+            fit=None if observations is None else self._fitted(observations, grey_range),
             standing_still=self._standing_still,
             pairs=self._pairs,
             usable_radius=self._circle.usable_radius(),
@@ -325,17 +306,21 @@ class MaximumLikelihoodMethod:
     def _series_stands_in(self) -> bool:
         return self._standing_still and self._series is not None
 
-    def _observations(self) -> Observations | None:
+    def _observations(
+        self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE
+    ) -> ExposedObservations | None:
+        """Return what is known by all frames; None without any."""
         if self._series is not None and self._series_stands_in:
-            return self._series.observations()
-        return self._lit(self._reservoir.all()) if self._reservoir.points else None
-
-    def _lit(self, observations: Observations) -> Observations:
-        """Return the observations without those of a surround that never sees light: it is alike in all frames."""
-        seen = self._circle.sees(observations.position)
-        if seen is None:
-            return observations
-        return observations.of_points(np.logical_and.reduceat(seen, observations.starts))
+            found = self._series.observations()
+        elif self._reservoir.points:
+            found = self._reservoir.all()
+            # A surround that never sees light is alike in all frames.
+            seen = self._circle.sees(found.position)
+            found = found if seen is None else found.of_points(np.logical_and.reduceat(seen, found.starts))
+        else:
+            return None
+        exposed = found.with_exposures(exposures).stretched(grey_range)
+        return exposed if len(exposed) else None
 
     def _fitted(self, observations: ExposedObservations, grey_range: GreyRange) -> Fit | None:
         settings = self._settings
@@ -345,12 +330,10 @@ class MaximumLikelihoodMethod:
             return None
         basis = self._series_basis if self._series_stands_in else self._basis
         noise = None if self._series_stands_in else grey_range.stretched_noise(self._noise.model())
-        return fit_with_chosen_effects(observations, basis, self._widest_vignette(), noise, settings.rounds)
-
-    def _widest_vignette(self) -> VignetteBasis:
+        widest = VignetteBasis(settings.radial_terms, free_centre=True, non_radial=True)
         if self._standing_still:
-            return VignetteBasis(0)
-        return VignetteBasis(self._settings.radial_terms, free_centre=True, non_radial=True)
+            widest = VignetteBasis(0)
+        return fit_with_chosen_effects(observations, basis, widest, noise, settings.rounds)
 
 
 def _log_exposure(exposures: ExposureTable, number: int) -> float:

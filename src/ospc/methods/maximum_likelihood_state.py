@@ -21,22 +21,14 @@ class MaximumLikelihoodState:
     ----------
     keyframes
         What is known of the keyframes; their images are read again.
-    reservoir
-        The observations.
     series
         Pixels of a camera that may stand still; None once it moved.
-    noise
-        What was measured of the noise.
     fit
         The fit that registration relies on.
-    motions
-        Recent displacements in pixels.
-    pairs
-        Pairs of frames compared.
+    motions, pairs
+        Recent displacements in pixels, and number of pairs of frames compared.
     circle
         Which part of the image ever sees light.
-    changes
-        What is known of changes of the camera.
     trusts_stated
         Whether frames are brought to equal brightness by the exposures stated alone.
     """

@@ -12,8 +12,8 @@ from ospc.errors import FrameError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change
-from ospc.methods.inputs import FitInputs
 from ospc.methods.preview import Preview
+from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
@@ -28,10 +28,8 @@ class Progress:
 
     Attributes
     ----------
-    pairs
-        Pairs of frames compared so far.
-    samples
-        Correspondences kept so far.
+    pairs, samples
+        Pairs of frames compared, and correspondences kept so far.
     response_sigma
         Standard deviation of g, its scale held, at the grey level where it is largest; None before there is an
         estimate.
@@ -77,16 +75,13 @@ class Method(Protocol):
         FrameError
             If the frame's image cannot be read; the method goes on as if it had not been pushed.
         """
-        ...
 
     @property
     def progress(self) -> Progress:
         """How far it has come."""
-        ...
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
         """Return what is known now, given where black and white are; pushing may go on afterwards."""
-        ...
 
     def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
         """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""

@@ -39,14 +39,12 @@ from ospc.settings import PaperSettings
 
 @dataclass(frozen=True)
 class Correspondences:
-    """The same scene points in two frames.
+    """The same n scene points in two frames.
 
     Attributes
     ----------
-    frames
-        Numbers of the two frames.
-    size
-        Width and height of the frames in pixels.
+    frames, size
+        Numbers of the two frames; their width and height in pixels.
     points0, points1
         Pixel coordinates (x, y) in the two frames, shape (n, 2).
     grey0, grey1
@@ -66,8 +64,8 @@ class Correspondences:
 
     def select(self, mask: BoolArray) -> Correspondences:
         """Return those where the mask, shape (n,), is true."""
-        arrays = (self.points0, self.points1, self.grey0, self.grey1)
-        return Correspondences(self.frames, self.size, *(array[mask] for array in arrays))
+        kept = (array[mask] for array in (self.points0, self.points1, self.grey0, self.grey1))
+        return Correspondences(self.frames, self.size, *kept)
 
     @property
     def radius0(self) -> FloatArray:
@@ -93,20 +91,7 @@ def follows_its_block(
     Displacements that are longer than the mean plus some standard deviations go first. Then the image is cut into
     blocks; in each with enough matches, only the fullest bin of the histogram of directions survives. The bins are
     centred on the block's mean direction, because fixed bins would split motion that points along a bin's edge.
-
-    Parameters
-    ----------
-    points0, points1
-        Pixel coordinates of the matches, shape (n, 2).
-    size
-        Width and height of the frames in pixels.
-    settings
-        Number of blocks along each side, of bins, and the limits.
-
-    Returns
-    -------
-    BoolArray
-        Shape (n,).
+    Points have shape (n, 2), in pixels; the mask has shape (n,).
     """
     displacement = points1 - points0
     length = np.linalg.norm(displacement, axis=1)
@@ -136,11 +121,9 @@ class Matcher(Protocol):
 
     def features(self, frame: Frame) -> Features:
         """Return the features of a frame; raises :class:`FrameError` where its image cannot be read."""
-        ...
 
     def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
         """Return the matches of two frames of a size in pixels."""
-        ...
 
 
 class FeatureMatcher:
@@ -157,10 +140,9 @@ class FeatureMatcher:
     def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
         """Return the matches of two frames that pass the filter."""
         index0, index1 = match(left, right, self._extractor.norm, self._settings.match_ratio)
-        points0, points1 = left.points[index0], right.points[index1]
-        grey0, grey1 = left.grey[index0], right.grey[index1]
-        found = Correspondences((left.frame, right.frame), size, points0, points1, grey0, grey1)
-        return found.select(follows_its_block(points0, points1, size, self._settings))
+        points, grey = (left.points[index0], right.points[index1]), (left.grey[index0], right.grey[index1])
+        found = Correspondences((left.frame, right.frame), size, *points, *grey)
+        return found.select(follows_its_block(*points, size, self._settings))
 
 
 # Section 3.2, response.
@@ -186,20 +168,10 @@ def response_rows(pairs: Correspondences, ratio: float, degree: int = 2) -> Floa
 def solve_kkt(gram: FloatArray) -> FloatArray:
     """Minimise ‖Ac‖² subject to Σc = 1 and c₀ = 0 through the pseudo-inverse of the KKT system (eq. final_form).
 
-    Parameters
-    ----------
-    gram
-        AᵀA, shape (d+1, d+1).
-
-    Returns
-    -------
-    FloatArray
-        Coefficients c₀ … c_d, shape (d+1,).
+    AᵀA has shape (d+1, d+1), the coefficients c₀ … c_d (d+1,).
     """
     n = len(gram)
-    E = np.zeros((2, n))
-    E[0] = 1
-    E[1, 0] = 1
+    E = np.stack([np.ones(n), np.eye(n)[0]])
     system = np.block([[2 * _scaled(gram), E.T], [E, np.zeros((2, 2))]])
     target = np.concatenate([np.zeros(n), [1.0, 0.0]])
     return np.asarray(np.linalg.pinv(system, hermitian=True) @ target)[:n]
@@ -230,12 +202,7 @@ def increases(coefficients: FloatArray, levels: int = 1024) -> bool:
 def solve_response(gram: FloatArray, positivity: str) -> FloatArray | None:
     """Return the coefficients of g; None where the solution does not increase and so is no response.
 
-    Parameters
-    ----------
-    gram
-        AᵀA, shape (d+1, d+1).
-    positivity
-        When to demand c ≥ 0: "never", "always", or "when needed", that is where the solution does not increase.
+    c ≥ 0 is demanded "never", "always", or "when needed", that is where the solution does not increase.
     """
     coefficients = solve_nonnegative(gram) if positivity == "always" else solve_kkt(gram)
     if positivity == "when needed" and not increases(coefficients):
@@ -253,16 +220,9 @@ _LEAST_IRRADIANCE = 1e-6
 def polynomial_response(
     coefficients: FloatArray, estimates: FloatArray | None = None, support: tuple[float, float] = (0.0, 1.0)
 ) -> Response:
-    """Return the response whose inverse is a polynomial.
+    """Return the response whose inverse is a polynomial with c₀ … c_d, of samples between two grey levels.
 
-    Parameters
-    ----------
-    coefficients
-        c₀ … c_d, shape (d+1,), with Σc = 1 and c₀ = 0.
-    estimates
-        The estimates of which these coefficients are the mean, shape (n, d+1): their scatter is the uncertainty.
-    support
-        Lowest and highest grey level of the samples.
+    The scatter of the estimates of which these coefficients are the mean, shape (n, d+1), is the uncertainty.
     """
     log_sigma = scale_sigma = None
     if estimates is not None and len(estimates) > 1:
@@ -289,13 +249,7 @@ _MOST_ROUNDS, _CONVERGED = 100, 1e-9
 
 
 def vignette_rows(pairs: Correspondences, ratio: float, response: Response) -> tuple[FloatArray, FloatArray]:
-    """Return the rows [R₀²−ψR₁², R₀⁴−ψR₁⁴, R₀⁶−ψR₁⁶] and right-hand sides ψ−1, ψ = g(M₀)/g(M₁)/k (eq. martix_v).
-
-    Returns
-    -------
-    tuple of FloatArray
-        Shapes (n, 3) and (n,).
-    """
+    """Return the rows [R₀²−ψR₁², R₀⁴−ψR₁⁴, R₀⁶−ψR₁⁶] and right-hand sides ψ−1, ψ = g(M₀)/g(M₁)/k (eq. martix_v)."""
     psi = response.inverse(pairs.grey0) / response.inverse(pairs.grey1) / ratio
     rows = pairs.radius0[:, None] ** _VIGNETTE_POWERS - psi[:, None] * pairs.radius1[:, None] ** _VIGNETTE_POWERS
     return np.asarray(rows), np.asarray(psi - 1)
@@ -316,15 +270,7 @@ def solver_weights(solver: str, residuals: FloatArray, tuning: float) -> FloatAr
 
 
 def solve_vignette(rows: FloatArray, target: FloatArray, solver: str, tuning: float) -> FloatArray:
-    """Return (v₁, v₂, v₃) by iteratively reweighted least squares.
-
-    Parameters
-    ----------
-    rows, target
-        As from :func:`vignette_rows`.
-    solver, tuning
-        As for :func:`solver_weights`.
-    """
+    """Return (v₁, v₂, v₃) by iteratively reweighted least squares, with :func:`solver_weights`."""
     solution = np.linalg.lstsq(rows, target, rcond=None)[0]
     for _ in range(_MOST_ROUNDS):
         root = np.sqrt(solver_weights(solver, rows @ solution - target, tuning))
@@ -371,16 +317,10 @@ def disagreement(ratios: ExposureRatios) -> float:
 
 @dataclass
 class Estimates:
-    """Estimates of the coefficients of one curve, one per window, and why others were not accepted.
+    """Accepted estimates of the coefficients of one curve, one per window, and how many others were not accepted.
 
-    Attributes
-    ----------
-    accepted
-        Coefficients of the accepted estimates.
-    rejected
-        Windows whose estimate did not predict the exposure ratios, or was no response at all.
-    impossible
-        Windows whose estimate was a vignette that is not positive everywhere.
+    Those ``rejected`` did not predict the exposure ratios, or were no response at all. Those ``impossible`` were
+    vignettes that are not positive everywhere.
     """
 
     accepted: list[FloatArray] = field(default_factory=list)
@@ -397,10 +337,7 @@ class Estimates:
         if len(self.accepted) < 2:
             return None
         matrix = np.cov(np.array(self.accepted).T) / len(self.accepted)
-        return {
-            "parameters": [f"{symbol}{first + i}" for i in range(len(matrix))],
-            "matrix": matrix.tolist(),
-        }
+        return {"parameters": [f"{symbol}{first + i}" for i in range(len(matrix))], "matrix": matrix.tolist()}
 
 
 def standard_error(curves: FloatArray) -> FloatArray | None:
@@ -416,21 +353,7 @@ def standard_error(curves: FloatArray) -> FloatArray | None:
 class PaperMethod(Method):
     """The preset ``paper``: it has no state, for the features of hundreds of frames are too large for a file.
 
-    Parameters
-    ----------
-    settings
-        Every number of the method.
-    size
-        Width and height of the frames in pixels.
-    max_grey
-        Largest grey value of the frames.
-    matcher
-        Finds and matches features; that of the settings where not given.
-
-    Raises
-    ------
-    FrameError
-        If the images are too small.
+    Features are found and matched by the matcher, or as the settings say.
     """
 
     def __init__(
@@ -456,14 +379,7 @@ class PaperMethod(Method):
     def push(self, frame: Frame, prepared: PreprocessedFrame | None, exposures: ExposureLookup) -> Change | None:
         """Take the next frame: match it with earlier ones, and solve at the end of each window.
 
-        Parameters
-        ----------
-        frame
-            The frame; its ``index`` numbers it.
-        prepared
-            Not used: features are found in the image itself.
-        exposures
-            Knows the exposures of all frames up to this one.
+        Only its image and its number count; features are found in the image itself.
 
         Raises
         ------
@@ -493,7 +409,7 @@ class PaperMethod(Method):
     @property
     def progress(self) -> Progress:
         """How far it has come."""
-        response, vignette = self._mean_response(), standard_error(self._vignette_curves())
+        response, vignette = self._mean_response(), self._vignette_sigma()
         sigma = None if response is None else response.inverse_sigma
         return Progress(
             self._progress.pairs,
@@ -523,16 +439,15 @@ class PaperMethod(Method):
         low, high = np.log([self._settings.exposure_ratio_low, self._settings.exposure_ratio_high])
         # The ratio of the latest to itself is one, so that it joins those that wait.
         changed = (log_ratio <= low) | (log_ratio >= high)
-        self._waiting = [one for one, enough in zip(candidates, changed, strict=True) if not enough]
-        return [one for one, enough in zip(candidates, changed, strict=True) if enough]
+        self._waiting = [candidates[i] for i in np.flatnonzero(~changed)]
+        return [candidates[i] for i in np.flatnonzero(changed)]
 
     def _correspondences(self, left: Features, right: Features) -> Correspondences:
         """Return the matches of two frames of which neither is clipped."""
         found = self._matcher.correspondences(left, right, self._size)
         if len(found):
             self._reach = max(self._reach, float(np.quantile(found.radial_displacement, 0.9)))
-        grey0, grey1 = found.grey0, found.grey1
-        return found.select((grey0 > 0) & (grey0 < 1) & (grey1 > 0) & (grey1 < 1))
+        return found.select((np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1))
 
     def _keep(self, pairs: Correspondences, samples: list[Correspondences], exposures: ExposureLookup) -> None:
         samples.append(pairs)
@@ -557,9 +472,8 @@ class PaperMethod(Method):
         if coefficients is None:
             self._responses.rejected += 1
             return
-        self._accept_or_reject(
-            self._responses, coefficients, estimate_ratios(samples, polynomial_response(coefficients), None)
-        )
+        ratios = estimate_ratios(samples, polynomial_response(coefficients), None)
+        self._accept_or_reject(self._responses, coefficients, ratios)
 
     def _close_vignette_window(self, exposures: ExposureLookup) -> None:
         samples = self._with_ratios(self._vignette_samples, exposures)
@@ -570,7 +484,7 @@ class PaperMethod(Method):
         rows, targets = zip(*(vignette_rows(pairs, ratio, response) for pairs, ratio in samples), strict=True)
         solver, tuning = self._settings.vignette_solver, self._settings.huber_tuning
         coefficients = solve_vignette(np.concatenate(rows), np.concatenate(targets), solver, tuning)
-        vignette = PolynomialVignette(self._size, tuple(coefficients.tolist()))
+        vignette = self._vignette(coefficients)
         if not np.all(vignette.profile(PROFILE_RADII) > 0):
             self._vignettes.impossible += 1
             return
@@ -587,22 +501,19 @@ class PaperMethod(Method):
     # The result.
 
     def _summary(self) -> Calibration:
-        response, vignette = self._mean_response(), self._mean_vignette()
-        low, high = np.exp(self._log_exposure_range)
+        response = self._mean_response()
+        low, high = np.exp(self._log_exposure_range).tolist()
         verdicts = {
-            "response": response_verdict(self._settings, self._responses, (float(low), float(high))),
+            "response": response_verdict(self._settings, self._responses, (low, high)),
             "vignette": vignette_verdict(self._settings, self._vignettes, self._reach, response is not None),
         }
-        covariance = {
-            "response": self._responses.covariance("c", 0),
-            "vignette": self._vignettes.covariance("v", 1),
-        }
+        covariance = {"response": self._responses.covariance("c", 0), "vignette": self._vignettes.covariance("v", 1)}
         return Calibration(
             size=self._size,
             response=response,
-            vignette=vignette,
+            vignette=self._vignette(self._vignettes.mean) if self._vignettes.accepted else None,
             verdicts=verdicts,
-            vignette_sigma=standard_error(self._vignette_curves()),
+            vignette_sigma=self._vignette_sigma(),
             exposure_ratios=self._ratios,
             covariance={name: known for name, known in covariance.items() if known is not None},
             max_grey=self._max_grey,
@@ -618,14 +529,12 @@ class PaperMethod(Method):
         support = (float(RESPONSE_LEVELS[1]), float(RESPONSE_LEVELS[-2]))
         return polynomial_response(self._responses.mean, np.array(self._responses.accepted), support)
 
-    def _mean_vignette(self) -> PolynomialVignette | None:
-        if not self._vignettes.accepted:
-            return None
-        return PolynomialVignette(self._size, tuple(self._vignettes.mean.tolist()))
+    def _vignette(self, coefficients: FloatArray) -> PolynomialVignette:
+        return PolynomialVignette(self._size, tuple(coefficients.tolist()))
 
-    def _vignette_curves(self) -> FloatArray:
-        estimates = self._vignettes.accepted
-        return np.array([PolynomialVignette(self._size, tuple(v)).profile(PROFILE_RADII) for v in estimates])
+    def _vignette_sigma(self) -> FloatArray | None:
+        curves = [self._vignette(found).profile(PROFILE_RADII) for found in self._vignettes.accepted]
+        return standard_error(np.array(curves))
 
 
 # What could be determined, and what to record instead where it could not.
@@ -642,55 +551,43 @@ def response_verdict(
             f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response leaves no trace",
             "record with auto exposure on while moving between dark and bright places, or sweep the exposure",
         )
-    if estimates.accepted:
-        return _verdict_of_accepted(estimates)
     remedy = (
         "check that exposures belong to their frames, and that gain and tone mapping are fixed"
         if estimates.rejected
         else "record a scene with more texture, moving slowly while the exposure changes"
     )
-    return Verdict("not identifiable", _why_none(estimates, "small radial displacement"), remedy)
+    return _verdict(estimates, "small radial displacement", remedy)
 
 
 def vignette_verdict(settings: PaperSettings, estimates: Estimates, reach: float, response_known: bool) -> Verdict:
-    """Return whether the vignette is known.
+    """Return whether the vignette is known, from the vignettes accepted.
 
-    Parameters
-    ----------
-    settings
-        The method's settings.
-    estimates
-        The vignettes accepted so far.
-    reach
-        Largest radial displacement that a tenth of some pair's matches exceeded, in half diagonals.
-    response_known
-        Whether there is a response to correct the grey levels with.
+    A tenth of some pair's matches moved radially by the reach, in half diagonals, or more.
     """
     if not response_known:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
-    if estimates.accepted:
-        return _verdict_of_accepted(estimates)
     needed = settings.vignette_min_radial_displacement
-    reason = (
-        f"hardly any scene point moves radially by {needed:g} of the half diagonal "
-        f"(nine in ten move less than {reach:.2g})"
-        if reach < needed
-        else _why_none(estimates, "large radial displacement")
-    )
     remedy = "pan and tilt the camera so that the same objects cross the image between centre and corners"
-    return Verdict("not identifiable", reason, remedy)
+    if reach < needed and not estimates.accepted:
+        return Verdict(
+            "not identifiable",
+            f"hardly any scene point moves radially by {needed:g} of the half diagonal "
+            f"(nine in ten move less than {reach:.2g})",
+            remedy,
+        )
+    return _verdict(estimates, "large radial displacement", remedy)
 
 
-def _verdict_of_accepted(estimates: Estimates) -> Verdict:
-    count = len(estimates.accepted)
-    if count < 2:
+def _verdict(estimates: Estimates, wanted: str, remedy: str) -> Verdict:
+    """Return what the estimates of a curve say, from matches with the wanted displacement."""
+    accepted = len(estimates.accepted)
+    if accepted > 1:
+        return Verdict("identifiable", f"{accepted} windows of frames gave estimates that were accepted")
+    if accepted:
         return Verdict("marginal", "a single window of frames gave an estimate", "record longer")
-    return Verdict("identifiable", f"{count} windows of frames gave estimates that were accepted")
-
-
-def _why_none(estimates: Estimates, wanted: str) -> str:
+    reason = f"too few matches with {wanted} between frames of different exposure"
     if estimates.rejected:
-        return f"none of {counted(estimates.rejected, 'estimate')} predicted the exposure ratios of the metadata"
-    if estimates.impossible:
-        return f"none of {counted(estimates.impossible, 'estimate')} is positive everywhere"
-    return f"too few matches with {wanted} between frames of different exposure"
+        reason = f"none of {counted(estimates.rejected, 'estimate')} predicted the exposure ratios of the metadata"
+    elif estimates.impossible:
+        reason = f"none of {counted(estimates.impossible, 'estimate')} is positive everywhere"
+    return Verdict("not identifiable", reason, remedy)

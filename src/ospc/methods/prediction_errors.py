@@ -41,20 +41,14 @@ class PairErrors:
 
     Attributes
     ----------
-    frame0, frame1
-        Numbers of the frames.
-    points
-        Number of scene points n.
-    matrix, vector
-        ΦᵀΦ, shape (9, 9), and Φᵀρ, shape (9,).
-    carried
-        ΦᵀX, shape (9, p).
+    frame0, frame1, points
+        Numbers of the frames, and number of scene points n.
+    matrix, vector, carried
+        ΦᵀΦ, shape (9, 9), Φᵀρ, shape (9,), and ΦᵀX, shape (9, p).
     error
         Median of ρ over the whole pair.
-    reach
-        Radius within which nearly all observations lie, in half diagonals.
-    greys
-        Grey levels between which nearly all observations lie, shape (2,).
+    reach, greys
+        Radius in half diagonals, and the two grey levels, within which nearly all observations lie.
     """
 
     frame0: int
@@ -70,8 +64,7 @@ class PairErrors:
     @classmethod
     def of(cls, seen: ExposedObservations, fit: Fit) -> PairErrors:
         """Compare a pair of frames, each of whose scene points is observed once in both, with a fit."""
-        basis = fit.response_basis
-        log_g = basis.log_of(fit.response_parameters)
+        basis, log_g = fit.response_basis, fit.log_response
         log_irradiance = fit.vignette_basis.log_value(fit.vignette_parameters, seen.position) + seen.log_exposure
         log_radiance = np.interp(fit.grey_of_mean(seen), basis.grid, log_g) - log_irradiance
         # The basis is evaluated at the grey levels predicted from both observations: at those measured, its noise
@@ -82,7 +75,8 @@ class PairErrors:
         squared = np.sum(seen.position**2, axis=1)
         hats = np.stack([np.interp(grey, GREY_KNOTS, row) for row in np.eye(len(GREY_KNOTS))], axis=1)
         columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2])
-        error, change, carried = (_second_less_first(values) for values in (log_radiance, columns, -rows))
+        # The second observation of each point less the first.
+        error, change, carried = (values[1::2] - values[0::2] for values in (log_radiance, columns, -rows))
         middle = float(np.median(error))
         # A predicted error has the weight of a well-measured one, whatever it is: a change may be large.
         weight = (1 / (1 + ((error - middle) / OUTLIER_LOG) ** 2))[:, None]
@@ -126,16 +120,13 @@ class PairErrors:
 
 @dataclass(frozen=True)
 class ExplainedChange:
-    """The change of response or vignette that explains the errors of pairs best.
+    """The change of response or vignette, zero in the other part, that explains the errors of pairs best.
 
     Attributes
     ----------
-    part
-        ``"response"`` or ``"vignette"``.
-    change
-        The change, shape (9,), zero in the other part.
-    covariance
-        Of the part's parameters, from the scatter between pairs and the uncertainty of the fit.
+    change, covariance
+        The change, shape (9,), and the covariance of the part's parameters, from the scatter between pairs and the
+        uncertainty of the fit.
     gain
         By how much it reduces the sum of squared errors.
     reach, greys
@@ -169,19 +160,15 @@ class ExplainedChange:
         return cls(part, change, covariance, gain, reach, greys)
 
     @property
-    def parameters(self) -> FloatArray:
-        """Those of the part."""
-        return self.change[PARTS[self.part]]
-
-    @property
     def sigmas(self) -> float:
         """How many standard deviations it is from zero (Mahalanobis' distance)."""
-        return float(np.sqrt(self.parameters @ np.linalg.solve(self.covariance, self.parameters)))
+        found = self.change[PARTS[self.part]]
+        return float(np.sqrt(found @ np.linalg.solve(self.covariance, found)))
 
     @property
     def curve(self) -> FloatArray:
         """The change of ln V over the radii seen, or that of ln g over the grey levels seen, less its median."""
-        found = self.parameters
+        found = self.change[PARTS[self.part]]
         if self.part == "vignette":
             squared = (self.reach * _STEPS) ** 2
             return np.asarray(found[0] * squared + found[1] * squared**2)
@@ -193,8 +180,3 @@ class ExplainedChange:
     def effect(self) -> float:
         """Largest value of the curve, signed."""
         return float(self.curve[np.argmax(np.abs(self.curve))])
-
-
-def _second_less_first(values: FloatArray) -> FloatArray:
-    """Return the second observation of each point less the first, of values of pairs, shape (2 n, …) -> (n, …)."""
-    return np.asarray(values[1::2] - values[0::2])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,10 +23,8 @@ class Matches:
 
     Attributes
     ----------
-    frames
-        Indices of the earlier frame and of the later one.
-    exposures_ms
-        Their exposures.
+    frames, exposures_ms
+        Indices of the earlier frame and of the later one, and their exposures.
     points0, points1
         Pixel coordinates in either, shapes (n, 2).
     log_ratios
@@ -84,47 +82,39 @@ def preview_of(
     pairs: int,
     usable_radius: float = 1.0,
 ) -> Preview:
-    """Return what is known.
+    """Return what is known from all observations, those of the latest pair of frames, and the latest quick fit.
 
     Parameters
     ----------
-    observations
-        All that was seen.
-    latest
-        What the latest pair of frames gave.
-    fit
-        The latest quick fit; None before there is one.
-    size
-        Width and height of the frames in pixels.
-    max_grey
-        Largest grey value of the frames.
+    size, max_grey
+        Width and height of the frames in pixels, and their largest grey value.
     pairs
         Pairs of frames compared so far.
     usable_radius
         Radius in half diagonals that the usable part of the image reaches.
     """
-    coverage, matches = coverage_of(observations, None, size), matches_of(latest, fit, size)
-    known = Preview(pairs, coverage, matches=matches, observations=observations, usable_radius=usable_radius)
-    if fit is None:
-        return known
-    response = fit.response(max_grey, measured_greys(observations))
-    return replace(known, response=response, vignette=fit.vignette(size), vignette_sigma=vignette_sigma(fit), fit=fit)
+    return Preview(
+        pairs,
+        coverage_of(observations, None, size),
+        response=fit.response(max_grey, measured_greys(observations)) if fit else None,
+        vignette=fit.vignette(size) if fit else None,
+        vignette_sigma=vignette_sigma(fit) if fit else None,
+        matches=_matches_of(latest, fit, size),
+        observations=observations,
+        fit=fit,
+        usable_radius=usable_radius,
+    )
 
 
-def matches_of(latest: ExposedObservations | None, fit: Fit | None, size: ImageSize) -> Matches | None:
+def _matches_of(latest: ExposedObservations | None, fit: Fit | None, size: ImageSize) -> Matches | None:
     """Return the points of a pair of frames; None without any."""
     if latest is None or not len(latest):
         return None
     pixel = latest.position * half_diagonal(size) + (np.array(size) - 1) / 2
-    exposures_ms = np.exp(latest.log_exposure[:2])
+    first_ms, second_ms = np.exp(latest.log_exposure[:2]).tolist()
     ratios = None
     if fit is not None:
         log_irradiance = fit.log_irradiance(latest)
         ratios = log_irradiance[::2] - log_irradiance[1::2]
-    return Matches(
-        (int(latest.frame[0]), int(latest.frame[1])),
-        (float(exposures_ms[0]), float(exposures_ms[1])),
-        pixel[::2],
-        pixel[1::2],
-        ratios,
-    )
+    frames = int(latest.frame[0]), int(latest.frame[1])
+    return Matches(frames, (first_ms, second_ms), pixel[::2], pixel[1::2], ratios)

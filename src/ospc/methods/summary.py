@@ -1,10 +1,12 @@
-"""From a fit to a calibration: curves with their uncertainty, verdicts, exposure ratios, advice."""
+"""From the evidence of a run to a calibration: curves with their uncertainty, verdicts, exposure ratios, advice."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.coverage import coverage_of
 from ospc.methods.identifiability import (
@@ -15,13 +17,50 @@ from ospc.methods.identifiability import (
     unexplained_share,
     vignette_verdict,
 )
-from ospc.methods.inputs import FitInputs
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
-from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
+from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.robust import SIGMA_OF_MEDIAN
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
+
+
+@dataclass(frozen=True)
+class FitInputs:
+    """What calibrations, summaries and reports are made of.
+
+    Attributes
+    ----------
+    size, max_grey
+        Of the frames.
+    noise
+        Noise of single pixels.
+    observations, fit
+        All observations with their exposures, their grey levels stretched where black and white are not the ends of
+        the scale, and the fit to them; None if there are none, or they do not allow a fit.
+    standing_still
+        Whether the camera did not move.
+    pairs
+        Pairs of frames registered.
+    usable_radius
+        Radius in half diagonals that the usable part of the image reaches: less than 1 in a fisheye's image.
+    grey_range
+        Where black and white are.
+    single_pixels
+        Whether each observation is a single pixel instead of a mean of several.
+    """
+
+    size: ImageSize
+    max_grey: int
+    noise: NoiseModel
+    observations: ExposedObservations | None
+    fit: Fit | None
+    standing_still: bool
+    pairs: int
+    usable_radius: float = 1.0
+    grey_range: GreyRange = FULL_RANGE
+    single_pixels: bool = False
 
 
 def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:

@@ -21,8 +21,7 @@ from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.identifiability import unexplained_share
-from ospc.methods.inputs import FitInputs
-from ospc.methods.summary import exposure_ratios
+from ospc.methods.summary import FitInputs, exposure_ratios
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration_content import LARGEST_GREY
 from ospc.photometry.geometry import image_size
