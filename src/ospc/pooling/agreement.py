@@ -23,6 +23,9 @@ Part = Literal["response", "vignette"]
 GREYS = np.array([0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9])
 """Grey levels at which ln g is compared, relative to :data:`_MIDDLE`: without the ends, which follow the prior."""
 
+_PLACES: dict[Part, slice] = {"response": slice(0, len(GREYS)), "vignette": slice(len(GREYS), None)}
+"""Where in the values compared the two parts are."""
+
 _MIDDLE = 0.5
 """Grey level at which the curves are made equal, since the scale of g is a convention: a level that most recordings
 cover."""
@@ -77,16 +80,9 @@ class Difference:
 
 @dataclass(frozen=True)
 class Agreement:
-    """What recordings have in common.
+    """Which recordings differ, by key, and for each part whether more than half of them agree on it.
 
-    Attributes
-    ----------
-    differing
-        Recordings that differ, by key.
-    majority
-        For each part, whether more than half of the recordings agree on it.
-    scatter
-        Mean square of the differences between recordings that agree, over what is expected; 1 for few recordings.
+    ``scatter`` is the mean square of the differences between those that agree, over what is expected; 1 for few.
     """
 
     differing: dict[str, Difference]
@@ -108,16 +104,10 @@ class _Curves:
 
 
 def agreement(summaries: Sequence[Summary]) -> Agreement:
-    """Return which recordings differ from what most of them agree on, whatever their order.
-
-    Parameters
-    ----------
-    summaries
-        One of each recording, of frames of one size and bit depth.
-    """
+    """Return which recordings, of frames of one size and bit depth, differ from what most agree on, in any order."""
     ordered = sorted(summaries, key=lambda s: s.key)
     if len(ordered) < 2:
-        return Agreement({}, {"response": True, "vignette": True})
+        return Agreement({}, dict.fromkeys(_PLACES, True))
     own = [_curves(solve(Information.of([s]))) for s in ordered]
     apart = _from_the_middle(own)
     for _ in range(_MOST_ROUNDS):
@@ -126,26 +116,22 @@ def agreement(summaries: Sequence[Summary]) -> Agreement:
         if [set(a) for a in apart] == [set(a) for a in before]:
             break
     rest = _rest_of_each(ordered, apart)
-    majority: dict[Part, bool] = {
-        part: 2 * sum(part in found for found in apart) < len(ordered) for part in ("response", "vignette")
-    }
+    majority = {part: 2 * sum(part in found for found in apart) < len(ordered) for part in _PLACES}
     compared = list(zip(ordered, own, rest, apart, strict=True))
     typical = float(np.median([s.unexplained for s in ordered]))
     differing = {
-        s.key: _described(s, found, others, curves, typical_unexplained=typical)
-        for s, curves, others, found in compared
-        if found
+        s.key: _described(s, found, others, curves, typical) for s, curves, others, found in compared if found
     }
     return Agreement(differing, majority, _scatter([(c, r) for _, c, r, found in compared if not found]))
 
 
-def difference_of(one: Summary, other: Summary) -> Difference | None:
-    """Return in what one recording differs from another, or from earlier ones; None where it does not."""
+def difference_of(one: Summary | None, other: Summary | None) -> Difference | None:
+    """Return in what one recording differs from another, or from earlier ones; None where nothing tells that."""
+    if one is None or other is None:
+        return None
     curves, known = (_curves(solve(Information.of([s]))) for s in (one, other))
     found = _apart(curves, known)
-    if not found:
-        return None
-    return _described(one, found, known, curves, typical_unexplained=other.unexplained, whose="before")
+    return _described(one, found, known, curves, other.unexplained, whose="before") if found else None
 
 
 def _from_the_middle(own: list[_Curves]) -> list[dict[Part, float]]:
@@ -170,18 +156,13 @@ def _rest_of_each(summaries: list[Summary], apart: list[dict[Part, float]]) -> l
 def _apart(one: _Curves, other: _Curves) -> dict[Part, float]:
     """Return the parts in which curves differ, and by how many standard deviations."""
     score = np.abs(_scores(one, other))
-    split = len(GREYS)
-    found: dict[Part, float] = {"response": float(score[:split].max()), "vignette": float(score[split:].max())}
+    found = {part: float(score[places].max()) for part, places in _PLACES.items()}
     return {part: sigmas for part, sigmas in found.items() if sigmas > _LIMIT_SIGMAS}
 
 
 def _scores(one: _Curves, other: _Curves) -> FloatArray:
-    allowed = np.concatenate(
-        [np.full(len(GREYS), _ALLOWED["response"]), np.full(len(_places()), _ALLOWED["vignette"])]
-    )
-    return np.asarray(
-        (one.value - other.value) / np.sqrt(one.sigma**2 + other.sigma**2 + allowed**2), dtype=np.float64
-    )
+    allowed = np.repeat([_ALLOWED["response"], _ALLOWED["vignette"]], [len(GREYS), len(_places())])
+    return np.asarray((one.value - other.value) / np.sqrt(one.sigma**2 + other.sigma**2 + allowed**2))
 
 
 def _scatter(agreeing: list[tuple[_Curves, _Curves]]) -> float:
@@ -210,48 +191,32 @@ def _curves(fit: Fit) -> _Curves:
     centre = np.zeros((1, 2))
     value = fit.vignette_basis.log_value(vignette, places) - fit.vignette_basis.log_value(vignette, centre)
     rows = fit.vignette_basis.jacobian(vignette, places) - fit.vignette_basis.jacobian(vignette, centre)
-    of_response = fit.covariance[RESPONSE_PART, RESPONSE_PART]
-    of_vignette = fit.covariance[VIGNETTE_PART, VIGNETTE_PART]
     variance = [
-        np.einsum("ij,jk,ik->i", rows_of, covariance, rows_of)
-        for rows_of, covariance in ((_response_rows(), of_response), (rows, of_vignette))
+        np.einsum("ij,jk,ik->i", rows_of, fit.covariance[part, part], rows_of)
+        for rows_of, part in ((_response_rows(), RESPONSE_PART), (rows, VIGNETTE_PART))
     ]
-    return _Curves(
-        np.concatenate([_response_rows() @ fit.response_parameters, value]), np.sqrt(np.concatenate(variance))
-    )
+    value = np.concatenate([_response_rows() @ fit.response_parameters, value])
+    return _Curves(value, np.sqrt(np.concatenate(variance)))
 
 
-def _described(
-    summary: Summary,
-    found: dict[Part, float],
-    rest: _Curves,
-    own: _Curves,
-    *,
-    typical_unexplained: float,
-    whose: str = "the others'",
+def _described(  # noqa: PLR0917 (two recordings, and what is usual)
+    summary: Summary, found: dict[Part, float], rest: _Curves, own: _Curves, usual: float, whose: str = "the others'"
 ) -> Difference:
-    score = np.abs(_scores(own, rest))
-    difference = np.exp(own.value - rest.value) - 1
-    split, said = len(GREYS), []
-    if "response" in found:
-        at = int(np.argmax(score[:split]))
-        said.append(
-            f"g({GREYS[at]:.1f})/g({_MIDDLE}) is {difference[at]:+.0%} off {whose} "
-            f"({score[at]:.0f} standard deviations)"
-        )
-    if "vignette" in found:
-        at = split + int(np.argmax(score[split:]))
-        radius = float(np.linalg.norm(_places()[at - split]))
-        said.append(
-            f"V at radius {radius:.1f} is {difference[at]:+.0%} off {whose} ({score[at]:.0f} standard deviations)"
-        )
+    """Return how a recording differs; ``usual`` is the usual share of exposure changes that stays unexplained."""
+    score, difference, said = np.abs(_scores(own, rest)), np.exp(own.value - rest.value) - 1, []
+    for part in found:
+        at = _PLACES[part].start + int(np.argmax(score[_PLACES[part]]))
+        if part == "response":
+            what = f"g({GREYS[at]:.1f})/g({_MIDDLE})"
+        else:
+            what = f"V at radius {np.linalg.norm(_places()[at - len(GREYS)]):.1f}"
+        said.append(f"{what} is {difference[at]:+.0%} off {whose} ({score[at]:.0f} standard deviations)")
+    parts, meaning = tuple(found), _MEANING[tuple(found)]
     # Wrong exposures spoil both parts, even where only one of them shows it.
-    suspicious = summary.unexplained > _SUSPICIOUS_FACTOR * max(typical_unexplained, _LEAST_UNEXPLAINED)
-    parts: tuple[Part, ...] = ("response", "vignette") if suspicious else tuple(found)
-    meaning = _MEANING[parts]
-    if suspicious:
+    if summary.unexplained > _SUSPICIOUS_FACTOR * max(usual, _LEAST_UNEXPLAINED):
+        parts = ("response", "vignette")
         meaning = (
             f"its exposures are wrong ({summary.unexplained:.1%} of their changes do not show in the images, "
-            f"usually {typical_unexplained:.1%}), or it is of another camera"
+            f"usually {usual:.1%}), or it is of another camera"
         )
     return Difference(summary.key, summary.name, parts, max(found.values()), f"{'; '.join(said)}: {meaning}")

@@ -29,15 +29,7 @@ _MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class Merged:
-    """The calibration of a pool.
-
-    Attributes
-    ----------
-    calibration
-        What its recordings give together; parts on which they do not agree are None.
-    agreement
-        Which recordings differ from the others, and in what.
-    """
+    """What the recordings of a pool give together, without parts on which they do not agree, and which differ."""
 
     calibration: Calibration
     agreement: Agreement
@@ -102,13 +94,10 @@ def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
     Those whose response differs are left out. Those whose vignette differs, or all where no majority agrees on it,
     say no more about it than if the camera had stood still.
     """
-    return [
-        summary
-        if agreed.majority["vignette"] and not agreed.differs(summary, "vignette")
-        else _response_alone(summary)
-        for summary in pool.summaries
-        if not agreed.differs(summary, "response")
-    ]
+    used = [summary for summary in pool.summaries if not agreed.differs(summary, "response")]
+    if not agreed.majority["vignette"]:
+        return [_response_alone(summary) for summary in used]
+    return [_response_alone(s) if agreed.differs(s, "vignette") else s for s in used]
 
 
 def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.methods.identifiability import judged
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.vignette import LogVignette, Vignette
@@ -41,33 +42,25 @@ _GIVEN_UP_SIGMA = 0.005
 """Standard deviation, about zero, of vignette parameters that a calibration does without: an asymmetry larger than
 this would have been found."""
 
+_STEEPEST, _ROUGHEST = 1e3, 1e3
+"""Coefficients of a response, and hyperparameters of its prior, that are read: a hundred times what any fit has."""
+
 _USUAL_NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
 """Noise of a calibration that states none: half an 8-bit grey level, as of a good camera."""
 
 
 @dataclass(frozen=True)
 class PriorCalibration:
-    """An earlier calibration of a camera; make one with :meth:`open`.
-
-    Attributes
-    ----------
-    name
-        What to call it in messages.
-    pool
-        Its recordings.
-    """
+    """An earlier calibration of a camera, by its name in messages and its recordings; make one with :meth:`open`."""
 
     name: str
     pool: Pool
 
     @classmethod
     def open(cls, path: str | Path) -> PriorCalibration:
-        """Read an earlier calibration from a state, of one recording or merged, or from a calibration.json.
+        """Read an earlier calibration: a ``state.ospc``, of one recording or merged, or a ``calibration.json``.
 
-        Parameters
-        ----------
-        path
-            A ``state.ospc``, a ``calibration.json`` of the default method, or a folder with one of them.
+        The latter must be of the default method; a folder with one of them will do.
 
         Raises
         ------
@@ -134,7 +127,7 @@ class PriorCalibration:
 
     def difference(self, today: Summary | None) -> Difference | None:
         """Return how today's recording differs from the earlier ones; None where it does not."""
-        return _difference(today, self._apart_from(today))
+        return difference_of(today, self._apart_from(today))
 
     def _apart_from(self, today: Summary | None) -> Summary | None:
         """Return what recordings other than today's say, which must not count twice; None where there are none."""
@@ -148,12 +141,7 @@ class PriorCalibration:
         say so. Today's recording counts once, even where the earlier calibration rests on it, too. However much was
         known before, what contradicts today's frames leaves nothing better than marginal.
 
-        Parameters
-        ----------
-        own
-            What today's frames alone say.
-        today
-            The same as a summary; None where they say too little.
+        ``own`` is what today's frames alone say, ``today`` the same as a summary; None where they say too little.
 
         Raises
         ------
@@ -162,53 +150,37 @@ class PriorCalibration:
         """
         self.check_size(own.size)
         earlier = self._apart_from(today)
-        difference = _difference(today, earlier)
-        known = {"name": self.name, "changed": [] if difference is None else list(difference.parts)}
-        known["text"] = "" if difference is None else difference.text
-        source = own.source | {"started_from": known}
+        difference = difference_of(today, earlier)
+        changed, text = ([], "") if difference is None else (list(difference.parts), difference.text)
+        source = own.source | {"started_from": {"name": self.name, "changed": changed, "text": text}}
         if earlier is None:
             note = f"{self.name} rests on this recording itself, which must not count twice, and was not used"
             return replace(own, source=source, notes=(*own.notes, note))
+        verdicts = dict(own.verdicts)
         if difference is not None:
-            return _changed(replace(own, source=source), difference, self.name)
+            for part in difference.parts:
+                reason = f"{verdicts[part].reason}; it is no longer that of {self.name}: {text}"
+                verdicts[part] = replace(verdicts[part], reason=reason)
+            return replace(own, source=source, verdicts=verdicts)
         together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
-        verdicts = {}
-        for part, verdict in together.verdicts.items():
+        for name, verdict in together.verdicts.items():
             reason = f"{verdict.reason.partition(', from ')[0]}, starting from {self.name}"
-            doubts = tuple((what, own.verdicts[part].remedy) for what in own.warnings)
-            verdicts[part] = judged(replace(verdict, reason=reason), doubts)
+            doubts = tuple((what, own.verdicts[name].remedy) for what in own.warnings)
+            verdicts[name] = judged(replace(verdict, reason=reason), doubts)
         return replace(
             own,
             response=together.response,
             vignette=together.vignette,
             vignette_sigma=together.vignette_sigma,
-            verdicts=own.verdicts | verdicts,
+            verdicts=verdicts,
             covariance=together.covariance,
             converged=together.converged and not own.warnings,
             advice=(
-                *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
+                *(verdicts[name].remedy for name in together.verdicts if verdicts[name].remedy),
                 *(() if own.coverage is None else own.coverage.gaps(own.max_grey)),
             ),
             source=source,
         )
-
-
-def _changed(own: Calibration, difference: Difference, name: str) -> Calibration:
-    verdicts = dict(own.verdicts)
-    for part in difference.parts:
-        verdict = verdicts[part]
-        verdicts[part] = Verdict(
-            verdict.state, f"{verdict.reason}; it is no longer that of {name}: {difference.text}", verdict.remedy
-        )
-    return replace(own, verdicts=verdicts)
-
-
-_STEEPEST, _ROUGHEST = 1e3, 1e3
-"""Coefficients of a response, and hyperparameters of its prior, that are read: a hundred times what any fit has."""
-
-
-def _difference(today: Summary | None, earlier: Summary | None) -> Difference | None:
-    return None if today is None or earlier is None else difference_of(today, earlier)
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
@@ -262,14 +234,13 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         support=(0.0, 1.0) if calibration.response is None else calibration.response.support,
         unexplained=0.0,
         noise=calibration.noise or _USUAL_NOISE,
-        grey_range=_grey_range(calibration),
+        grey_range=GreyRange(*(float(level) for level in _response_model(calibration).get("grey_range", (0.0, 1.0)))),
         usable_radius=_usable_radius(calibration.vignette),
     )
 
 
-def _grey_range(calibration: Calibration) -> GreyRange:
-    model = calibration.response.model if calibration.response is not None else {}
-    return GreyRange(*(float(level) for level in model.get("grey_range", (0.0, 1.0))))
+def _response_model(calibration: Calibration) -> dict[str, Any]:
+    return calibration.response.model if calibration.response is not None else {}
 
 
 def _usable_radius(vignette: Vignette | None) -> float:
@@ -281,7 +252,7 @@ def _usable_radius(vignette: Vignette | None) -> float:
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the estimate of the response, and A and b of its likelihood."""
-    model = calibration.response.model if calibration.response is not None else {}
+    model = _response_model(calibration)
     coefficients = np.array(model["coefficients"], dtype=np.float64)
     covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
     if coefficients.shape != (len(RESPONSE),) or covariance.shape != (len(RESPONSE), len(RESPONSE)):

@@ -13,13 +13,11 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
+from ospc.estimation.model import Model
 from ospc.estimation.model_choice import supported
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import Prior
-from ospc.estimation.response_basis import typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.pooling.summary import PARAMETERS, RESPONSE, RESPONSE_PART, VIGNETTE, Summary
-from ospc.settings.estimation import MAX_GAMMA_CHANGE, MIN_GAMMA
+from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
 
 _MOST_ROUNDS = 12
 """Most rounds of linearising the prior; a few are usual, and only information that contradicts itself takes more."""
@@ -28,24 +26,15 @@ _SETTLED = 1e-3
 """Squared change of all parameters together, in standard deviations, at which the rounds end: far below their
 errors."""
 
-_SIMPLER = (
-    VignetteBasis(VIGNETTE.radial, free_centre=True),
-    VignetteBasis(VIGNETTE.radial),
-)
+_SIMPLER = (VignetteBasis(VIGNETTE.radial, free_centre=True), VignetteBasis(VIGNETTE.radial))
 
 
 @dataclass(frozen=True)
 class Information:
     """The sum of summaries: A and b of their common likelihood, and the errors that more samples do not reduce.
 
-    Attributes
-    ----------
-    matrix, vector
-        A and b, shapes (p, p) and (p,).
-    systematic
-        Sum of A S A, shape (p, p): recordings err independently of one another.
-    points, groups
-        Scene points and groups of them behind it.
+    The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,). Recordings err
+    independently of one another. Scene points and groups of them are behind it.
     """
 
     matrix: FloatArray
@@ -68,13 +57,9 @@ class Information:
 
     def without(self, summary: Summary) -> Information:
         """Return what remains without one of the summaries."""
-        return Information(
-            self.matrix - summary.matrix,
-            self.vector - summary.vector,
-            self.systematic - summary.systematic_matrix,
-            self.points - summary.points,
-            self.groups - summary.groups,
-        )
+        matrix, vector = self.matrix - summary.matrix, self.vector - summary.vector
+        systematic = self.systematic - summary.systematic_matrix
+        return Information(matrix, vector, systematic, self.points - summary.points, self.groups - summary.groups)
 
     def weakened(self, factor: float) -> Information:
         """Return the information with all variances multiplied by a factor."""
@@ -85,47 +70,35 @@ class Information:
 def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: Fit | None = None) -> Fit:
     """Return the most probable parameters, on one core: small matrices, which threads only slow down.
 
-    Parameters
-    ----------
-    information
-        What is known without the prior.
-    vignette
-        Model of the vignette: the common one, or it without its last parameters, which are zero then.
-    start
-        Solution for nearly the same information and the same model: its prior is taken, which saves most of the time.
+    The vignette is the common one, or one without its last parameters, which are zero then. The prior of a solution
+    for nearly the same information and the same model is taken, which saves most of the time.
     """
     with threadpool_limits(1, user_api="blas"):
-        p = len(RESPONSE) + len(vignette)
+        model = Model(RESPONSE, vignette, Effects())
+        parameters = model.typical if start is None else start.parameters
+        p = len(parameters)
         equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], np.zeros((p, p)))
-        floor = np.full(p, -np.inf)
-        floor[RESPONSE_PART] = MIN_GAMMA
-        parameters = np.concatenate([typical_gamma(RESPONSE.knots), np.zeros(len(vignette))])
-        if start is not None:
-            parameters = start.parameters
         # The prior is one of ln γ, linearised where the last round ended: a few rounds settle it.
         for _ in range(_MOST_ROUNDS):
-            prior = Prior(RESPONSE.knots, parameters[RESPONSE_PART], vignette.prior_sigma)
+            prior = model.prior(parameters)
             hyperparameters = equations.maximize_evidence(prior) if start is None else start.hyperparameters
-            found = equations.solve(prior, hyperparameters, floor)
-            before = parameters[RESPONSE_PART]
-            found[RESPONSE_PART] = np.clip(found[RESPONSE_PART], before / MAX_GAMMA_CHANGE, before * MAX_GAMMA_CHANGE)
+            found = model.limited(equations.solve(prior, hyperparameters, model.floor), parameters)
             change, parameters = found - parameters, found
             precision = equations.posterior_precision(prior, hyperparameters)
             if float(change @ precision @ change) < _SETTLED:
                 break
         chance = cho_solve(cho_factor(precision), np.eye(p))
-        covariance = chance + chance @ information.systematic[:p, :p] @ chance
         return Fit(
             RESPONSE,
             vignette,
             Effects(),
             parameters,
-            covariance,
-            chance,
-            ErrorModel(),
-            hyperparameters,
-            information.points,
-            information.groups,
+            covariance=chance + chance @ information.systematic[:p, :p] @ chance,
+            chance=chance,
+            errors=ErrorModel(),
+            hyperparameters=hyperparameters,
+            points=information.points,
+            groups=information.groups,
         )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
-from ospc.estimation.fit import SUPPORT_QUANTILES, Fit
+from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -60,14 +60,10 @@ class Summary:
 
     Attributes
     ----------
-    key
-        Identifies the recording: the same for all runs over the same one.
-    name
-        What to call it.
-    size, max_grey
-        Of the frames.
-    frames, pairs, points, groups
-        Frames pushed, pairs of them compared, scene points and groups of these used.
+    key, name
+        Identifies the recording, the same for all runs over the same one; what to call it.
+    size, max_grey, frames, pairs, points, groups
+        Of the frames; how many were pushed, pairs of them compared, scene points and groups of these used.
     estimate
         Estimate of the common parameters, at which the likelihood was approximated, shape (p,).
     triangle, vector
@@ -86,10 +82,8 @@ class Summary:
         Lowest and highest grey level observed, without the last two in a thousand.
     unexplained
         Share of a typical change of exposure that does not show in the images.
-    noise
-        Noise of a grey value.
-    grey_range
-        Where black and white are: the response's parameters belong to grey levels between them.
+    noise, grey_range
+        Noise of a grey value; black and white, between which the response's parameters have their grey levels.
     usable_radius
         Radius in half diagonals that the usable part of the image reaches, in (0, 1].
     """
@@ -175,24 +169,15 @@ class Summary:
 
 
 def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], frames: int) -> Summary | None:
-    """Return the summary of a run; None where it allowed no fit.
+    """Return the summary of a run of so many frames; None where it allowed no fit.
 
-    Parameters
-    ----------
-    inputs
-        What was observed and the fit to it.
-    first_frames
-        Hash that identifies the stream of frames, used where ``source`` does not.
-    source
-        Identification of the recording; empty for a live stream.
-    frames
-        Frames pushed.
+    ``source`` identifies the recording; it is empty for a live stream, which the hash of its first frames identifies.
     """
     fit, observations = inputs.fit, inputs.observations
     if fit is None or observations is None:
         return None
     matrix, vector, systematic, estimate = _information(inputs, fit, observations)
-    support = inputs.grey_range.grey(np.quantile(observations.grey, SUPPORT_QUANTILES))
+    low, high = inputs.grey_range.grey(measured_greys(observations)).tolist()
     return Summary(
         key=recording_key(first_frames, source),
         name=str(source.get("name", "live")),
@@ -209,7 +194,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         exposure_range_ms=observations.exposure_range_ms,
         reach=0.0 if inputs.standing_still else observations.radial_reach,
         standing_still=inputs.standing_still,
-        support=(float(support[0]), float(support[1])),
+        support=(low, high),
         grey_range=inputs.grey_range,
         unexplained=unexplained_share(exposure_ratios(fit, observations)),
         noise=inputs.noise,
@@ -277,26 +262,15 @@ def _vignette_in_common(own: VignetteBasis, given: FloatArray) -> FloatArray:
     if own.non_radial:
         common[-len(NON_RADIAL) :] = given[-len(NON_RADIAL) :]
     if own.radial:
-        squared = _RADII**2
-        value = (squared[:, None] ** np.arange(1, own.radial + 1)) @ given[: own.radial]
-        common[: VIGNETTE.radial] = np.linalg.lstsq(
-            squared[:, None] ** np.arange(1, VIGNETTE.radial + 1), value, rcond=None
-        )[0]
+        own_terms, terms = ((_RADII**2)[:, None] ** np.arange(1, n + 1) for n in (own.radial, VIGNETTE.radial))
+        common[: VIGNETTE.radial] = np.linalg.lstsq(terms, own_terms @ given[: own.radial], rcond=None)[0]
     return common
 
 
 def without_part(summary: Summary, part: slice, prior_precision: FloatArray) -> Summary:
     """Return the summary with one part (response or vignette) integrated out: it then says nothing about that part.
 
-    Parameters
-    ----------
-    summary
-        A summary.
-    part
-        :data:`RESPONSE_PART` or :data:`VIGNETTE_PART`.
-    prior_precision
-        Precision of the prior of all parameters about the estimate, which keeps the part from being singular, shape
-        (p, p).
+    The precision of the prior of all parameters about the estimate, shape (p, p), keeps the part from being singular.
     """
     p = PARAMETERS
     whole = summary.matrix
