@@ -8,7 +8,6 @@ Others are no part of a camera: they tell that the recording contradicts the mod
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -45,52 +44,13 @@ Addition = Literal["light", "exposure", "log"]
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What effects depend on, for each of n observations, shape (n,).
-
-    Attributes
-    ----------
-    exposure, dark
-        Exposure over the typical one, and the same less what the response holds.
-    light
-        g at the expected grey level.
-    log_grey_gain
-        What a power of 1 + θ of the grey level adds to ln g, over θ: γ ln M.
-    log_black_gain
-        What a rise of the grey level by θ takes from ln g, over θ: γ/M.
-    frame_light, light_nearby
-        Mean of g over the frame and sum over the surroundings, less what the response holds.
-    log_surround_gain
-        What a power θ of the grey level of the surroundings, put on the grey level, adds to ln g, over θ: γ ln M̄.
-    time
-        From -1 for the first to 1 for the last group.
-    squared_radius
-        R², in half diagonals.
-    log_exposure_rate
-        As of observations.
-    """
-
-    exposure: FloatArray
-    dark: FloatArray
-    light: FloatArray
-    log_grey_gain: FloatArray
-    log_black_gain: FloatArray
-    frame_light: FloatArray
-    light_nearby: FloatArray
-    log_surround_gain: FloatArray
-    time: FloatArray
-    squared_radius: FloatArray
-    log_exposure_rate: FloatArray
-
-
-@dataclass(frozen=True)
 class Effect:
     """One effect.
 
     Attributes
     ----------
-    adds, amount
-        What it adds to, and what a parameter of 1 adds: irradiance, typical exposures, or ln g, shape (n,).
+    adds
+        What it adds to.
     sigma
         Prior standard deviation of the parameter.
     systematic
@@ -100,7 +60,6 @@ class Effect:
     """
 
     adds: Addition
-    amount: Callable[[Seen], FloatArray]
     sigma: float
     systematic: float
     least: float = -np.inf
@@ -112,18 +71,16 @@ class Effect:
 
 
 EFFECTS = {
-    "veiling glare": Effect("light", lambda seen: seen.frame_light, *GLARE, 0.0, MOST_ADDED_LIGHT),
-    "light scattered nearby": Effect("light", lambda seen: seen.light_nearby, *SCATTER, 0.0, MOST_ADDED_LIGHT),
-    "dark current": Effect("light", lambda seen: seen.dark, *DARK_CURRENT, 0.0, MOST_ADDED_LIGHT),
-    "exposure offset": Effect("exposure", lambda seen: np.ones_like(seen.dark), *OFFSET, -MOST_OFFSET, MOST_OFFSET),
-    LATE_EXPOSURES: Effect(
-        "log", lambda seen: seen.log_exposure_rate, *LATENESS, -MOST_LATE_FRAMES, MOST_LATE_FRAMES
-    ),
-    "local tone mapping": Effect("log", lambda seen: seen.log_surround_gain, *LOCAL_TONE),
-    "curved exposures": Effect("log", lambda seen: np.log(seen.exposure) ** 2, *CURVATURE),
-    "drifting response": Effect("log", lambda seen: seen.time * seen.log_grey_gain, *RESPONSE_DRIFT),
-    "drifting black level": Effect("log", lambda seen: seen.time * seen.log_black_gain, *BLACK_DRIFT),
-    "drifting vignette": Effect("log", lambda seen: seen.time * seen.squared_radius, *VIGNETTE_DRIFT),
+    "veiling glare": Effect("light", *GLARE, 0.0, MOST_ADDED_LIGHT),
+    "light scattered nearby": Effect("light", *SCATTER, 0.0, MOST_ADDED_LIGHT),
+    "dark current": Effect("light", *DARK_CURRENT, 0.0, MOST_ADDED_LIGHT),
+    "exposure offset": Effect("exposure", *OFFSET, -MOST_OFFSET, MOST_OFFSET),
+    LATE_EXPOSURES: Effect("log", *LATENESS, -MOST_LATE_FRAMES, MOST_LATE_FRAMES),
+    "local tone mapping": Effect("log", *LOCAL_TONE),
+    "curved exposures": Effect("log", *CURVATURE),
+    "drifting response": Effect("log", *RESPONSE_DRIFT),
+    "drifting black level": Effect("log", *BLACK_DRIFT),
+    "drifting vignette": Effect("log", *VIGNETTE_DRIFT),
 }
 """All effects by their names."""
 
@@ -132,6 +89,23 @@ CORRECTED = ("veiling glare", "light scattered nearby", "dark current", "exposur
 
 CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
 """Effects that no camera with one response and one vignette has."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What effects do to n observations.
+
+    Attributes
+    ----------
+    exposure, light
+        Exposure over the typical one, and g at the expected grey level, shape (n,).
+    amounts
+        What a parameter of 1 of each effect adds, in irradiance, typical exposures or ln g, shape (n,) each.
+    """
+
+    exposure: FloatArray
+    light: FloatArray
+    amounts: dict[str, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -151,10 +125,8 @@ class Effects:
     ----------
     chosen
         Names of the effects, in the order of their parameters.
-    log_typical_exposure
-        ln ē, in milliseconds.
-    groups
-        First and last group of the observations.
+    log_typical_exposure, groups
+        ln ē, in milliseconds, and first and last group of the observations.
     typical
         Amounts of additional light that the response holds. A constant amount cannot be told from the response, so
         that while it is fitted the effects only describe by how much each observation differs from the typical one.
@@ -194,25 +166,29 @@ class Effects:
         self, observations: ExposedObservations, basis: ResponseBasis, coefficients: FloatArray, index: IntArray
     ) -> Seen:
         """Return what the effects depend on, by a response; ``index`` has the expected grey levels in its grid."""
-        grid, irradiance = basis.grid, np.exp(basis.log_of(coefficients))
-        gamma, cubic = basis.gamma_of(coefficients)[index], _cubic(grid, irradiance)
+        irradiance, grey = np.exp(basis.log_of(coefficients)), basis.grid[index]
+        gamma, cubic = basis.gamma_of(coefficients)[index], _cubic(basis.grid, irradiance)
         exposure = np.exp(observations.log_exposure - self.log_typical_exposure)
         first, last = self.groups
+        time = 2 * (observations.group - first) / max(last - first, 1) - 1
         share, *around = observations.surround_moments.T
         mean_around = np.where(share > 0, around[0] / np.maximum(share, DARKEST_GREY), 1.0)
-        return Seen(
-            exposure=exposure,
-            dark=exposure - self.typical.dark,
-            light=np.maximum(irradiance[index], DARKEST_IRRADIANCE),
-            log_grey_gain=gamma * np.log(grid[index]),
-            log_black_gain=gamma / grid[index],
-            frame_light=(observations.frame_moments - self.typical.frame_moments) @ cubic,
-            light_nearby=(observations.surround_moments - self.typical.surround_moments)[:, 1:] @ cubic,
-            log_surround_gain=gamma * np.log(np.maximum(mean_around, DARKEST_GREY)),
-            time=2 * (observations.group - first) / max(last - first, 1) - 1,
-            squared_radius=np.sum(observations.position**2, axis=1),
-            log_exposure_rate=observations.log_exposure_rate,
-        )
+        amounts = {
+            # Light is what differs from that which the response holds.
+            "veiling glare": (observations.frame_moments - self.typical.frame_moments) @ cubic,
+            "light scattered nearby": (observations.surround_moments - self.typical.surround_moments)[:, 1:] @ cubic,
+            "dark current": exposure - self.typical.dark,
+            "exposure offset": np.ones_like(exposure),
+            LATE_EXPOSURES: observations.log_exposure_rate,
+            # The grey level is multiplied by a power θ of that of the surroundings.
+            "local tone mapping": gamma * np.log(np.maximum(mean_around, DARKEST_GREY)),
+            "curved exposures": np.log(exposure) ** 2,
+            # The grey level has a power of 1 + θ; it rises by θ.
+            "drifting response": time * (gamma * np.log(grey)),
+            "drifting black level": time * (gamma / grey),
+            "drifting vignette": time * np.sum(observations.position**2, axis=1),
+        }
+        return Seen(exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)
 
     def without_typical_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
         """Return effects whose response holds no additional light, and what becomes of the parameters.
@@ -248,14 +224,13 @@ class Effects:
         """Return the derivative of :meth:`log_gain` by the parameters, shape (n, len)."""
         added, factor, _ = self._parts(values, seen)
         over = {"light": seen.light * (1 - added), "exposure": seen.exposure * factor, "log": np.ones_like(added)}
-        effects = [EFFECTS[name] for name in self.chosen]
-        return np.stack([effect.amount(seen) / over[effect.adds] for effect in effects], axis=1)
+        return np.stack([seen.amounts[name] / over[EFFECTS[name].adds] for name in self.chosen], axis=1)
 
     def _parts(self, values: FloatArray, seen: Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the share of light added, the factor on the exposure, and what is added to ln g, shape (n,) each."""
         sums = {adds: np.zeros_like(seen.exposure) for adds in get_args(Addition)}
         for name, value in zip(self.chosen, values, strict=True):
-            sums[EFFECTS[name].adds] += value * EFFECTS[name].amount(seen)
+            sums[EFFECTS[name].adds] += value * seen.amounts[name]
         added = np.clip(sums["light"] / seen.light, -MAX_ADDED_SHARE, MAX_ADDED_SHARE)
         factor = np.maximum(1 + sums["exposure"] / seen.exposure, MIN_EXPOSURE_FACTOR)
         return added, factor, sums["log"]

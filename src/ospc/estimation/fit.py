@@ -149,16 +149,10 @@ class Fit(Model):
     def response(
         self, max_grey: int = 255, support: tuple[float, float] = (0.0, 1.0), grey_range: GreyRange = FULL_RANGE
     ) -> Response:
-        """Return the response with its standard deviation.
+        """Return the response with its standard deviation, a level for each grey value up to ``max_grey`` or 4096.
 
-        Parameters
-        ----------
-        max_grey
-            Largest grey value of the camera; the response has one level for each grey value up to 12 bits.
-        support
-            Lowest and highest grey level that was measured, such as :func:`measured_greys`.
-        grey_range
-            Where black and white are: the grey levels of the observations were stretched to them.
+        ``support`` are the lowest and the highest grey level that was measured, such as :func:`measured_greys`. The
+        grey levels of the observations were stretched to the grey range.
         """
         levels = min(max_grey + 1, _MAX_LEVELS)
         grey = grey_range.level(np.linspace(0, 1, levels))

@@ -54,10 +54,8 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
 
     Parameters
     ----------
-    observations
-        The observations.
-    response, widest
-        Basis of the response, and the richest vignette considered.
+    widest
+        The richest vignette considered.
     noise
         Noise of single pixels; None where the observations are single pixels themselves.
     rounds

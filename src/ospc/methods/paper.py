@@ -173,7 +173,7 @@ def solve_kkt(gram: FloatArray) -> FloatArray:
     n = len(gram)
     E = np.stack([np.ones(n), np.eye(n)[0]])
     system = np.block([[2 * _scaled(gram), E.T], [E, np.zeros((2, 2))]])
-    target = np.concatenate([np.zeros(n), [1.0, 0.0]])
+    target = np.append(np.zeros(n), [1.0, 0.0])
     return np.asarray(np.linalg.pinv(system, hermitian=True) @ target)[:n]
 
 
@@ -194,9 +194,9 @@ def _scaled(gram: FloatArray) -> FloatArray:
     return np.asarray(gram / max(float(np.trace(gram)), float(np.finfo(float).tiny)))
 
 
-def increases(coefficients: FloatArray, levels: int = 1024) -> bool:
-    """Tell whether a polynomial increases strictly from each of so many levels of [0, 1] to the next."""
-    return bool(np.all(np.diff(polyval(np.linspace(0, 1, levels), coefficients)) > 0))
+def increases(coefficients: FloatArray) -> bool:
+    """Tell whether a polynomial increases strictly between 1024 levels of [0, 1]."""
+    return bool(np.all(np.diff(polyval(np.linspace(0, 1, 1024), coefficients)) > 0))
 
 
 def solve_response(gram: FloatArray, positivity: str) -> FloatArray | None:
@@ -374,7 +374,7 @@ class PaperMethod(Method):
         self._ratios = ExposureRatios.none()
         self._log_exposure_range = (np.inf, -np.inf)
         self._reach = 0.0
-        self._progress = Progress()
+        self._pairs = self._usable = 0
 
     def push(self, frame: Frame, prepared: PreprocessedFrame | None, exposures: ExposureLookup) -> Change | None:
         """Take the next frame: match it with earlier ones, and solve at the end of each window.
@@ -389,7 +389,7 @@ class PaperMethod(Method):
         features = self._matcher.features(frame)
         log_exposure = float(exposures.log_exposure_of(np.array([frame.index]))[0])
         low, high = self._log_exposure_range
-        self._log_exposure_range = (float(np.fmin(low, log_exposure)), float(np.fmax(high, log_exposure)))
+        self._log_exposure_range = float(np.fmin(low, log_exposure)), float(np.fmax(high, log_exposure))
         self._frames += 1
         for left in self._with_exposure_change(features, exposures):
             found = self._correspondences(left, features)
@@ -411,12 +411,8 @@ class PaperMethod(Method):
         """How far it has come."""
         response, vignette = self._mean_response(), self._vignette_sigma()
         sigma = None if response is None else response.inverse_sigma
-        return Progress(
-            self._progress.pairs,
-            self._progress.samples,
-            None if sigma is None else float(sigma.max()),
-            None if vignette is None else float(vignette[-1]),
-        )
+        largest = None if sigma is None else float(sigma.max())
+        return Progress(self._pairs, self._usable, largest, None if vignette is None else float(vignette[-1]))
 
     def calibration(self, exposures: ExposureLookup, grey_range: GreyRange = FULL_RANGE) -> Calibration:
         """Return the averages of the accepted estimates; an open window counts only where no full one did."""
@@ -451,8 +447,8 @@ class PaperMethod(Method):
 
     def _keep(self, pairs: Correspondences, samples: list[Correspondences], exposures: ExposureLookup) -> None:
         samples.append(pairs)
-        usable = len(in_order(pairs, exposure_ratio(pairs, exposures)))
-        self._progress = Progress(self._progress.pairs + 1, self._progress.samples + usable)
+        self._pairs += 1
+        self._usable += len(in_order(pairs, exposure_ratio(pairs, exposures)))
 
     def _with_ratios(
         self, pairs: Sequence[Correspondences], exposures: ExposureLookup
@@ -518,7 +514,7 @@ class PaperMethod(Method):
             covariance={name: known for name, known in covariance.items() if known is not None},
             max_grey=self._max_grey,
             converged=min(len(self._responses.accepted), len(self._vignettes.accepted)) >= 2,
-            counts={"pairs": self._progress.pairs, "samples": self._progress.samples},
+            counts={"pairs": self._pairs, "samples": self._usable},
             advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
         )
 
