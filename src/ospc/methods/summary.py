@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.estimation.fit import Fit, measured_greys
@@ -133,8 +134,6 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
 
 def _medians(values: FloatArray, group: IntArray) -> FloatArray:
     """Return the median of each group of values, in the order of its number."""
-    from scipy.ndimage import median  # slow to import
-
     return np.asarray(median(values, group, np.arange(group.max() + 1)))
 
 

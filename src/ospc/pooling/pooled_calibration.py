@@ -15,7 +15,7 @@ from ospc.photometry.calibration import Calibration, Verdict
 from ospc.pooling.agreement import Agreement, Part, agreement
 from ospc.pooling.pool import Pool
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
-from ospc.pooling.summary import VIGNETTE_PART, Summary, joint_range, without_part
+from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.settings import DefaultSettings
 from ospc.versions import versions
 
@@ -112,10 +112,24 @@ def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
 
 
 def _response_alone(summary: Summary) -> Summary:
-    """Return a recording's information on the response, given that its vignette is a different one."""
-    free = np.zeros_like(summary.matrix)
-    free[VIGNETTE_PART, VIGNETTE_PART] = _FREE * np.eye(VIGNETTE_PART.stop - VIGNETTE_PART.start)
-    return replace(without_part(summary, VIGNETTE_PART, free), standing_still=True, reach=0.0)
+    """Return a recording's information on the response, its vignette, which is a different one, integrated out."""
+    n, p, whole = VIGNETTE_PART.start, PARAMETERS, summary.matrix
+    # A prior centred on the recording's own estimate only says that the vignette is free.
+    free = _FREE * np.eye(p - n)
+    carried = np.linalg.solve(whole[n:, n:] + free, whole[n:, :n])
+    reduced = np.concatenate([np.eye(n), -carried.T], axis=1)
+    matrix, vector, systematic = np.zeros((p, p)), np.zeros(p), np.zeros((p, p))
+    matrix[:n, :n] = whole[:n, :n] - whole[:n, n:] @ carried
+    vector[:n] = summary.vector[:n] - carried.T @ (summary.vector[n:] + free @ summary.estimate[n:])
+    systematic[:n, :n] = reduced @ summary.systematic_matrix @ reduced.T
+    return replace(
+        summary,
+        triangle=triangle_of(matrix),
+        vector=vector,
+        systematic=triangle_of(systematic),
+        standing_still=True,
+        reach=0.0,
+    )
 
 
 def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 
@@ -265,24 +265,3 @@ def _vignette_in_common(own: VignetteBasis, given: FloatArray) -> FloatArray:
         own_terms, terms = ((_RADII**2)[:, None] ** np.arange(1, n + 1) for n in (own.radial, VIGNETTE.radial))
         common[: VIGNETTE.radial] = np.linalg.lstsq(terms, own_terms @ given[: own.radial], rcond=None)[0]
     return common
-
-
-def without_part(summary: Summary, part: slice, prior_precision: FloatArray) -> Summary:
-    """Return the summary with one part (response or vignette) integrated out: it then says nothing about that part.
-
-    The precision of the prior of all parameters about the estimate, shape (p, p), keeps the part from being singular.
-    """
-    p = PARAMETERS
-    whole = summary.matrix
-    other = np.setdiff1d(np.arange(p), np.arange(p)[part])
-    inner = whole[part, part] + prior_precision[part, part]
-    # The prior is centred on the recording's own estimate: it only says that the part is free.
-    inner_vector = summary.vector[part] + prior_precision[part, part] @ summary.estimate[part]
-    carried = np.linalg.solve(inner, whole[part][:, other])
-    reduced = np.eye(p)[other]
-    reduced[:, part] -= carried.T
-    matrix, vector, systematic = np.zeros((p, p)), np.zeros(p), np.zeros((p, p))
-    systematic[np.ix_(other, other)] = reduced @ summary.systematic_matrix @ reduced.T
-    matrix[np.ix_(other, other)] = whole[np.ix_(other, other)] - whole[other, part] @ carried
-    vector[other] = summary.vector[other] - carried.T @ inner_vector
-    return replace(summary, triangle=triangle_of(matrix), vector=vector, systematic=triangle_of(systematic))
