@@ -46,7 +46,7 @@ class Latent:
     texture
         What the texture lowers h by, if all of the variance seen is texture.
     offset
-        ln e + ln V.
+        ln of the exposure and of the gain by vignette and effects.
     total, mean
         Sum of weights of the point, and its log radiance u.
     """
@@ -65,7 +65,7 @@ class Latent:
 
     @cached_property
     def residual(self) -> FloatArray:
-        """linear_log − ln e − ln V − u."""
+        """linear_log − offset − u."""
         return self.linear_log - self.offset - self.mean
 
     @cached_property
@@ -107,7 +107,7 @@ class LatentModel:
     trusted: bool
 
     def __call__(self, observations: ExposedObservations, log_gain: FloatArray, weight: FloatArray) -> Latent:
-        """Return the observations linearised, given ln V of each and their robust weights, shapes (n,)."""
+        """Return the observations linearised, given ln of the gain by vignette and effects, and weights, (n,)."""
         measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
         offset = observations.log_exposure + log_gain
         latent = self._linearised(observations, measured, offset, weight)

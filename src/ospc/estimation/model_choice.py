@@ -71,7 +71,7 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
     start = estimator.fit(observations.of_points(slice(None, None, step))) if step > 1 else None
     fit = estimator.fit(observations, start)
     for richer in (replace(simplest, free_centre=True), widest):
-        if richer == fit.vignette_basis or len(richer) <= len(fit.vignette_basis):
+        if len(richer) <= len(fit.vignette_basis):
             continue
         wider = MaximumLikelihoodEstimator(response, richer, noise, rounds, beside).fit(observations, fit)
         if not supported(wider, len(richer) - len(fit.vignette_basis)):

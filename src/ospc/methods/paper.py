@@ -353,7 +353,8 @@ def standard_error(curves: FloatArray) -> FloatArray | None:
 class PaperMethod(Method):
     """The preset ``paper``: it has no state, for the features of hundreds of frames are too large for a file.
 
-    Features are found and matched by the matcher, or as the settings say.
+    Features are found and matched by the matcher, or as the settings say. Images that are too small raise
+    :class:`~ospc.errors.FrameError`.
     """
 
     def __init__(
