@@ -6,7 +6,7 @@ A checksum only says that a file is as it was written, not who wrote it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -70,18 +70,10 @@ _CHANGES = len(GREY_KNOTS) + 3
 
 @dataclass(frozen=True)
 class Numbers:
-    """A number, or a list or array of numbers, between two limits.
+    """A number, or a list or array of numbers, between two limits; NaN is one only where it may be ``unknown``.
 
-    Attributes
-    ----------
-    low, high
-        The limits.
-    shape
-        Its shape: lengths, or names of lengths that are the same wherever they stand; empty for a single number.
-    unknown
-        Whether numbers may be NaN.
-    most
-        Largest length along the first axis.
+    ``shape`` has lengths, or names of lengths that are the same wherever they stand; it is empty for a single number.
+    ``most`` is the largest length along the first axis.
     """
 
     low: float = -_LARGEST
@@ -90,17 +82,17 @@ class Numbers:
     unknown: bool = False
     most: int = _MOST
 
-    def check(self, name: str, value: Any, lengths: dict[str, int]) -> None:
+    def check(self, name: str, value: Any, lengths: dict[str, int] | None = None) -> None:
         """Raise a FormatError where a value is something else; learn the lengths that have names."""
+        known = {} if lengths is None else lengths
         try:
             array = np.asarray(value)
         except ValueError:
             raise FormatError(f"{name} has rows of different lengths") from None
         if array.size == 0 and array.ndim == 1 and len(self.shape) > 1:
-            array = array.reshape(0, *(lengths.get(n, 0) if isinstance(n, str) else n for n in self.shape[1:]))
+            array = array.reshape(0, *(known.get(n, 0) if isinstance(n, str) else n for n in self.shape[1:]))
         wanted = tuple(
-            lengths.setdefault(n, m) if isinstance(n, str) else n
-            for n, m in zip(self.shape, array.shape, strict=False)
+            known.setdefault(n, m) if isinstance(n, str) else n for n, m in zip(self.shape, array.shape, strict=False)
         )
         if array.ndim != len(self.shape) or array.shape != wanted:
             raise FormatError(f"{name} has the shape {array.shape} instead of {self.shape}")
@@ -112,7 +104,7 @@ class Numbers:
 
 
 ANYTHING = "anything goes: a truth value, or texts that only people read"
-ELSEWHERE = "checked by a function below or by the class itself, because it depends on other values"
+ELSEWHERE = "checked by a function below, or field by field, or by the class itself"
 
 LAG = Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES)
 """A lag of the exposures, or a change of it, in frames."""
@@ -120,175 +112,125 @@ LAG = Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES)
 COUNT = Numbers(0, _MOST)
 """How many, or the number of a frame."""
 
+_SHARE = Numbers(0, 1)
+
+
+def _logs(*shape: int | str, unknown: bool = False, most: int = _MOST) -> Numbers:
+    return Numbers(-_LOG, _LOG, shape, unknown, most)
+
 
 def _count(*shape: int | str, most: int = _MOST) -> Numbers:
     return Numbers(0, _MOST, shape, most=most)
 
 
-def _share(*shape: int | str, unknown: bool = False) -> Numbers:
-    return Numbers(0, 1.001, shape, unknown)
+def _share(*shape: int | str, unknown: bool = False, most: int = _MOST) -> Numbers:
+    return Numbers(0, 1.001, shape, unknown, most)
 
 
-RULES: Mapping[type, Mapping[str, Numbers | str]] = {
+_RULES_BY_NAMES: Mapping[type, Mapping[str, Numbers | str]] = {
     EngineState: {
-        "settings": ELSEWHERE,
-        "correct_lag": ELSEWHERE,
-        "size": ELSEWHERE,
+        "settings correct_lag size exposures sampler pixels epochs": ELSEWHERE,
         "max_grey": Numbers(0, _LARGEST_GREY),
-        "exposures": ELSEWHERE,
-        "sampler": ELSEWHERE,
-        "pixels": ELSEWHERE,
-        "epochs": ELSEWHERE,
         "skipped": COUNT,
-        "reasons": ANYTHING,
-        "first_reasons": ANYTHING,
-        "first_frames": ANYTHING,
-        "source": ANYTHING,
-        "versions": ANYTHING,
+        "reasons first_reasons first_frames source versions": ANYTHING,
     },
     AssessmentState: {
-        "log_exposure": Numbers(-_LOG, _LOG, ("frames",), unknown=True),
-        "lag_frames": LAG,
+        "log_exposure": _logs("frames", unknown=True),
+        "lag_frames known_lag suspected_lag": LAG,
         "trusted": ANYTHING,
         "evidence": ELSEWHERE,
         "next_assessment": COUNT,
-        "known_lag": ELSEWHERE,
-        "suspected_lag": LAG,
     },
     FrameSampler: {
-        **dict.fromkeys(
-            (
-                "frames_per_slowdown",
-                "dense_frames",
-                "longest_pause_frames",
-                "comparison_period_frames",
-                "comparison_run_frames",
-            ),
-            ELSEWHERE,
-        ),
-        **dict.fromkeys(("processed", "number", "_pause", "_restarted_after"), COUNT),
+        "frames_per_slowdown dense_frames longest_pause_frames": ELSEWHERE,
+        "comparison_period_frames comparison_run_frames": ELSEWHERE,
+        "processed number _pause _restarted_after": COUNT,
     },
     PixelStatistics: {
-        "_histogram": ELSEWHERE,
-        "_grey_share": Numbers(0, 1.001, ("frames", GREY_CELLS), most=MOST_FRAMES),
-        "_radius_share": Numbers(0, 1.001, ("frames", RADIUS_CELLS), unknown=True, most=MOST_FRAMES),
-        "_log_exposure": Numbers(-_LOG, _LOG, ("frames",), most=MOST_FRAMES),
-        "_brightest": ELSEWHERE,
+        "_histogram _brightest _max_grey _ranges _inherited": ELSEWHERE,
+        "_grey_share": _share("frames", GREY_CELLS, most=MOST_FRAMES),
+        "_radius_share": _share("frames", RADIUS_CELLS, unknown=True, most=MOST_FRAMES),
+        "_log_exposure": _logs("frames", most=MOST_FRAMES),
         "_bits": Numbers(0, _LARGEST_GREY),
-        "_max_grey": ELSEWHERE,
-        "_ranges": ELSEWHERE,
-        "_inherited": ELSEWHERE,
     },
     EvidenceState: {
         "frame0": _count("changes", most=CAPACITY),
-        "log_ratio": Numbers(-_LOG, _LOG, ("changes", "bins")),
+        "log_ratio": _logs("changes", "bins"),
         "weight": Numbers(0, _LARGEST, ("changes", "bins")),
         "moved": Numbers(-3, 3, ("changes", "bins", 4)),
         "found": _share("changes"),
         "motion_px": Numbers(0, MOST_PIXELS, ("changes",), unknown=True),
         "previous": Numbers(-1, _MOST),
-        "compared": COUNT,
+        "compared observed": COUNT,
         "repeated": _count("repeated", most=MOST_REPEATED),
-        "observed": COUNT,
         "samples": _count("changes"),
-        "place_log_ratio": Numbers(-_LOG, _LOG, ("places",)),
-        "place_log_grey": Numbers(-_LOG, _LOG, ("places",)),
-        "position0": Numbers(-2, 2, ("places", 2)),
-        "position1": Numbers(-2, 2, ("places", 2)),
+        "place_log_ratio place_log_grey": _logs("places"),
+        "position0 position1": Numbers(-2, 2, ("places", 2)),
     },
     MaximumLikelihoodState: {
-        "keyframes": ELSEWHERE,
-        "reservoir": ELSEWHERE,
-        "series": ELSEWHERE,
-        "noise": ELSEWHERE,
-        "fit": ELSEWHERE,
+        "keyframes reservoir series noise fit circle changes": ELSEWHERE,
         "motions": Numbers(0, MOST_PIXELS, ("motions",)),
         "pairs": COUNT,
-        "circle": ELSEWHERE,
-        "changes": ELSEWHERE,
         "trusts_stated": ANYTHING,
     },
     KeyframeSelectorState: {
-        "frames": _count("kept"),
-        "uses": _count("kept"),
-        "log_exposure": Numbers(-_LOG, _LOG, ("kept",)),
+        "frames uses": _count("kept"),
+        "log_exposure": _logs("kept"),
         "selections": COUNT,
         "seen": Numbers(0, 2 * MOST_TRIALS, (4, AGES)),
     },
-    Reservoir: {"capacity": ELSEWHERE, "_parts": ELSEWHERE, "_halvings": Numbers(0, 64), "points": ELSEWHERE},
+    Reservoir: {"capacity _parts points": ELSEWHERE, "_halvings": Numbers(0, 64)},
     StaticSeries: {
-        "pixels": ELSEWHERE,
-        "points": ELSEWHERE,
-        "frames": ELSEWHERE,
-        "_places": ELSEWHERE,
-        "_size": ELSEWHERE,
-        "_grey": ELSEWHERE,
-        "_index": ELSEWHERE,
+        "pixels points frames _places _size _grey _index _max_grey": ELSEWHERE,
         "_stride": Numbers(1, _MOST),
         "_seen": COUNT,
-        "_max_grey": ELSEWHERE,
     },
-    NoiseEstimator: {"max_grey": ELSEWHERE, "_found": ELSEWHERE},
+    NoiseEstimator: {"max_grey _found": ELSEWHERE},
     Fit: {
-        "response_basis": ELSEWHERE,
-        "vignette_basis": ELSEWHERE,
-        "effects": ELSEWHERE,
-        "effect_estimates": ELSEWHERE,
-        "parameters": ELSEWHERE,
-        "covariance": ELSEWHERE,
-        "chance": ELSEWHERE,
-        "errors": ELSEWHERE,
-        "hyperparameters": ELSEWHERE,
-        "points": COUNT,
-        "groups": COUNT,
-        "pixel_noise": ELSEWHERE,
-        "texture_share": Numbers(0, 1),
+        "response_basis vignette_basis effects effect_estimates": ELSEWHERE,
+        "parameters covariance chance errors hyperparameters pixel_noise": ELSEWHERE,
+        "points groups": COUNT,
+        "texture_share": _SHARE,
     },
-    GreyRange: {"black": Numbers(0, 1), "white": Numbers(0, 1)},
-    NoiseModel: {
-        "read_variance": Numbers(0, 1),
-        "shot_variance": Numbers(-1, 1),
-        "table": Numbers(0, 1, ("levels",)),
-    },
+    GreyRange: {"black white": _SHARE},
+    NoiseModel: {"read_variance": _SHARE, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS), "functions": ELSEWHERE},
-    Effects: dict.fromkeys(("chosen", "log_typical_exposure", "groups", "typical"), ELSEWHERE),
-    TypicalLight: dict.fromkeys(("frame_moments", "surround_moments", "dark"), ELSEWHERE),
-    EffectEstimate: dict.fromkeys(("name", "value", "sigma", "corrected", "contradicts"), ELSEWHERE),
-    VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "free_centre": ANYTHING, "non_radial": ANYTHING},
+    Effects: {"chosen log_typical_exposure groups typical": ELSEWHERE},
+    TypicalLight: {"frame_moments surround_moments dark": ELSEWHERE},
+    EffectEstimate: {"name value sigma corrected contradicts": ELSEWHERE},
+    VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "free_centre non_radial": ANYTHING},
     ErrorModel: {
-        "constant": Numbers(0, 1),
-        "shot": Numbers(0, 1),
-        "read": Numbers(0, 1),
-        "registration_sigma_px": Numbers(0, 100),
-        "radiance_sigma": Numbers(0, 100),
-        "factors": ELSEWHERE,
+        "constant shot read": _SHARE,
+        "registration_sigma_px radiance_sigma": Numbers(0, 100),
+        "factors": Numbers(1e-6, 1e6, ("factors",)),
     },
     PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift": Numbers(0, 1e6)},
-    ImageCircle: {"brightest": ELSEWHERE, "looks": COUNT, "allowed": ELSEWHERE},
+    ImageCircle: {"brightest allowed": ELSEWHERE, "looks": COUNT},
     ChangeDetector: {
-        "reference": ELSEWHERE,
+        "reference pairs since": ELSEWHERE,
         "usual_errors": Numbers(0, _LARGEST, ("errors",), most=MOST_USUAL),
         "usual_effects": Numbers(0, _LARGEST, ("effects",), most=MOST_USUAL),
-        "surprises": Numbers(0, _MOST, ("surprises", 2), most=MOST_USUAL),
-        "pairs": ELSEWHERE,
-        "since": ELSEWHERE,
+        "surprises": _count("surprises", 2, most=MOST_USUAL),
         "calm_until": COUNT,
         "lag_frames": LAG,
         "first_number": Numbers(-1, _MOST),
-        "first_stamp_s": Numbers(-_LARGEST, _LARGEST),
+        "first_stamp_s": Numbers(),
         "frames_per_s": Numbers(SLOWEST, FASTEST),
     },
     PairErrors: {
-        "frame0": COUNT,
-        "frame1": COUNT,
-        "points": COUNT,
+        "frame0 frame1 points": COUNT,
         "matrix": Numbers(shape=(_CHANGES, _CHANGES)),
         "vector": Numbers(shape=(_CHANGES,)),
         "carried": Numbers(shape=(_CHANGES, "parameters")),
-        "error": Numbers(-_LOG, _LOG),
+        "error": _logs(),
         "reach": Numbers(0, 2),
         "greys": _share(2),
     },
+}
+
+RULES: Mapping[type, Mapping[str, Numbers | str]] = {
+    kind: {name: rule for names, rule in rules.items() for name in names.split()}
+    for kind, rules in _RULES_BY_NAMES.items()
 }
 """What each value of the dataclasses in a state can be; a field without a rule fails the tests."""
 
@@ -302,12 +244,9 @@ def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings:
         If any value is out of range, or values do not fit each other.
     """
     _check_fields(run)
-    _check_fields(run.pixels, "pixels")
-    _check_sampler(run, settings)
-    _check_fields(run.exposures, "exposures")
-    if run.exposures.known_lag is not None:
-        LAG.check("exposures.known_lag", run.exposures.known_lag, {})
-    _check_epochs(run)
+    frames = len(run.exposures.log_exposure)
+    _check_sampler(run.sampler, frames, settings)
+    _check_epochs(run, frames)
     evidence = run.exposures.evidence
     _require((evidence is None) == (method is None), "a run has both exposures and a method, or neither")
     if evidence is None or method is None:
@@ -315,18 +254,21 @@ def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings:
     width, height = run.size
     _require(min(run.size) >= 2 and width * height <= MOST_PIXELS, "it is of frames of an impossible size")
     _require(run.max_grey > 0, "white is 0")
-    _check_pixels(run)
-    _check_evidence(evidence, len(run.exposures.log_exposure))
+    _check_pixels(run, frames)
+    _check_evidence(evidence, frames)
+    _check_fields(method)
     _check_method(method, run, settings)
 
 
-def _check_fields(value: Any, name: str = "", **lengths: int) -> dict[str, int]:
-    """Check a dataclass by its rules, and return the lengths that have names."""
-    for entry in fields(value):
-        rule = RULES[type(value)][entry.name]
-        if isinstance(rule, Numbers):
-            rule.check(f"{name}.{entry.name}" if name else entry.name, getattr(value, entry.name), lengths)
-    return lengths
+def _check_fields(value: Any, name: str = "") -> None:
+    """Check a dataclass, and those in it, by their rules; a dataclass without rules has checked itself."""
+    lengths: dict[str, int] = {}
+    for field, rule in RULES.get(type(value), {}).items():
+        held, place = getattr(value, field), f"{name}.{field}" if name else field
+        if isinstance(rule, Numbers) and held is not None:
+            rule.check(place, held, lengths)
+        for part in held if isinstance(held, list) else (held,):
+            _check_fields(part, place)
 
 
 def _require(holds: Any, otherwise: str) -> None:
@@ -334,39 +276,40 @@ def _require(holds: Any, otherwise: str) -> None:
         raise FormatError(otherwise)
 
 
-def _check_sampler(run: EngineState, settings: DefaultSettings) -> None:
-    _check_fields(run.sampler, "sampler")
-    new, found = settings.sampler(), run.sampler
-    for name in (name for name, rule in RULES[FrameSampler].items() if rule is ELSEWHERE):
-        _require(getattr(found, name) == getattr(new, name), f"sampler.{name} is not that of its settings")
-    _require(found.number == len(run.exposures.log_exposure), "the frames counted are not those with exposures")
+def _check_settings(name: str, found: object, new: object, *fields: str) -> None:
+    for field in fields:
+        same = getattr(found, field) == getattr(new, field)
+        _require(same, f"{name}.{field} is not that of its settings")
+
+
+def _check_sampler(found: FrameSampler, frames: int, settings: DefaultSettings) -> None:
+    fixed = (field for field, rule in RULES[FrameSampler].items() if rule is ELSEWHERE)
+    _check_settings("sampler", found, settings.sampler(), *fixed)
+    _require(found.number == frames, "the frames counted are not those with exposures")
     _require(found.processed <= found.number, "more frames were processed than there were")
     _require(found._restarted_after <= found.processed, "the sampler restarted in the future")
 
 
-def _check_epochs(run: EngineState) -> None:
+def _check_epochs(run: EngineState, frames: int) -> None:
     begin = 0
     for epoch in map(epoch_of, run.epochs):
-        _require(
-            epoch.first_frame == begin <= epoch.last_frame < len(run.exposures.log_exposure),
-            "epochs are out of order",
-        )
+        _require(epoch.first_frame == begin <= epoch.last_frame < frames, "epochs are out of order")
         _require(epoch.change is not None and epoch.calibration is not None, "an epoch ended without a change")
         begin = epoch.last_frame + 1
 
 
-def _check_pixels(run: EngineState) -> None:
-    found, levels = run.pixels, level_count(run.max_grey)
+def _check_pixels(run: EngineState, frames: int) -> None:
+    found = run.pixels
     width, height = thumbnail_size(run.size)
     if found._histogram is not None and found._brightest is not None:
-        _count(levels).check("pixels.histogram", found._histogram, {})
+        _count(level_count(run.max_grey)).check("pixels.histogram", found._histogram)
         _require(found._histogram.any(), "the histogram is empty")
-        _share(height, width).check("pixels.brightest", found._brightest, {})
+        _share(height, width).check("pixels.brightest", found._brightest)
     _require(
         (found._histogram is None) == (found._brightest is None) == (not found._grey_share), "pixels are missing"
     )
     _require(len(found._ranges) <= MOST_RANGES, "black and white changed too often")
-    numbers = [-1, *(number for number, _, _ in found._ranges), len(run.exposures.log_exposure)]
+    numbers = [-1, *(number for number, _, _ in found._ranges), frames]
     _require(all(a < b for a, b in pairwise(numbers)), "changes of black and white are out of order")
     ends = [(found._inherited.black, found._inherited.white), *((low, high) for _, low, high in found._ranges)]
     _require(all(0 <= black < white <= 1 for black, white in ends), "black is not below white")
@@ -375,7 +318,7 @@ def _check_pixels(run: EngineState) -> None:
 
 def _check_evidence(found: EvidenceState, frames: int) -> None:
     bins = len(GREY_BINS) - 1 if len(found.frame0) else 0
-    _check_fields(found, "evidence", bins=bins)
+    _logs("changes", bins).check("evidence.log_ratio", found.log_ratio)
     _require(np.all(np.diff(found.frame0) > 0), "changes of brightness are out of order")
     _require(np.all(found.frame0 < frames - 1), "changes of brightness are of frames that were not there")
     _require(found.previous < frames and found.compared <= frames, "frames were compared that were not there")
@@ -384,84 +327,72 @@ def _check_evidence(found: EvidenceState, frames: int) -> None:
 
 def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: DefaultSettings) -> None:
     frames = len(run.exposures.log_exposure)
-    _check_fields(method)
-    _check_fields(method.keyframes, "keyframes")
-    kept = method.keyframes
-    _require(len(kept.frames) <= settings.keyframes, "there are more keyframes than its settings allow")
-    _require(np.all(kept.frames < frames), "keyframes are of frames that were not there")
-    _require(np.all(np.diff(kept.frames) > 0), "keyframes are not in their order")
+    kept = method.keyframes.frames
+    _require(len(kept) <= settings.keyframes, "there are more keyframes than its settings allow")
+    _require(np.all(kept < frames), "keyframes are of frames that were not there")
+    _require(np.all(np.diff(kept) > 0), "keyframes are not in their order")
     _check_reservoir(method.reservoir, frames, settings)
     if method.series is not None:
         _check_series(method.series, run, settings)
-    _check_fields(method.noise, "noise")
     _require(method.noise.max_grey == run.max_grey, "its noise is of another white")
     _require(len(method.noise._found) == NOISE_BINS, "its noise has another number of grey levels")
     for variances in method.noise._found:
-        Numbers(0, 1, ("measured",), most=REMEMBERED_NOISE).check("noise", variances, {})
+        Numbers(0, 1, ("measured",), most=REMEMBERED_NOISE).check("noise", variances)
     width, height = settings.preprocessor().small_size(run.size)
-    _check_fields(method.circle, "circle")
     for image in (method.circle.brightest, method.circle.allowed):
         _require(image is None or image.shape == (height, width), "its image circle is of another size")
-    _check_fields(method.changes, "changes")
-    parameters = 0
-    for fit in filter(None, (method.fit, method.changes.reference)):
-        parameters = _check_fit(fit)
-    _require(method.changes.reference or not method.changes.pairs, "changes are judged by nothing")
-    for pair in method.changes.pairs:
-        _check_fields(pair, "changes.pairs", parameters=parameters)
+    if method.fit is not None:
+        _check_fit(method.fit)
+    _check_changes(method.changes, frames)
+
+
+def _check_changes(found: ChangeDetector, frames: int) -> None:
+    if found.reference is not None:
+        _check_fit(found.reference)
+    _require(found.reference or not found.pairs, "changes are judged by nothing")
+    for pair in found.pairs:
+        parameters = 0 if found.reference is None else len(found.reference.parameters)
+        Numbers(shape=(_CHANGES, parameters)).check("changes.pairs.carried", pair.carried)
         _require(pair.frame0 < pair.frame1 < frames, "changes are of frames that were not there")
-    since = method.changes.since
-    _require(since is None or 0 <= since < frames, "a suspicion begins in the future")
+    _require(found.since is None or 0 <= found.since < frames, "a suspicion begins in the future")
 
 
 def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -> None:
-    _check_fields(found, "reservoir")
     _require(found.capacity == settings.max_points, "its capacity is not that of its settings")
     for part in found._parts:
         _require(len(part) and part.group[0] >= 0 and np.all(np.diff(part.group) >= 0), "groups are mixed")
         _require(np.all(part.group == np.repeat(part.group[part.starts], part.counts)), "groups share a point")
         _require(part.frame.max() < frames, "observations are of frames that were not there")
-        Numbers(0, 1, ("n",)).check("reservoir.grey_variance", part.grey_variance, {})
-        Numbers(0, 10, ("n",)).check("reservoir.gradient", part.gradient, {})
-        Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", part.frame_moments, {})
-        Numbers(0, 1, ("n", 1 + MOMENTS)).check("reservoir.surround_moments", part.surround_moments, {})
+        Numbers(0, 1, ("n",)).check("reservoir.grey_variance", part.grey_variance)
+        Numbers(0, 10, ("n",)).check("reservoir.gradient", part.gradient)
+        Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", part.frame_moments)
+        Numbers(0, 1, ("n", 1 + MOMENTS)).check("reservoir.surround_moments", part.surround_moments)
     _require(found.points == sum(len(part.starts) for part in found._parts), "observations are missing")
 
 
 def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettings) -> None:
-    _check_fields(found, "series")
     new = StaticSeries(points=settings.series_points)
-    for name in ("pixels", "points", "frames"):
-        _require(getattr(found, name) == getattr(new, name), f"series.{name} is not that of its settings")
+    _check_settings("series", found, new, "pixels", "points", "frames")
     if found._places is None:
         _require(not found._grey and not found._index, "the series has no places")
         return
     width, height = run.size
     _require(found._size == run.size and found._max_grey == run.max_grey, "the series is of other frames")
-    Numbers(0, width * height - 1, ("places",), most=new.pixels).check("series.places", found._places, {})
-    _require(found._grey and len({grey.dtype for grey in found._grey}) == 1, "the series has no images of one kind")
-    _require(all(grey.dtype in (np.uint8, np.uint16) for grey in found._grey), "the series has no images of one kind")
-    lengths = {"places": len(found._places)}
-    Numbers(0, run.max_grey, ("frames", "places"), most=new.frames).check("series.grey", found._grey, lengths)
-    Numbers(0, len(run.exposures.log_exposure) - 1, ("frames",)).check("series.index", found._index, lengths)
+    Numbers(0, width * height - 1, ("places",), most=new.pixels).check("series.places", found._places)
+    one_kind = {grey.dtype for grey in found._grey} in ({np.dtype(np.uint8)}, {np.dtype(np.uint16)})
+    _require(one_kind, "the series has no images of one kind")
+    images = len(found._index)
+    Numbers(0, run.max_grey, (images, len(found._places)), most=new.frames).check("series.grey", found._grey)
+    Numbers(0, len(run.exposures.log_exposure) - 1, (images,)).check("series.index", found._index)
     _require(np.all(np.diff(found._index) > 0), "the frames of the series are out of order")
 
 
-def _check_fit(fit: Fit) -> int:
-    """Check a fit, and return how many parameters it has."""
-    for name in ("response_basis", "vignette_basis", "errors", "hyperparameters"):
-        _check_fields(getattr(fit, name), f"fit.{name}")
-    if fit.pixel_noise is not None:
-        _check_fields(fit.pixel_noise, "fit.pixel_noise")
-    _check_fields(fit, "fit")
+def _check_fit(fit: Fit) -> None:
     _require(fit.effects == Effects() and not fit.effect_estimates, "a quick fit has no effects")
     parameters = len(fit.response_basis) + len(fit.vignette_basis)
-    Numbers(-1e6, 1e6, (parameters,)).check("fit.parameters", fit.parameters, {})
+    Numbers(-1e6, 1e6, (parameters,)).check("fit.parameters", fit.parameters)
     _require(np.all(fit.response_parameters > 0), "the response of the fit does not increase")
     for name, covariance in (("fit.covariance", fit.covariance), ("fit.chance", fit.chance)):
-        Numbers(shape=(parameters, parameters)).check(name, covariance, {})
+        Numbers(shape=(parameters, parameters)).check(name, covariance)
         _require(np.all(np.diag(covariance) >= 0), "the fit has negative variances")
-    factors = fit.errors.factors
-    _require(len(factors) in (0, len(FACTOR_GREYS)), "the error model has another number of factors")
-    Numbers(1e-6, 1e6, ("factors",)).check("fit.errors.factors", factors, {})
-    return parameters
+    _require(len(fit.errors.factors) in (0, len(FACTOR_GREYS)), "the error model has another number of factors")
