@@ -35,17 +35,7 @@ OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
 
 @dataclass(frozen=True)
 class Written:
-    """What was written.
-
-    Attributes
-    ----------
-    files
-        Paths, in the order of writing.
-    notes
-        What was left out on purpose, and why.
-    problems
-        What could not be written, and why.
-    """
+    """What was written, in the order of writing, what was left out on purpose, and what could not be written."""
 
     files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
@@ -62,23 +52,15 @@ class Times(Protocol):
     @property
     def exposures_ms(self) -> FloatArray:
         """Exposure in milliseconds of every frame, shape (frames,)."""
-        ...
 
     @property
     def stamps_s(self) -> FloatArray:
         """Time stamp in seconds of every frame, shape (frames,)."""
-        ...
 
 
 @dataclass(frozen=True)
 class OutputFolder:
-    """A folder that may be written to; make one with :meth:`at`.
-
-    Attributes
-    ----------
-    path
-        The folder; it need not exist yet.
-    """
+    """A folder that may be written to, but need not exist yet; make one with :meth:`at`."""
 
     path: Path
 
@@ -86,19 +68,9 @@ class OutputFolder:
     def at(cls, path: str | Path, *, recording: Path | None = None, force: bool = False) -> OutputFolder:
         """Return a folder after checking that it may be written to.
 
-        Parameters
-        ----------
-        path
-            A new or empty folder, or the output of an earlier run, which is replaced.
-        recording
-            The recording to calibrate. It is never overwritten: its times.txt and vignette.png have the same names.
-        force
-            Whether to accept a folder that holds something else; its files of other names stay.
-
-        Raises
-        ------
-        SettingError
-            If it is neither of these, or cannot be written to.
+        SettingError unless it is new, empty, or the output of an earlier run, which is replaced. With ``force``, it
+        may hold something else; files of other names stay. The ``recording`` is never overwritten: its times.txt and
+        vignette.png have the same names.
         """
         place = Path(path)
         try:
@@ -110,22 +82,11 @@ class OutputFolder:
         return cls(place)
 
     def write(self, calibration: Calibration, times: Times | None = None) -> Written:
-        """Write the files for programs, and remove all files of an earlier run.
+        """Write the files for programs, times.txt if there are any, and remove all files of an earlier run.
 
-        Every file is written whole or not at all. calibration.json comes first; a problem with a later file does not
-        keep the others from being written.
-
-        Parameters
-        ----------
-        calibration
-            What to write.
-        times
-            Source of times.txt.
-
-        Raises
-        ------
-        FormatError
-            If calibration.json cannot be written; an earlier output stays as it was.
+        Every file is written whole or not at all. calibration.json comes first: if it cannot be written, which is a
+        FormatError, an earlier output stays as it was. A problem with a later file does not keep the others from
+        being written.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -147,17 +108,7 @@ class OutputFolder:
     def draw(
         self, calibration: Calibration, truth: Photometry | None = None, stop: Callable[[], bool] = lambda: False
     ) -> Written:
-        """Write the pictures.
-
-        Parameters
-        ----------
-        calibration
-            What to draw.
-        truth
-            A reference to draw beside it.
-        stop
-            Called before each picture is written; true to leave out the rest.
-        """
+        """Write the pictures, with a reference beside the calibration, until ``stop``, called before each, is true."""
 
         def pictures() -> Iterator[Written]:
             findings = Findings(calibration, exposures_beside(self.path), truth=truth)
@@ -177,18 +128,9 @@ class OutputFolder:
         *,
         pdf: bool = False,
     ) -> Written:
-        """Write report.html, and report.pdf if asked for.
+        """Write report.html, and report.pdf if asked for, with a reference beside the calibration.
 
-        Parameters
-        ----------
-        calibration
-            What to report.
-        recording
-            Source of the pictures and of the points to track; without it, there are none.
-        truth
-            A reference to draw beside it.
-        pdf
-            Whether to write the PDF too.
+        Pictures and points to track are from the recording; without it, there are none.
         """
 
         def reports() -> Iterator[Written]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ import numpy.typing as npt
 from ospc.arrays import ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import OspcError, SettingError
-from ospc.formats.dso import write_pcalib, write_times, write_vignette
+from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.metadata import with_metadata
 from ospc.formats.rules_pcalib import MOST_VALUES
@@ -67,19 +68,8 @@ class CorrectedFolder:
     def at(cls, path: str | Path, recording: Path, *, force: bool = False) -> CorrectedFolder:
         """Check a folder before the work begins, without changing anything.
 
-        Parameters
-        ----------
-        path
-            A new or empty folder, or one that an interrupted correction left unfinished.
-        recording
-            The recording to correct; its own folder is refused.
-        force
-            Whether finished corrected images may be replaced, too.
-
-        Raises
-        ------
-        SettingError
-            If the folder is none of these, or cannot be used.
+        SettingError unless it is new, empty, or what an interrupted correction left unfinished; with ``force``,
+        finished corrected images may be replaced, too. The folder of the recording itself is refused.
         """
         place = Path(path)
         try:
@@ -101,7 +91,7 @@ class CorrectedFolder:
         """
         planned = {"schema": SCHEMA, "finished": False, "files": [str(name) for name in files], **note}
         before = json_object(self.path / NOTE)
-        try:
+        with _writing(self.path, "choose another folder"):
             done = self._done() if before == json.loads(json.dumps(planned)) else {}
             if before and not done:
                 # Until everything is removed, the folder must be known as an unfinished one.
@@ -112,16 +102,10 @@ class CorrectedFolder:
             self._write_note(planned)
             for folder in {self._place(name).parent for name in files}:
                 folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise SettingError(f"{self.path}: cannot be written ({error.strerror}); choose another folder") from None
         return done
 
     def write_image(
-        self,
-        name: PurePosixPath,
-        image: npt.NDArray[np.generic],
-        original: bytes = b"",
-        modified_ns: int | None = None,
+        self, name: PurePosixPath, image: npt.NDArray[np.generic], original: bytes, modified_ns: int | None
     ) -> None:
         """Write an image in the format of its name, with the metadata of its original; threads may share this folder.
 
@@ -132,21 +116,16 @@ class CorrectedFolder:
         done, coded = cv2.imencode(suffix, image, _ENCODING.get(suffix, []))
         if not done:
             raise SettingError(f"{place}: the image cannot be encoded")
-        try:
+        with _writing(place, "free some space"):
             write_atomically(place, with_metadata(coded.tobytes(), original), durable=False)
             if modified_ns is not None:
                 os.utime(place, ns=(modified_ns, modified_ns))
-        except OSError as error:
-            raise SettingError(f"{place}: cannot be written ({error.strerror}); free some space") from None
 
     def mark_written(self, index: int, counts: Counts) -> None:
         """Note that an image is whole, so that an interrupted correction need not write it again."""
-        try:
-            with (self.path / _DONE).open("a", encoding="ascii") as file:
-                # The line break comes first: a torn line before it stays on its own.
-                file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
-        except OSError as error:
-            raise SettingError(f"{self.path}: cannot be written ({error.strerror}); free some space") from None
+        with _writing(self.path, "free some space"), (self.path / _DONE).open("a", encoding="ascii") as file:
+            # The line break comes first: a torn line before it stays on its own.
+            file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
 
     def write_parameters(self, response: Response, size: ImageSize, max_grey: int) -> None:
         """Write the response and vignette of the corrected images; the latter is 1 everywhere."""
@@ -166,10 +145,6 @@ class CorrectedFolder:
                     continue  # optional: the images do not depend on it
                 copied.append(name)
         return copied
-
-    def write_times(self, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike | None) -> None:
-        """Write times.txt, which makes the folder a recording; without exposures if they are unknown."""
-        write_times(self.path / "times.txt", ids, stamps_s, exposures_ms)
 
     def finish(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> None:
         """Write the final note: the folder is complete."""
@@ -195,6 +170,14 @@ class CorrectedFolder:
         inside = [self._place(name) for name in images if not name.is_absolute() and ".." not in name.parts]
         # times.txt first: a half-removed recording must not look like a whole one.
         return [self.path / name for name in ("times.txt", _DONE, *_PARAMETERS, *_GEOMETRY)] + inside
+
+
+@contextmanager
+def _writing(place: Path, remedy: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise SettingError(f"{place}: cannot be written ({error.strerror}); {remedy}") from None
 
 
 def _check_replaceable(place: Path, force: bool) -> None:

@@ -16,6 +16,7 @@ from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.correction.threads import mapped
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
+from ospc.formats.dso import write_times
 from ospc.formats.metadata import WITH_METADATA
 from ospc.formats.opening import Photometry
 from ospc.photometry.correction import Corrector, wrong_size
@@ -43,22 +44,14 @@ class Corrected:
 
     Attributes
     ----------
-    path
-        The folder that was written.
-    formula
-        The meaning of a pixel value, as a sentence.
-    frames
-        Indices of the written frames.
-    exposures_ms
-        Exposures of the corrected images, shape (frames,); all 1 ms if they are unknown.
-    skipped
-        Number of frames that could not be read.
-    reasons
-        Why, for the first few of them.
-    saturated
-        Share of the pixels that were saturated.
-    clipped
-        Share of the other pixels that exceed the range of the output.
+    path, formula
+        The folder that was written, and the meaning of a pixel value, as a sentence.
+    frames, exposures_ms
+        Indices of the written frames, and the exposures of the corrected images, shape (frames,); all 1 ms if unknown.
+    skipped, reasons
+        Number of frames that could not be read, and why, for the first few of them.
+    saturated, clipped
+        Shares of the pixels that were saturated, and of the others that exceed the range of the output.
     assumed
         Names of the unknown parts of the calibration, which were taken to be the identity.
     notes
@@ -83,12 +76,8 @@ class Corrected:
 def corrector_for(recording: Recording, photometry: Photometry, *, assume_missing: bool = False) -> Corrector:
     """Return the corrector for the images of a recording.
 
-    Raises
-    ------
-    SettingError
-        If the vignette is for images of another size.
-    NotObservableError
-        If response or vignette is unknown and not assumed to be the identity.
+    SettingError if the vignette is for images of another size; NotObservableError if a part is unknown and not
+    assumed to be the identity.
     """
     for part, means in (("response", "linear"), ("vignette", "none")):
         if getattr(photometry, part) is None and not assume_missing:
@@ -117,24 +106,9 @@ def correct_recording(
     Images are read one by one, and corrected and written by a few threads; only a few are in memory at a time. What
     an interrupted correction has written to the folder is kept, if everything it depends on is the same.
 
-    Parameters
-    ----------
-    source
-        The images to correct.
-    photometry
-        Response and vignette of their camera.
-    folder
-        The output folder.
-    settings
-        The kind of output.
-    progress
-        Called with the number of frames done and the number of all frames.
-
-    Returns
-    -------
-    Corrected
-        What was written; ``correction.json`` in the folder has the same and more. Integer output also gets a
-        pcalib.txt and a vignette.png that describe the corrected images.
+    ``progress`` is called with the number of frames done and that of all frames. ``correction.json`` in the folder
+    has what is returned and more. Integer output also gets a pcalib.txt and a vignette.png that describe the
+    corrected images.
 
     Raises
     ------
@@ -153,7 +127,7 @@ def correct_recording(
         raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs them")
     settings = settings.for_images(recording.max_grey)
     reference_ms = settings.reference_for(recording.exposures_ms)
-    notes = tuple(_notes_on(source, photometry, settings))
+    notes = list(_notes_on(source, photometry, settings))
     note = {
         "formula": settings.formula(reference_ms),
         "settings": vars(settings) | {"reference_ms": reference_ms},
@@ -161,7 +135,7 @@ def correct_recording(
         "calibration_sha256": _sha256(photometry),
         "assumed_identity": list(corrector.assumed),
         "recording": identity(recording),
-        "notes": list(notes),
+        "notes": notes,
     }
     names = _output_names(source, settings)
     done = folder.begin(note, names)
@@ -176,7 +150,7 @@ def correct_recording(
         raise RecordingError(f"{recording.path}: no image can be read; {reasons[0]}")
     values, saturated, clipped = (sum(column) for column in zip(*counts.values(), strict=True))
     if values > len(counts) * recording.size[0] * recording.size[1]:
-        notes = (*notes, "images are in colour: response and vignette are applied to each of their channels")
+        notes.append("images are in colour: response and vignette are applied to each of their channels")
     frames = sorted(counts)
     exposures_ms = recording.exposures_ms[frames]
     result = Corrected(
@@ -189,7 +163,7 @@ def correct_recording(
         saturated=saturated / values,
         clipped=clipped / values,
         assumed=corrector.assumed,
-        notes=notes,
+        notes=tuple(notes),
         kept=len(done),
     )
     files = [names[index] for index in frames]
@@ -202,7 +176,7 @@ def correct_recording(
         "original_exposures_ms": None if source.unexposed else exposures_ms.tolist(),
         "copied": folder.copy_geometry(recording.path),
     }
-    folder.finish(note | {"notes": list(notes)} | facts, files)
+    folder.finish(note | facts, files)
     return result
 
 
@@ -293,7 +267,7 @@ class _Work:
         if ids is None or (self.source.unexposed and numbered):
             return  # no time stamps, or none that a list could assign to these names
         exposures_ms = None if self.source.unexposed else result.exposures_ms
-        self.folder.write_times(ids, recording.stamps_s[list(result.frames)], exposures_ms)
+        write_times(self.folder.path / "times.txt", ids, recording.stamps_s[list(result.frames)], exposures_ms)
 
     def _original(self, index: int) -> bytes:
         """Return the file of an image, or its EXIF: metadata that are kept."""

@@ -66,19 +66,10 @@ def ids_for(names: Sequence[PurePosixPath]) -> list[int] | None:
 
 
 def open_source(paths: Sequence[str | Path], kind: str | None = None, options: ReadingOptions = DEFAULT) -> Source:
-    """Open images to correct.
+    """Open images to correct: one recording of any kind, with exposures or without, or image files and patterns.
 
-    Parameters
-    ----------
-    paths
-        One recording of any kind, with exposures or without; or image files, and patterns such as ``photos/*.jpg``.
-    kind, options
-        As for :func:`~ospc.recording.kinds.open_recording`.
-
-    Raises
-    ------
-    RecordingError
-        If there are no images, or their list of exposures is damaged.
+    ``kind`` and ``options`` are as for :func:`~ospc.recording.kinds.open_recording`. RecordingError if there are no
+    images, or their list of exposures is damaged.
     """
     places = [place for path in paths for place in _expanded(Path(path))]
     if len(places) > 1 or (places[0].is_file() and is_image_name(places[0].name)):

@@ -51,18 +51,9 @@ _ARRAY_NAME = re.compile(r"[\w.-]{1,200}", re.ASCII)
 
 @dataclass(frozen=True)
 class Container:
-    """What a file holds.
+    """What a file holds: JSON-compatible values and arrays by name.
 
-    Attributes
-    ----------
-    kind
-        What the content means, in lower-case letters and hyphens.
-    version
-        Version of that meaning.
-    content
-        JSON-compatible values.
-    arrays
-        Arrays by name.
+    ``kind`` says what they mean, in lower-case letters and hyphens, and ``version`` is the version of that meaning.
     """
 
     kind: str
@@ -90,13 +81,7 @@ def to_bytes(container: Container) -> bytes:
 
 
 def save(container: Container, path: str | Path) -> Path:
-    """Write a container, whole or not at all, and return its path.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written; an earlier file is unchanged then.
-    """
+    """Write a container and return its path; FormatError if that fails, which leaves an earlier file unchanged."""
     place = Path(path)
     try:
         return write_atomically(place, to_bytes(container))
@@ -107,19 +92,9 @@ def save(container: Container, path: str | Path) -> Path:
 
 
 def load(path: str | Path, kind: str, version: int) -> Container:
-    """Read a container of one kind.
+    """Read a container.
 
-    Parameters
-    ----------
-    path
-        The file.
-    kind, version
-        What it must hold.
-
-    Raises
-    ------
-    FormatError
-        If there is no such file, or it is no container, torn, damaged, or of another kind or version.
+    FormatError if there is no such file, or it is no container, torn, damaged, or of another kind or version.
     """
     place = Path(path)
     try:
@@ -144,20 +119,7 @@ def load(path: str | Path, kind: str, version: int) -> Container:
 
 
 def from_bytes(data: bytes, name: str) -> Container:
-    """Return what the bytes of a file hold.
-
-    Parameters
-    ----------
-    data
-        All of the file.
-    name
-        What to call it in messages.
-
-    Raises
-    ------
-    FormatError
-        If they are no container, or a torn or damaged one.
-    """
+    """Return what the bytes of a file hold; FormatError, which calls it ``name``, if they are no whole container."""
     kind = _kind(data)
     if not kind:
         raise FormatError(f"{name}: is not a state file of this program; give one that 'ospc calibrate' wrote")

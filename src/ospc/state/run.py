@@ -19,13 +19,7 @@ Run = TypeVar("Run")
 
 
 def save_run(path: str | Path, run: object, method: object | None, summary: object | None = None) -> Path:
-    """Write a state, whole or not at all, and return its path.
-
-    Raises
-    ------
-    FormatError
-        If it cannot be written; an earlier file is unchanged then.
-    """
+    """Write a state and return its path; FormatError if that fails, which leaves an earlier file unchanged."""
     content: dict[str, Any] = {"method": None, "layout": "", "summary": None}
     arrays: dict[str, Array] = {}
     for part, value in (("run", run), ("method", method), ("summary", summary)):
@@ -40,11 +34,7 @@ def save_run(path: str | Path, run: object, method: object | None, summary: obje
 def load_run(path: str | Path, run: type[Run], method: type[T]) -> tuple[Run, T | None]:
     """Read what :func:`save_run` wrote: what the run knows, and the state of its method, None where there is none.
 
-    Raises
-    ------
-    FormatError
-        If there is no such file, or it is torn, damaged, none of this kind, or of another version of the program or
-        of the method.
+    FormatError as :func:`~ospc.state.container.load`, and for a state of another version of the method.
     """
     found = container.load(path, KIND, VERSION)
     known = _part(str(path), found.content.get("run"), run, found.arrays)
@@ -62,10 +52,7 @@ def load_run(path: str | Path, run: type[Run], method: type[T]) -> tuple[Run, T 
 def load_summary(path: str | Path, kind: type[T]) -> T | None:
     """Read what a run can be merged by; None where there is none, as in a checkpoint of a run that did not end.
 
-    Raises
-    ------
-    FormatError
-        If there is no such file, or it is torn, damaged, none of this kind, or of another version.
+    FormatError as :func:`~ospc.state.container.load`.
     """
     found = container.load(path, KIND, VERSION)
     content = found.content.get("summary")

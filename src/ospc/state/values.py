@@ -26,33 +26,18 @@ _LARGEST_INTEGER = 2**63 - 1
 
 
 def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
-    """Return the JSON-compatible content and the arrays of a dataclass.
+    """Return the JSON-compatible content and the arrays of a dataclass, whose names begin with ``name``.
 
-    Parameters
-    ----------
-    value
-        The dataclass.
-    name
-        Prefix of the names of its arrays.
-
-    Raises
-    ------
-    TypeError
-        If a value has a type that cannot be stored.
+    TypeError if a value has a type that cannot be stored.
     """
     arrays: dict[str, Array] = {}
     return _packed(value, type(value), name, arrays), arrays
 
 
 def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T:
-    """Return the dataclass whose content and arrays :func:`pack` returned.
+    """Return the dataclass whose content and arrays :func:`pack` returned; FormatError if they do not fit its fields.
 
     Dataclasses in it that have a method ``check`` are asked to check themselves.
-
-    Raises
-    ------
-    FormatError
-        If they do not fit its fields.
     """
     try:
         found: T = _unpacked(content, kind, arrays)
@@ -67,7 +52,7 @@ def layout(kind: type) -> str:
 
 
 @cache
-def _hints(kind: type) -> dict[str, Any]:
+def _hints(kind: Any) -> dict[str, Any]:
     hints = typing.get_type_hints(kind)
     return {entry.name: hints[entry.name] for entry in fields(kind)}
 
@@ -91,7 +76,7 @@ def _described(hint: Any) -> str:
     if _is_array(hint):
         return f"array of {_dtype(hint) or 'numbers'}"
     if is_dataclass(hint):
-        parts = (f"{name}:{_described(part)}" for name, part in _hints(typing.cast(type, hint)).items())
+        parts = (f"{name}:{_described(part)}" for name, part in _hints(hint).items())
         return "{" + ",".join(parts) + "}"
     if get_args(hint):
         return f"{get_origin(hint)}[{','.join(_described(part) for part in get_args(hint))}]"
@@ -101,7 +86,7 @@ def _described(hint: Any) -> str:
 @cache
 def _is_column_wise(kind: Any) -> bool:
     """Tell whether a list of these is packed as one array per field; thousands of small arrays would be slow."""
-    return is_dataclass(kind) and all(map(_is_array, _hints(typing.cast(type, kind)).values()))
+    return is_dataclass(kind) and all(map(_is_array, _hints(kind).values()))
 
 
 @cache
@@ -120,17 +105,13 @@ def _packed(value: Any, hint: Any, place: str, arrays: dict[str, Array]) -> Any:
     if is_dataclass(hint):
         return {
             name: _packed(getattr(value, name), part, f"{place}.{name}" if place else name, arrays)
-            for name, part in _hints(typing.cast(type, hint)).items()
+            for name, part in _hints(hint).items()
         }
     if _is_array(hint):
         arrays[place] = value
         return place
     if get_origin(hint) in (list, tuple):
-        return _packed_sequence(list(value), hint, place, arrays)
-    return _packed_scalar(value, place)
-
-
-def _packed_scalar(value: Any, place: str) -> Any:
+        return _packed_sequence(list(value), get_args(hint)[0], place, arrays)
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):
@@ -140,16 +121,16 @@ def _packed_scalar(value: Any, place: str) -> Any:
     raise TypeError(f"{place} of type {type(value).__name__} cannot be stored")
 
 
-def _packed_sequence(values: list[Any], hint: Any, place: str, arrays: dict[str, Array]) -> Any:
-    item = get_args(hint)[0]
+def _packed_sequence(values: list[Any], item: Any, place: str, arrays: dict[str, Array]) -> Any:
     if _is_array(item):
         return _packed_arrays(values, place, arrays)
-    if _is_column_wise(item):
-        columns = {name: [getattr(value, name) for value in values] for name in _hints(item)}
-        return {
-            "columns": {name: _packed_arrays(column, f"{place}.{name}", arrays) for name, column in columns.items()}
-        }
-    return [_packed(value, item, f"{place}.{number}", arrays) for number, value in enumerate(values)]
+    if not _is_column_wise(item):
+        return [_packed(value, item, f"{place}.{number}", arrays) for number, value in enumerate(values)]
+    columns = {
+        name: _packed_arrays([getattr(value, name) for value in values], f"{place}.{name}", arrays)
+        for name in _hints(item)
+    }
+    return {"columns": columns}
 
 
 def _packed_arrays(values: list[Array], place: str, arrays: dict[str, Array]) -> dict[str, Any]:
@@ -164,18 +145,16 @@ def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> An
         return None
     hint = optional
     if is_dataclass(hint):
-        hints = _hints(typing.cast(type, hint))
-        if set(content) != set(hints):
-            raise ValueError(f"{sorted(set(content) ^ set(hints))} missing or unknown")
-        kind = typing.cast(type, hint)
-        return _self_checked(kind(**{name: _unpacked(content[name], part, arrays) for name, part in hints.items()}))
+        hints = _hints(hint)
+        _check_names(content, hints)
+        return _made(hint, {name: _unpacked(content[name], part, arrays) for name, part in hints.items()})
     if _is_array(hint):
         return _array(arrays[content], hint)
-    origin = get_origin(hint)
-    if origin is list:
-        return _unpacked_list(content, get_args(hint)[0], arrays)
-    if origin is tuple:
-        return _unpacked_tuple(content, get_args(hint), arrays)
+    origin, items = get_origin(hint), get_args(hint)
+    if origin is tuple and items[1:] != (Ellipsis,):
+        return tuple(_unpacked(value, item, arrays) for value, item in zip(content, items, strict=True))
+    if origin in (list, tuple):
+        return origin(_unpacked_list(content, items[0], arrays))
     return _checked(content, origin or hint)
 
 
@@ -183,28 +162,24 @@ def _unpacked_list(content: Any, item: Any, arrays: typing.Mapping[str, Array]) 
     if _is_array(item):
         return [_array(part, item) for part in _split(content, arrays)]
     if _is_column_wise(item):
-        columns = content["columns"]
-        hints = _hints(item)
-        if set(columns) != set(hints):
-            raise ValueError("columns are missing or unknown")
-        parts = {name: [_array(a, hints[name]) for a in _split(column, arrays)] for name, column in columns.items()}
-        rows = zip(*parts.values(), strict=True)
-        return [_self_checked(item(**dict(zip(parts, row, strict=True)))) for row in rows]
+        columns, hints = content["columns"], _hints(item)
+        _check_names(columns, hints)
+        parts = [[_array(a, hint) for a in _split(columns[name], arrays)] for name, hint in hints.items()]
+        return [_made(item, dict(zip(hints, row, strict=True))) for row in zip(*parts, strict=True)]
     return [_unpacked(value, item, arrays) for value in _checked(content, list)]
 
 
-def _self_checked(value: Any) -> Any:
+def _check_names(content: Any, hints: dict[str, Any]) -> None:
+    if set(content) != set(hints):
+        raise ValueError(f"{sorted(set(content) ^ set(hints))} missing or unknown")
+
+
+def _made(kind: Any, values: dict[str, Any]) -> Any:
     """Return a dataclass; one with a method ``check`` first checks itself."""
-    check = getattr(value, "check", None)
-    if check is not None:
-        check()
+    value = kind(**values)
+    if hasattr(value, "check"):
+        value.check()
     return value
-
-
-def _unpacked_tuple(content: Any, items: tuple[Any, ...], arrays: typing.Mapping[str, Array]) -> tuple[Any, ...]:
-    if len(items) == 2 and items[1] is Ellipsis:
-        return tuple(_unpacked_list(content, items[0], arrays))
-    return tuple(_unpacked(value, item, arrays) for value, item in zip(content, items, strict=True))
 
 
 def _split(content: dict[str, Any], arrays: typing.Mapping[str, Array]) -> list[Array]:
