@@ -1,4 +1,4 @@
-"""Names for the array types that cross module boundaries, and their division into groups."""
+"""Names for the array types that cross module boundaries, and ways to find members of groups and nearest times."""
 
 from __future__ import annotations
 
@@ -24,6 +24,13 @@ Image: TypeAlias = npt.NDArray[Any]
 
 ImageSize: TypeAlias = tuple[int, int]
 """Width and height in pixels, in this order."""
+
+
+def nearest(times: npt.NDArray[Any], wanted: npt.NDArray[Any]) -> IntArray:
+    """Return the indices of the nearest of times that do not decrease, of the earlier where two are as near."""
+    after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    return np.where(np.abs(times[after] - wanted) < np.abs(times[before] - wanted), after, before)
 
 
 def members_of(group: IntArray) -> list[IntArray]:

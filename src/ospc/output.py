@@ -108,7 +108,7 @@ class OutputFolder:
     def draw(
         self, calibration: Calibration, truth: Photometry | None = None, stop: Callable[[], bool] = lambda: False
     ) -> Written:
-        """Write the pictures, with a reference beside the calibration, until ``stop``, called before each, is true."""
+        """Write the pictures, with a reference beside the calibration, until ``stop``, asked before each, is true."""
 
         def pictures() -> Iterator[Written]:
             findings = Findings(calibration, exposures_beside(self.path), truth=truth)

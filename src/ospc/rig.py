@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -16,9 +17,10 @@ from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse.csgraph import connected_components
 
-from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray, nearest
 from ospc.correspondence.features import Features, SiftExtractor, match
 from ospc.errors import FrameError, NotObservableError
 from ospc.formats.files import write_text
@@ -80,17 +82,7 @@ _SYSTEMATIC_SIGMA = 0.005
 
 @dataclass(frozen=True)
 class PairScale:
-    """What the overlap of two cameras says.
-
-    Attributes
-    ----------
-    cameras
-        Their names.
-    log_ratio, sigma
-        ln (s₀/s₁) and its standard deviation.
-    moments, points
-        Numbers of moments and of scene points compared.
-    """
+    """What the overlap of two cameras says: ln (s₀/s₁), its standard deviation, and how much it rests on."""
 
     cameras: tuple[str, str]
     log_ratio: float
@@ -110,10 +102,8 @@ class RigScale:
     scale, sigma
         s of every camera that overlaps with the reference, directly or through others, and its standard deviation:
         the irradiance g(M) / (e V) of a camera divided by its s is comparable over the rig.
-    pairs
-        The comparisons that they follow from.
-    left_out
-        Cameras whose scale is not known, and why.
+    pairs, left_out
+        The comparisons that they follow from, and the cameras whose scale is not known, and why.
     misfit
         Largest disagreement between overlaps, in their standard deviations; 0 where nothing is measured twice.
     """
@@ -138,41 +128,19 @@ class RigScale:
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write it as JSON, whole or not at all, and return the path.
-
-        Raises
-        ------
-        FormatError
-            If it cannot be written.
-        """
+        """Write it as JSON, whole or not at all, and return the path; FormatError if that fails."""
         return write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """What one camera saw at a moment: features, and ln of the irradiance there."""
-
-    features: Features
-    log_irradiance: FloatArray
-
-
 def rig_scale(recordings: Mapping[str, Recording], calibrations: Mapping[str, Calibration]) -> RigScale:
-    """Return the relative irradiance scale of cameras that recorded at the same time.
+    """Return the relative irradiance scale of cameras that recorded at the same time, by their names.
 
-    Parameters
-    ----------
-    recordings, calibrations
-        Recording and calibration of every camera by its name; the first that can be used is the reference.
-
-    Raises
-    ------
-    NotObservableError
-        If fewer than two cameras have both response and vignette.
+    The first that can be used is the reference. NotObservableError if fewer than two have both response and vignette.
     """
     left_out = {
-        name: f"its {' and '.join(_unknown(calibrations.get(name)))} could not be determined"
+        name: f"its {' and '.join(unknown)} could not be determined"
         for name in recordings
-        if _unknown(calibrations.get(name))
+        if (unknown := _unknown(calibrations.get(name)))
     }
     names = [name for name in recordings if name not in left_out]
     if len(names) < 2:
@@ -207,33 +175,24 @@ def _moments(recordings: Sequence[Recording]) -> IntArray:
     chosen = np.unique(np.linspace(0, len(stamps[0]) - 1, min(_MOMENTS, len(stamps[0]))).astype(np.int64))
     columns = [chosen]
     for own in stamps[1:]:
-        order = np.argsort(own, kind="stable")
-        after = np.clip(np.searchsorted(own[order], stamps[0][chosen]), 1, max(len(own) - 1, 1))
-        near = [order[np.minimum(after + step, len(own) - 1)] for step in (-1, 0)]
-        gap = [np.abs(own[index] - stamps[0][chosen]) for index in near]
-        nearest = np.where(gap[0] <= gap[1], near[0], near[1])
-        columns.append(np.where(np.minimum(*gap) <= _LARGEST_GAP_S, nearest, -1))
+        found = nearest(own, stamps[0][chosen])
+        columns.append(np.where(np.abs(own[found] - stamps[0][chosen]) <= _LARGEST_GAP_S, found, -1))
     return np.stack(columns, axis=1)
 
 
-def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) -> list[_Seen | None]:
+def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) -> list[Features | None]:
     """Return what a camera saw at each moment; None where there is no frame, or none that can be read."""
-    wanted: dict[int, list[int]] = {}
-    for moment, index in enumerate(frames.tolist()):
-        wanted.setdefault(index, []).append(moment)
-    found: list[_Seen | None] = [None] * len(frames)
+    found: list[Features | None] = [None] * len(frames)
     extractor = SiftExtractor(_MAX_FEATURES)
     for frame in recording:
-        for moment in wanted.get(frame.index, []):
-            try:
+        for moment in np.flatnonzero(frames == frame.index):
+            with suppress(FrameError):
                 found[moment] = _seen(frame, calibration, extractor)
-            except FrameError:
-                continue
     return found
 
 
-def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> _Seen:
-    """Return the features of a frame, and ln of the irradiance there without the vignette."""
+def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> Features:
+    """Return the features of a frame, with the irradiance there, without the vignette, as their grey."""
     response, vignette = calibration.response, calibration.vignette
     assert response is not None
     assert vignette is not None
@@ -250,18 +209,17 @@ def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> _
     exposed = cv2.GaussianBlur(bad, (0, 0), _SMOOTHING_PX)[row, column] < _MAX_CLIPPED_SHARE
     value = smooth[row, column]
     kept = exposed & (value > 0)
-    features = Features(frame.index, frame.exposure_ms, points[kept], value[kept], descriptors[kept])
-    return _Seen(features, np.log(value[kept].astype(np.float64)))
+    return Features(frame.index, frame.exposure_ms, points[kept], value[kept].astype(np.float64), descriptors[kept])
 
 
-def _alike(irradiance: np.ndarray[Any, np.dtype[np.float32]]) -> np.ndarray[Any, np.dtype[np.uint8]]:
+def _alike(irradiance: Float32Array) -> npt.NDArray[np.uint8]:
     """Return an image that looks the same from any camera and exposure: ln irradiance, stretched."""
     log_value = np.log(np.maximum(irradiance, np.float32(1e-9)))
     low, high = np.quantile(log_value, _STRETCHED_QUANTILES)
     return np.asarray(np.clip((log_value - low) / max(high - low, 1e-6) * 255, 0, 255), dtype=np.uint8)
 
 
-def _reduced(values: np.ndarray[Any, np.dtype[np.float32]], factor: int) -> np.ndarray[Any, np.dtype[np.float32]]:
+def _reduced(values: Float32Array, factor: int) -> Float32Array:
     if factor == 1:
         return values
     size = (values.shape[1] // factor, values.shape[0] // factor)
@@ -269,18 +227,18 @@ def _reduced(values: np.ndarray[Any, np.dtype[np.float32]], factor: int) -> np.n
 
 
 def _compared(
-    cameras: tuple[str, str], seen0: Sequence[_Seen | None], seen1: Sequence[_Seen | None]
+    cameras: tuple[str, str], seen0: Sequence[Features | None], seen1: Sequence[Features | None]
 ) -> PairScale | None:
     """Return what the overlap of two cameras says; None where they share too few points."""
     medians, spreads, points = [], [], 0
     for one, other in zip(seen0, seen1, strict=True):
         if one is None or other is None:
             continue
-        first, second = match(one.features, other.features, SiftExtractor.norm, _MATCH_RATIO)
-        kept = _epipolar(one.features.points[first], other.features.points[second])
+        first, second = match(one, other, SiftExtractor.norm, _MATCH_RATIO)
+        kept = _epipolar(one.points[first], other.points[second])
         if np.count_nonzero(kept) < _FEWEST_MATCHES:
             continue
-        difference = one.log_irradiance[first[kept]] - other.log_irradiance[second[kept]]
+        difference = np.log(one.grey)[first[kept]] - np.log(other.grey)[second[kept]]
         middle = float(np.median(difference))
         medians.append(middle)
         spreads.append(robust_scale(difference - middle) / np.sqrt(len(difference)))
@@ -322,14 +280,12 @@ def _solved(names: Sequence[str], pairs: tuple[PairScale, ...], left_out: dict[s
         row[[inside.index(name) for name in pair.cameras]] = 1, -1
     weight = np.array([1 / pair.sigma for pair in used])
     target = np.array([pair.log_ratio for pair in used])
+    weighted = rows[:, 1:] * weight[:, None]
+    covariance = np.linalg.inv(weighted.T @ weighted)
     log_scale, sigma = np.zeros(len(inside)), np.zeros(len(inside))
-    misfit = 0.0
-    if used:
-        weighted = rows[:, 1:] * weight[:, None]
-        covariance = np.linalg.inv(weighted.T @ weighted)
-        log_scale[1:] = covariance @ weighted.T @ (target * weight)
-        sigma[1:] = np.sqrt(np.diag(covariance))
-        misfit = float(np.max(np.abs(rows @ log_scale - target) * weight))
+    log_scale[1:] = covariance @ weighted.T @ (target * weight)
+    sigma[1:] = np.sqrt(np.diag(covariance))
+    misfit = float(np.max(np.abs(rows @ log_scale - target) * weight, initial=0.0))
     scale = np.exp(log_scale)
     return RigScale(
         names[0],

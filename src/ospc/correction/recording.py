@@ -47,7 +47,7 @@ class Corrected:
     path, formula
         The folder that was written, and the meaning of a pixel value, as a sentence.
     frames, exposures_ms
-        Indices of the written frames, and the exposures of the corrected images, shape (frames,); all 1 ms if unknown.
+        Indices of the written frames, and the exposures of their images, shape (frames,); all 1 ms if unknown.
     skipped, reasons
         Number of frames that could not be read, and why, for the first few of them.
     saturated, clipped

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.arrays import BoolArray, FloatArray, IntArray, nearest
 from ospc.errors import FormatError, NotObservableError, SettingError, counted
 from ospc.formats.files import read_text
 
@@ -191,11 +191,8 @@ def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray) -> IntArray:
 
     The shapes are (n,) and (m,), m ≥ 1; true stamps do not decrease.
     """
-    right = np.clip(np.searchsorted(truth_stamps_s, stamps_s), 0, truth_stamps_s.size - 1)
-    left = np.maximum(right - 1, 0)
-    nearer = np.abs(truth_stamps_s[left] - stamps_s) <= np.abs(truth_stamps_s[right] - stamps_s)
-    nearest = np.where(nearer, left, right)
-    return np.where(np.abs(truth_stamps_s[nearest] - stamps_s) <= STAMP_TOLERANCE_S, nearest, -1).astype(np.int64)
+    found = nearest(truth_stamps_s, stamps_s)
+    return np.where(np.abs(truth_stamps_s[found] - stamps_s) <= STAMP_TOLERANCE_S, found, -1).astype(np.int64)
 
 
 def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:

@@ -30,16 +30,9 @@ LARGEST_ID = 2**31 - 1
 def write_pcalib(response: Response, path: str | Path, values: int = FEWEST_VALUES) -> Path:
     """Write an inverse response as pcalib.txt, atomically, and return its path.
 
-    One line of values from 0 to 255 with nine significant digits, strictly increasing as 32-bit floats.
-
-    ``values`` is the number of grey levels: 256 for 8 bit; DSO's descendants for deeper images take up to 65536.
-
-    Raises
-    ------
-    SettingError
-        If no program reads that many values.
-    FormatError
-        If the file cannot be written.
+    One line of values from 0 to 255 with nine significant digits, strictly increasing as 32-bit floats. ``values`` is
+    the number of grey levels: 256 for 8 bit; DSO's descendants for deeper images take up to 65536. SettingError if no
+    program reads that many.
     """
     if not FEWEST_VALUES <= values <= MOST_VALUES:
         raise SettingError(f"a pcalib.txt has {FEWEST_VALUES} to {MOST_VALUES} values, not {values}")
@@ -54,15 +47,8 @@ def write_caveat(path: str | Path, caveat: str) -> Path:
 def read_pcalib(path: str | Path) -> Response:
     """Read the inverse response in a pcalib.txt as DSO does: only the first line counts.
 
-    Returns
-    -------
-    Response
-        With one table entry per value, shifted and scaled to run from 0 to 1; like DSO, this loses a black level.
-
-    Raises
-    ------
-    FormatError
-        If DSO would refuse the file: ``validate`` finds an error in it.
+    The response has one table entry per value, shifted and scaled to run from 0 to 1; like DSO, this loses a black
+    level. FormatError if DSO would refuse the file: ``validate`` finds an error in it.
     """
     place = Path(path)
     for finding in PCALIB.findings(place, Context("dso")):
@@ -76,12 +62,7 @@ def write_vignette(vignette: Vignette, path: str | Path, description: str = "") 
     """Write a vignette as a grey 16-bit PNG of its own size, atomically, and return the path.
 
     The largest value becomes 65535. A value that would round to 0 becomes 1, because the programs divide by it. A
-    ``description`` is stored in the PNG as text.
-
-    Raises
-    ------
-    FormatError
-        If the vignette is negative or not finite somewhere, or the file cannot be written.
+    ``description`` is stored in the PNG as text. FormatError if the vignette is negative or not finite somewhere.
     """
     image = vignette.image().astype(np.float64)
     if not np.all(np.isfinite(image)) or image.min() < 0 or image.max() <= 0:
@@ -91,17 +72,9 @@ def write_vignette(vignette: Vignette, path: str | Path, description: str = "") 
 
 
 def read_vignette(path: str | Path) -> RasterVignette:
-    """Read a vignette.png.
+    """Read a vignette.png, divided by its maximum; FormatError if it is not a PNG, damaged, not grey, or black.
 
-    Returns
-    -------
-    RasterVignette
-        Divided by its maximum. Pixels that are 0, as around a fisheye's image circle, stay 0.
-
-    Raises
-    ------
-    FormatError
-        If it is not a PNG, damaged, not grey, or black.
+    Pixels that are 0, as around a fisheye's image circle, stay 0.
     """
     image = read_png(path)
     if image.ndim != 2:
@@ -118,23 +91,14 @@ def write_times(
 ) -> Path:
     """Write times.txt, one line ``id stamp exposure`` per image, atomically, and return its path.
 
-    Parameters
-    ----------
-    path
-        File to write.
-    ids
-        Integers below 2³¹ that identify the images.
-    stamps_s, exposures_ms
-        One per image: time stamps, written to the nanosecond, and positive exposures, as zero means unknown to DSO.
-        None for unknown exposures, which have no column.
+    Ids are integers below 2³¹; time stamps are written to the nanosecond. Unknown exposures, None, have no column.
 
     Raises
     ------
     FormatError
-        If the three differ in length, an id is not such an integer, a stamp is not finite, or the file cannot be
-        written.
+        If the three differ in length, an id is not such an integer, or a stamp is not finite.
     ExposureError
-        If an exposure is not a positive number.
+        If an exposure is not a positive number: zero means unknown to DSO.
     """
     stamps = np.asarray(stamps_s, dtype=np.float64)
     exposures = np.ones(stamps.shape) if exposures_ms is None else np.asarray(exposures_ms, dtype=np.float64)

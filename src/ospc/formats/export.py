@@ -31,16 +31,8 @@ _VALUES_OF_DEEP_IMAGES = (1024, 4096, 16384, 65536)
 class ExportSettings:
     """What some programs need besides the calibration.
 
-    Attributes
-    ----------
-    optics
-        For lensfun and Adobe.
-    lensfun_model
-        ``pa`` for radii in half diagonals, ``acm`` for focal lengths.
-    emor
-        Base curves for hugin's response.
-    values
-        Number of grey levels in pcalib.txt.
+    That is the optics for lensfun and Adobe; lensfun's model, ``pa`` for radii in half diagonals, ``acm`` for focal
+    lengths; the base curves for hugin's response; and the number of grey levels in pcalib.txt.
     """
 
     optics: Optics = field(default_factory=Optics)
@@ -63,18 +55,10 @@ def adapted(
     size: ImageSize | None = None,
     binning: int = 1,
 ) -> Photometry:
-    """Return the photometry for images that were first cropped, then binned, then scaled.
+    """Return the photometry for images that were first cropped, then binned, then scaled to a size.
 
-    Parameters
-    ----------
-    photometry
-        As calibrated.
-    crop
-        Column, row, width and height of the part that is kept.
-    size
-        Width and height after scaling.
-    binning
-        Side, in pixels, of the blocks whose pixels are averaged.
+    ``crop`` is column, row, width and height of the part that is kept, and ``binning`` the side, in pixels, of the
+    blocks whose pixels are averaged.
 
     Raises
     ------
@@ -98,15 +82,8 @@ def adapted(
 def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_grey: int | None = None) -> Calibration:
     """Return the photometry as a calibration that states where it comes from.
 
-    ``size`` is needed if the photometry does not state it; ``max_grey`` is by default that of the calibration or of
-    the table.
-
-    Raises
-    ------
-    SettingError
-        If the size of the images is unknown, or contradicts the photometry.
-    FormatError
-        If the photometry has neither a response nor a vignette.
+    ``size`` is needed if the photometry does not state it, and must not contradict it (SettingError); ``max_grey`` is
+    by default that of the calibration or of the table. FormatError if there is neither response nor vignette.
     """
     response, known = photometry.response, photometry.size or size
     if known is None:

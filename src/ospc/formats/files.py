@@ -24,13 +24,7 @@ _BEGINS_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcError] = FormatError) -> bytes:
-    """Return the content of a file no larger than ``limit`` bytes.
-
-    Raises
-    ------
-    OspcError
-        Of the class ``error``, if there is no such file, it cannot be read, or it is larger.
-    """
+    """Return the content of a file; ``error`` if there is none, it cannot be read, or is larger than the limit."""
     place = escaped(str(path))
     try:
         with Path(path).open("rb") as stream:
@@ -63,13 +57,7 @@ def json_object(path: str | Path) -> dict[str, Any]:
 
 
 def write_bytes(path: str | Path, content: bytes) -> Path:
-    """Write a file atomically and return its path: readers see the old content or the new one, never a part.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be written.
-    """
+    """Write a file and return its path, FormatError if that fails; readers see the old content or the new, whole."""
     try:
         return write_atomically(path, content)
     except OSError as error:

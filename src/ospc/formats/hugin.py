@@ -106,26 +106,20 @@ def write_pto(
 ) -> tuple[RadialFit | None, float | None]:
     """Write a project file with one image line, to be used as a template.
 
-    Parameters
-    ----------
-    path, vignette
-        File to write, and what to fit a polynomial to, about its own centre.
-    response, emor
-        Written only together; otherwise the file has the mean response of EMoR.
-    size
-        Width and height of the images if there is no vignette.
+    The response is written only with its base curves; otherwise the file has the mean response of EMoR. ``size`` is
+    that of the images if there is no vignette.
 
     Returns
     -------
     fit
-        The polynomial that stands for the vignette; None without one.
+        The polynomial that stands for the vignette, about its own centre; None without one.
     residual
         Root mean square residual of the response f; None if it was not written.
 
     Raises
     ------
     FormatError
-        If the polynomial is no vignette, the five numbers are no response, or the file cannot be written.
+        If the polynomial is no vignette, or the five numbers are no response.
     """
     fit = None if vignette is None else fit_radial(vignette, about_its_centre=True)
     coefficients: tuple[float, ...] = (0.0,) * COMPONENTS

@@ -19,17 +19,7 @@ from ospc.errors import FrameError
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Size and pixel type of an encoded image.
-
-    Attributes
-    ----------
-    width, height
-        In pixels.
-    channels
-        Number of stored channels; a palette counts as colour.
-    bits
-        Bits per channel as stored.
-    """
+    """Size in pixels, number of channels, where a palette counts as colour, and bits per channel, all as stored."""
 
     width: int
     height: int
@@ -38,19 +28,9 @@ class ImageHeader:
 
 
 def read_header(data: bytes, name: str) -> ImageHeader:
-    """Read the header of an encoded image and check that the file is complete.
+    """Read the header of an encoded image, given whole, and check that the file is complete.
 
-    Parameters
-    ----------
-    data
-        The whole file.
-    name
-        Name of the image in messages.
-
-    Raises
-    ------
-    FrameError
-        If its format is unknown, or it is truncated or damaged.
+    FrameError, which calls the image ``name``, if its format is unknown, or it is truncated or damaged.
     """
     for magic, parse in _FORMATS:
         if data.startswith(magic):

@@ -32,15 +32,8 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
     """Return an encoded image with the metadata of the file it was made from.
 
     JPEG to JPEG keeps EXIF, XMP and colour profile; from or to PNG only EXIF is kept. Other formats are returned as
-    they are.
-
-    Parameters
-    ----------
-    image
-        The new file, just encoded, without metadata of its own.
-    original
-        The JPEG or PNG file that it was made from, or an EXIF block that begins with 'Exif'; damaged metadata
-        count as none.
+    they are. The original is a JPEG or PNG file, or an EXIF block that begins with 'Exif'; damaged metadata count as
+    none, and the image has none of its own.
     """
     if image.startswith(_JPEG) and original.startswith(_JPEG):
         kept = (_segment(kind, content) for kind, content in _segments(original) if content.startswith(_COPIED))

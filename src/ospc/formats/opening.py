@@ -23,16 +23,9 @@ from ospc.photometry.vignette import Vignette
 
 @dataclass(frozen=True)
 class Photometry:
-    """Response and vignette of a camera, from any kind of file.
+    """Response and vignette of a camera from a file of any kind, which ``name`` says; None for what is not in it.
 
-    Attributes
-    ----------
-    name
-        Where they were read from.
-    response, vignette
-        None if the source does not have it.
-    calibration
-        The whole calibration, if the source is a calibration.json.
+    ``calibration`` is the whole calibration, if the source is a calibration.json.
     """
 
     name: str
@@ -63,14 +56,12 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
         in which calibration.json takes precedence; or hugin's .pto, Adobe's .lcp, lensfun's .xml or OpenCV's .yml
         with one calibration.
     size
-        Width and height of the images, for files that do not state it.
+        Width and height of the images, for files that do not state it: SettingError if it is None then.
 
     Raises
     ------
     FormatError
         If there is no calibration, it cannot be read, or one file holds several.
-    SettingError
-        If the size is needed and None.
     """
     place = Path(path)
     parts = str(path).split(",")

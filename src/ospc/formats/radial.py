@@ -31,18 +31,10 @@ _FITTED_PIXELS = 1_000_000
 
 @dataclass(frozen=True)
 class RadialFit:
-    """A vignette as 1 + v₁R² + v₂R⁴ + v₃R⁶ about a centre.
+    """A vignette as 1 + v₁R² + v₂R⁴ + v₃R⁶ about a centre; this and R are in half diagonals from the image centre.
 
-    Attributes
-    ----------
-    size
-        Width and height of the images in pixels.
-    coefficients
-        (v₁, v₂, v₃), for R in units of the half diagonal.
-    centre
-        Centre relative to the image centre, in half diagonals.
-    rms, worst
-        Root mean square and largest residual over the pixels, relative to the centre; 0 if nothing had to be fitted.
+    ``rms`` and ``worst`` are the root mean square and the largest residual over the pixels, relative to the centre; 0
+    if nothing had to be fitted.
     """
 
     size: ImageSize
@@ -91,18 +83,8 @@ class RadialFit:
 class Optics:
     """What photographic programs need to know about camera and lens besides the vignette.
 
-    Attributes
-    ----------
-    focal_mm, focal_px
-        Focal length in millimetres, and in pixels.
-    crop_factor
-        Diagonal of 36x24 mm over that of the sensor.
-    aperture
-        f-number.
-    distance_m
-        Focus distance in metres; a kilometre stands for infinity.
-    maker, lens, camera
-        Names.
+    The crop factor is the diagonal of 36x24 mm over that of the sensor, the aperture the f-number, and a focus
+    distance of a kilometre stands for infinity.
     """
 
     focal_mm: float | None = None
@@ -147,17 +129,16 @@ def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialF
     """Return the polynomial nearest to a vignette: least squares over its pixels, without dark surrounds.
 
     It is about the image centre, or about that of the vignette. One that is such a polynomial is returned unchanged.
-
-    Raises
-    ------
-    FormatError
-        If the polynomial is not positive all over the image, so that it is no vignette.
+    FormatError if the polynomial is not positive all over the image, so that it is no vignette.
     """
     if isinstance(vignette, PolynomialVignette) and len(vignette.coefficients) <= 3:
         v1, v2, v3 = (*vignette.coefficients, 0.0, 0.0, 0.0)[:3]
         return RadialFit(vignette.size, (v1, v2, v3))
     centre = vignette.centre if about_its_centre and isinstance(vignette, LogVignette) else (0.0, 0.0)
-    points = _pixels(vignette.size)
+    # Of a large image, a regular grid of its pixels.
+    step = max(1, math.ceil(math.sqrt(vignette.size[0] * vignette.size[1] / _FITTED_PIXELS)))
+    x, y = np.meshgrid(*(np.arange(0.0, side, step) for side in vignette.size))
+    points = np.stack([x.ravel(), y.ravel()], axis=-1)
     values = vignette.at(points)
     squared = np.sum((normalised(points, vignette.size) - np.array(centre)) ** 2, axis=-1)
     bright = values > 0
@@ -171,22 +152,9 @@ def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialF
 
 
 def rescaled(coefficients: Terms, unit: float) -> Terms:
-    """Return vₙ·unit²ⁿ: the coefficients for a radius measured in units that are ``unit`` times as long.
-
-    Raises
-    ------
-    FormatError
-        If the result is too large for a number.
-    """
+    """Return vₙ·unit²ⁿ: the coefficients for R in units ``unit`` times as long; FormatError if they overflow."""
     with np.errstate(over="ignore", invalid="ignore"):
         v1, v2, v3 = (float(v * np.float64(unit) ** (2 * n)) for n, v in enumerate(coefficients, start=1))
     if not all(map(math.isfinite, (v1, v2, v3))):
         raise FormatError(f"the focal length is {unit:.3g} or {1 / unit:.3g} half diagonals of the image; correct it")
     return v1, v2, v3
-
-
-def _pixels(size: ImageSize) -> FloatArray:
-    """Return the coordinates of all pixels, or of a regular grid of those of a large image, shape (n, 2)."""
-    step = max(1, math.ceil(math.sqrt(size[0] * size[1] / _FITTED_PIXELS)))
-    x, y = np.meshgrid(np.arange(0.0, size[0], step), np.arange(0.0, size[1], step))
-    return np.stack([x.ravel(), y.ravel()], axis=-1)

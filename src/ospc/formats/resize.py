@@ -12,7 +12,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import ImageSize
 from ospc.errors import SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.geometry import half_diagonal, pixel_grid
@@ -36,10 +36,7 @@ def same_aspect(first: ImageSize, second: ImageSize) -> bool:
 def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     """Return the vignette of the same view at another resolution.
 
-    Raises
-    ------
-    SettingError
-        If the aspect ratio differs by more than 1 %: part of the view was cut off, so crop first.
+    SettingError if the aspect ratio differs by more than 1 %: part of the view was cut off, so crop first.
     """
     width, height = vignette.size
     _check_size(size)
@@ -63,22 +60,10 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
 
 
 def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
-    """Return the vignette of a part of the image.
+    """Return the vignette of a part of the image, of which ``offset`` is the column and row of the first pixel.
 
     Each pixel keeps its attenuation, so the centre moves in the image. A polynomial about the image centre becomes a
-    map of pixels unless the part is centred.
-
-    Parameters
-    ----------
-    vignette
-        For the whole images.
-    offset, size
-        Column and row of the part's first pixel, and its width and height.
-
-    Raises
-    ------
-    SettingError
-        If the part is not inside the image.
+    map of pixels unless the part is centred. SettingError if the part is not inside the image.
     """
     _check_size(size)
     inside = all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, vignette.size, strict=True))
@@ -102,7 +87,7 @@ def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration
     """Return the calibration for scaled images, as :func:`resize_vignette`; their noise is not known."""
     _check_size(size)
     vignette = None if calibration.vignette is None else resize_vignette(calibration.vignette, size)
-    return _changed(calibration, size, vignette, calibration.vignette_sigma, {"resized_to": list(size)})
+    return _changed(calibration, size, vignette, {"resized_to": list(size)})
 
 
 def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> Calibration:
@@ -111,21 +96,23 @@ def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: Im
     The profile's uncertainty is kept where the part is centred, for the radii that remain.
     """
     vignette = None if calibration.vignette is None else crop_vignette(calibration.vignette, offset, size)
-    sigma = _cropped_sigma(calibration, offset, size)
-    changed = _changed(calibration, size, vignette, sigma, {"cropped_to": [*offset, *size]})
-    return replace(changed, noise=calibration.noise)
+    margins = [w - o - s - o for w, o, s in zip(calibration.size, offset, size, strict=True)]
+    sigma = calibration.vignette_sigma
+    if max(map(abs, margins)) > _CENTRED_PX:
+        sigma = None
+    if sigma is not None:
+        radii = PROFILE_RADII * (half_diagonal(size) / half_diagonal(calibration.size))
+        sigma = np.interp(radii, PROFILE_RADII, sigma)
+    changed = _changed(calibration, size, vignette, {"cropped_to": [*offset, *size]})
+    return replace(changed, vignette_sigma=sigma, noise=calibration.noise)
 
 
 def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
     """Return the calibration for images in which blocks of ``factor`` × ``factor`` pixels are averaged.
 
     Columns and rows at the right and the bottom that fill no block are cut off. If the camera averages grey values
-    instead of irradiances, the response is right only where they are nearly equal.
-
-    Raises
-    ------
-    SettingError
-        If the factor is less than 1 or leaves no pixel.
+    instead of irradiances, the response is right only where they are nearly equal. SettingError if the factor is less
+    than 1 or leaves no pixel.
     """
     width, height = calibration.size
     if factor < 1 or min(width, height) // max(factor, 1) < 2:
@@ -151,28 +138,13 @@ def _powers(coefficients: tuple[float, ...], unit: float) -> tuple[float, ...]:
     return tuple(c * unit ** (2 * n) for n, c in enumerate(coefficients, start=1))
 
 
-def _cropped_sigma(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> FloatArray | None:
-    if calibration.vignette_sigma is None:
-        return None
-    ends = [w - o - s - o for w, o, s in zip(calibration.size, offset, size, strict=True)]
-    if max(map(abs, ends)) > _CENTRED_PX:
-        return None
-    unit = half_diagonal(size) / half_diagonal(calibration.size)
-    return np.interp(PROFILE_RADII * unit, PROFILE_RADII, calibration.vignette_sigma)
-
-
 def _changed(
-    calibration: Calibration,
-    size: ImageSize,
-    vignette: Vignette | None,
-    sigma: FloatArray | None,
-    change: dict[str, list[int]],
+    calibration: Calibration, size: ImageSize, vignette: Vignette | None, change: dict[str, list[int]]
 ) -> Calibration:
     return replace(
         calibration,
         size=size,
         vignette=vignette,
-        vignette_sigma=sigma,
         noise=None,
         covariance={name: part for name, part in calibration.covariance.items() if name == "response"},
         source={**calibration.source, **change},

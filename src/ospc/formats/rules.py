@@ -36,18 +36,8 @@ _REPAIR = "run with --repair for a repaired copy"
 class Finding:
     """A rule that a parameter file breaks.
 
-    Attributes
-    ----------
-    severity
-        How serious it is.
-    rule
-        The rule and what breaks it, with figures.
-    effect
-        What the program does with the file; continues a sentence that begins with "it".
-    remedy
-        What to do; empty if nothing needs to be done.
-    file
-        The file.
+    ``rule`` says what it is and what breaks it, with figures, ``effect`` what the program does with the file, as the
+    rest of a sentence that begins with "it", and ``remedy`` what to do; it is empty if nothing needs to be done.
     """
 
     severity: Severity
@@ -59,17 +49,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Context:
-    """What a rule knows besides the file itself.
-
-    Attributes
-    ----------
-    program
-        The program whose rules apply.
-    size
-        Width and height of the images in pixels; None if unknown.
-    images
-        File names of the recording's images, sorted; None if unknown.
-    """
+    """What a rule knows besides the file: size and sorted file names of the recording's images, None if unknown."""
 
     program: Program
     size: ImageSize | None = None
@@ -80,13 +60,8 @@ class Context:
 class Broken:
     """A rule that a document breaks: a :class:`Finding` without its file, and how to repair the document.
 
-    Attributes
-    ----------
-    severity, rule, effect, remedy
-        As in a finding.
-    repair
-        Returns a document that keeps the rule, and a sentence about what was changed. Raises FormatError, without
-        the file's name, if content would have to be invented. None if the rule has no repair.
+    ``repair``, None if there is none, returns a document that keeps the rule, and a sentence about what was changed.
+    It raises FormatError, without the file's name, if content would have to be invented.
     """
 
     severity: Severity
@@ -100,14 +75,8 @@ class Broken:
 class Format(Generic[Document]):
     """One kind of parameter file: how to read and write it, and the rules it must keep.
 
-    Attributes
-    ----------
-    read
-        Reads a file; raises FormatError if it is unreadable.
-    write
-        Writes a document.
-    check
-        Yields the rules that a document breaks, in the order in which they must be repaired.
+    ``read`` raises FormatError if a file is unreadable; ``check`` yields the rules that a document breaks, in the
+    order in which they must be repaired.
     """
 
     read: Callable[[Path], Document]
@@ -115,10 +84,7 @@ class Format(Generic[Document]):
     check: Callable[[Document, Context], Iterator[Broken]]
 
     def findings(self, path: Path, context: Context) -> tuple[Finding, ...]:
-        """Return the findings about a file.
-
-        A finding proposes a repair only if the file as a whole can be repaired. An unreadable file is one finding.
-        """
+        """Return the findings about a file; they propose a repair only if the file as a whole can be repaired."""
         try:
             document = self.read(path)
         except FormatError as error:
@@ -138,12 +104,8 @@ class Format(Generic[Document]):
     def repaired(self, path: Path, context: Context) -> tuple[Document, tuple[str, ...]]:
         """Return a document that breaks no rule with an error, and what was changed, one sentence each.
 
-        Notes alone do not call for a repair: they are repaired only along with something more serious.
-
-        Raises
-        ------
-        FormatError
-            If the file is unreadable, or a repair would have to invent its content.
+        Notes alone do not call for a repair: they are repaired only along with something more serious. FormatError if
+        the file is unreadable, or a repair would have to invent its content.
         """
         document = self.read(path)
         try:

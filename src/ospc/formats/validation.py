@@ -47,16 +47,9 @@ class ParameterFile:
 
 @dataclass(frozen=True)
 class Validation:
-    """Result of checking parameter files.
+    """The rules of a program that parameter files break, file by file.
 
-    Attributes
-    ----------
-    program
-        The program whose rules were applied.
-    size
-        Size of the images, as given or from camera.txt; None if unknown.
-    files, findings
-        The files that were checked, and the rules that they break, file by file.
+    ``size`` is that of the images, as given or from camera.txt; None if unknown.
     """
 
     program: Program
@@ -72,15 +65,7 @@ class Validation:
 
 @dataclass(frozen=True)
 class Repair:
-    """A repaired copy of a parameter file.
-
-    Attributes
-    ----------
-    source, path
-        The original file, which is not changed, and the copy.
-    changes
-        What was changed, one sentence each; if empty, nothing had to be and there is no copy.
-    """
+    """A repaired copy of a parameter file, and what was changed, one sentence each; without changes there is none."""
 
     source: Path
     path: Path
@@ -88,13 +73,7 @@ class Repair:
 
 
 def kind_of(path: str | Path) -> Kind:
-    """Return the kind of a parameter file, judged by its name and content.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be read or its kind is unknown.
-    """
+    """Return the kind of a parameter file by its name and content; FormatError if it is unknown or not readable."""
     place = Path(path)
     if place.suffix.lower() == ".png" or read_bytes(place, _LARGEST_FILE).startswith(_PNG):
         return "vignette"
@@ -116,19 +95,10 @@ def kind_of(path: str | Path) -> Kind:
 
 
 def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | None = None) -> Validation:
-    """Check parameter files by the rules of the program that reads them.
+    """Check parameter files, or those of the usual names in folders, by the rules of the program that reads them.
 
-    Parameters
-    ----------
-    paths, program
-        Files, or folders whose files with the usual names are checked, and the program whose rules apply.
-    size
-        Width and height of the images; taken from a camera.txt among the files if None.
-
-    Raises
-    ------
-    FormatError
-        If the kind of a file is unknown, or a folder holds no parameter file.
+    ``size`` is the width and height of the images; taken from a camera.txt among the files if None. FormatError if
+    the kind of a file is unknown, or a folder holds no parameter file.
     """
     files = tuple(found for path in paths for found in _parameter_files(Path(path)))
     in_files = (input_size(read_text(file.path)) for file in files if file.kind == "camera")
@@ -145,13 +115,9 @@ def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | No
 def repair(file: ParameterFile, program: Program = "dso", size: ImageSize | None = None) -> Repair:
     """Write ``<name>.repaired.<ext>`` beside a parameter file, unless nothing needs a repair.
 
-    The copy keeps the rules of the program; ``size`` is what a vignette needs, its own size if None.
-
-    Raises
-    ------
-    FormatError
-        If a repair would have to invent content: too few values, a curve that falls as a whole, a vignette of
-        another aspect ratio, lines that cannot be matched with images.
+    The copy keeps the rules of the program; ``size`` is what a vignette needs, its own size if None. FormatError if a
+    repair would have to invent content: too few values, a curve that falls as a whole, a vignette of another aspect
+    ratio, lines that cannot be matched with images.
     """
     target = file.path.with_name(f"{file.path.stem}.repaired{file.path.suffix}")
     kind = _FORMATS[file.kind]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, IntArray
+from ospc.arrays import FloatArray, Image, IntArray, nearest
 from ospc.errors import ExposureError, RecordingError, counted, escaped, listed
 from ospc.recording.bags.bag import Bag, exposure_topic, image_topic, image_topics, is_bag, own_exposure_topic
 from ospc.recording.bags.carriers import Carrier, carrier_of
@@ -219,9 +219,7 @@ def _nearest(wanted: IntArray, offered: IntArray) -> tuple[IntArray, float]:
     """Return the index of the nearest time, -1 if it is further than half a frame interval, and this tolerance."""
     order = np.argsort(offered, kind="stable")
     times = offered[order]
-    after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    nearer = np.where(np.abs(times[after] - wanted) < np.abs(times[before] - wanted), after, before)
+    nearer = nearest(times, wanted)
     steps = np.diff(np.sort(wanted))
     tolerance_ns = float(np.median(steps)) / 2 if len(steps) else _ONLY_IMAGE_TOLERANCE_NS
     found = np.where(np.abs(times[nearer] - wanted) <= tolerance_ns, order[nearer], -1)

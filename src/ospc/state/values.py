@@ -51,6 +51,10 @@ def layout(kind: type) -> str:
     return sha256(_described(kind).encode()).hexdigest()[:16]
 
 
+def _is_dataclass(hint: Any) -> bool:
+    return is_dataclass(hint)
+
+
 @cache
 def _hints(kind: Any) -> dict[str, Any]:
     hints = typing.get_type_hints(kind)
@@ -75,7 +79,7 @@ def _dtype(hint: Any) -> np.dtype[Any] | None:
 def _described(hint: Any) -> str:
     if _is_array(hint):
         return f"array of {_dtype(hint) or 'numbers'}"
-    if is_dataclass(hint):
+    if _is_dataclass(hint):
         parts = (f"{name}:{_described(part)}" for name, part in _hints(hint).items())
         return "{" + ",".join(parts) + "}"
     if get_args(hint):
@@ -86,7 +90,7 @@ def _described(hint: Any) -> str:
 @cache
 def _is_column_wise(kind: Any) -> bool:
     """Tell whether a list of these is packed as one array per field; thousands of small arrays would be slow."""
-    return is_dataclass(kind) and all(map(_is_array, _hints(kind).values()))
+    return _is_dataclass(kind) and all(map(_is_array, _hints(kind).values()))
 
 
 @cache
@@ -102,7 +106,7 @@ def _packed(value: Any, hint: Any, place: str, arrays: dict[str, Array]) -> Any:
     hint = _without_none(hint)
     if value is None:
         return None
-    if is_dataclass(hint):
+    if _is_dataclass(hint):
         return {
             name: _packed(getattr(value, name), part, f"{place}.{name}" if place else name, arrays)
             for name, part in _hints(hint).items()
@@ -144,7 +148,7 @@ def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> An
     if content is None and optional != hint:
         return None
     hint = optional
-    if is_dataclass(hint):
+    if _is_dataclass(hint):
         hints = _hints(hint)
         _check_names(content, hints)
         return _made(hint, {name: _unpacked(content[name], part, arrays) for name, part in hints.items()})
