@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import ospc.output
 from calibrations import SIZE, calibration
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import CAVEAT, read_pcalib, read_vignette
@@ -148,7 +147,7 @@ class TestFailures:
         def fail(_response, path):
             raise FormatError(f"{path}: cannot be written (No space left on device)")
 
-        monkeypatch.setattr(ospc.output, "write_pcalib", fail)
+        monkeypatch.setattr("ospc.formats.dso.write_pcalib", fail)
         written = OutputFolder.at(tmp_path).write(calibration(), recording)
         assert "pcalib.txt" in written.problems[0]
         assert names(tmp_path) == ["calibration.json", "times.txt", "vignette.png"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
@@ -16,25 +16,40 @@ except ImportError:  # Windows has no such locks; there, nothing keeps a second 
     fcntl = None  # type: ignore[assignment]
 
 
-def check_usable(place: Path) -> None:
-    """Refuse what cannot be, or become, a folder to write to.
+def check_usable(
+    place: Path, recording: Path | None = None, check_content: Callable[[Path], None] = lambda _place: None
+) -> None:
+    """Refuse what cannot be, or become, a folder to write to, before anything is changed.
+
+    ``check_content`` is asked about a folder that is there, and may refuse it.
 
     Raises
     ------
     SettingError
-        If it is a file, a link to nothing, or not writable.
+        If it is a file, a link to nothing, not writable, or the folder of the recording itself or of its images.
     """
     try:
+        if recording is not None and _holds(recording.resolve(), place.resolve()):
+            raise SettingError(f"{place}: holds the recording itself; choose another folder for the output")
         if place.is_symlink() and not place.exists():
             raise SettingError(f"{place}: is a link to nothing ({place.readlink()}); choose another folder")
         if place.exists() and not place.is_dir():
             raise SettingError(f"{place}: is a file; name a folder for the output")
         nearest = next(folder for folder in (place, *place.absolute().parents) if folder.exists())
+        if nearest == place:
+            check_content(place)
     except OSError as error:
         raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another folder") from None
     if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
         why = "is not writable" if nearest == place else f"cannot be made: {nearest} is not writable"
         raise SettingError(f"{place}: {why}; choose another folder")
+
+
+def _holds(recording: Path, place: Path) -> bool:
+    """Return whether a folder holds files of the recording: its own folder, its images, or the folder of a video."""
+    return place in (recording, (recording / "images").resolve()) or (
+        recording.is_file() and place == recording.parent
+    )
 
 
 @contextmanager
@@ -43,17 +58,7 @@ def reserved(folder: str | Path) -> Iterator[Path]:
 
     The lock is on the folder itself: it leaves no file behind, and ends with the process, however that ends. A folder
     that was made here and is still empty at the end is removed again. Unfinished files of processes that were killed
-    are removed.
-
-    Parameters
-    ----------
-    folder
-        A folder; it need not exist yet.
-
-    Raises
-    ------
-    SettingError
-        If it cannot be made or written to, or somebody else has reserved it.
+    are removed. SettingError if it cannot be made or written to, or somebody else has reserved it.
     """
     place = Path(folder)
     check_usable(place)

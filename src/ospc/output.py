@@ -10,11 +10,10 @@ from typing import Protocol
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line
 from ospc.folders import check_usable
-from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_times, write_vignette
+from ospc.formats.dso import CAVEAT, parameter_files, write_times
 from ospc.formats.files import json_object
 from ospc.formats.opening import Photometry
 from ospc.formats.png import write_png
-from ospc.formats.rules_pcalib import MOST_VALUES
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
@@ -73,12 +72,7 @@ class OutputFolder:
         vignette.png have the same names.
         """
         place = Path(path)
-        try:
-            _check(place, recording, force)
-        except OSError as error:
-            raise SettingError(
-                f"{place}: cannot be used for output ({error.strerror}); choose another folder"
-            ) from None
+        check_usable(place, recording, lambda place: _check_content(place, force))
         return cls(place)
 
     def write(self, calibration: Calibration, times: Times | None = None) -> Written:
@@ -96,7 +90,12 @@ class OutputFolder:
         if isinstance(calibration.vignette, RasterVignette):
             first.append(self.path / _MAP)
         written = Written(tuple(first)) + self._remove_earlier(keep=first)
-        for name, write in self._writers(calibration, times):
+        response, vignette, caveat = calibration.response, calibration.vignette, calibration.caveat
+        writers = [*parameter_files(response, vignette, calibration.max_grey, caveat)]
+        if times is not None:
+            ids, stamps_s, exposures_ms = range(len(times.stamps_s)), times.stamps_s, times.exposures_ms
+            writers.append(("times.txt", lambda place: write_times(place, ids, stamps_s, exposures_ms)))
+        for name, write in writers:
             try:
                 written += Written((write(self.path / name),))
             except ExposureError as error:
@@ -144,23 +143,6 @@ class OutputFolder:
 
         return _collected(reports(), f"{self.path}: the report cannot be written")
 
-    @staticmethod
-    def _writers(calibration: Calibration, times: Times | None) -> Iterator[tuple[str, Callable[[Path], Path]]]:
-        response, vignette = calibration.response, calibration.vignette
-        if calibration.caveat:
-            yield CAVEAT, lambda place: write_caveat(place, calibration.caveat)
-        if response is not None:
-            yield "pcalib.txt", lambda place: write_pcalib(response, place)
-        if response is not None and calibration.max_grey > 255:
-            values = min(calibration.max_grey + 1, MOST_VALUES)
-            yield "pcalib_16bit.txt", lambda place: write_pcalib(response, place, values)
-        if vignette is not None:
-            yield "vignette.png", lambda place: write_vignette(vignette, place, calibration.caveat)
-        if times is not None:
-            stamps_s, exposures_ms = times.stamps_s, times.exposures_ms
-            ids = range(len(exposures_ms))
-            yield "times.txt", lambda place: write_times(place, ids, stamps_s, exposures_ms)
-
     def _remove_earlier(self, keep: list[Path]) -> Written:
         problems = []
         for place in (self.path / name for name in OWN_NAMES):
@@ -185,12 +167,7 @@ def _collected(parts: Iterator[Written], failure: str) -> Written:
     return written
 
 
-def _check(place: Path, recording: Path | None, force: bool) -> None:
-    check_usable(place)
-    if recording is not None and _holds(recording.resolve(), place.resolve()):
-        raise SettingError(f"{place}: holds the recording itself; choose another folder for the output")
-    if not place.exists():
-        return
+def _check_content(place: Path, force: bool) -> None:
     for name in OWN_NAMES:
         if (place / name).is_dir():
             raise SettingError(f"{place / name}: is a folder, but a file is to be written there; remove it")
@@ -199,11 +176,6 @@ def _check(place: Path, recording: Path | None, force: bool) -> None:
             f"{place}: holds files that are not an earlier calibration; choose another folder, or add --force to "
             "write into it"
         )
-
-
-def _holds(recording: Path, place: Path) -> bool:
-    """Return whether a folder holds files of the recording: its own folder, its images, or the folder of a video."""
-    return place in (recording, recording / "images") or (recording.is_file() and place == recording.parent)
 
 
 def _is_earlier_output(place: Path) -> bool:

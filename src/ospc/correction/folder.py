@@ -18,10 +18,10 @@ import numpy.typing as npt
 from ospc.arrays import ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import OspcError, SettingError
-from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.folders import check_usable
+from ospc.formats.dso import parameter_files
 from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.metadata import with_metadata
-from ospc.formats.rules_pcalib import MOST_VALUES
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 
@@ -72,15 +72,7 @@ class CorrectedFolder:
         finished corrected images may be replaced, too. The folder of the recording itself is refused.
         """
         place = Path(path)
-        try:
-            if place.resolve() in (recording.resolve(), (recording / "images").resolve()):
-                raise SettingError(f"{place}: holds the recording itself; choose another output folder")
-            if place.exists() and not place.is_dir():
-                raise SettingError(f"{place}: is a file; choose a folder for the output")
-            if place.is_dir() and any(place.iterdir()):
-                _check_replaceable(place, force)
-        except OSError as error:
-            raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another") from None
+        check_usable(place, recording, lambda place: _check_replaceable(place, force))
         return cls(place)
 
     def begin(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> dict[int, Counts]:
@@ -129,10 +121,9 @@ class CorrectedFolder:
 
     def write_parameters(self, response: Response, size: ImageSize, max_grey: int) -> None:
         """Write the response and vignette of the corrected images; the latter is 1 everywhere."""
-        write_pcalib(response, self.path / "pcalib.txt")
-        if max_grey > 255:
-            write_pcalib(response, self.path / "pcalib_16bit.txt", MOST_VALUES)
-        write_vignette(RasterVignette(np.ones((size[1], size[0]), np.float32)), self.path / "vignette.png")
+        vignette = RasterVignette(np.ones((size[1], size[0]), np.float32))
+        for name, write in parameter_files(response, vignette, max_grey):
+            write(self.path / name)
 
     def copy_geometry(self, recording: Path) -> list[str]:
         """Copy camera.txt and groundtruthSync.txt, which stay valid, and return the names of those that exist."""
@@ -181,6 +172,8 @@ def _writing(place: Path, remedy: str) -> Iterator[None]:
 
 
 def _check_replaceable(place: Path, force: bool) -> None:
+    if not any(place.iterdir()):
+        return
     note = json_object(place / NOTE)
     if note.get("schema") != SCHEMA:
         raise SettingError(f"{place}: holds something other than corrected images; choose another folder")

@@ -6,7 +6,7 @@ read here mean what the programs take them to mean.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +84,20 @@ def read_vignette(path: str | Path) -> RasterVignette:
     if image.max() == 0:
         raise FormatError(f"{path}: is black all over, so it is no vignette; calibrate again")
     return RasterVignette(image.astype(np.float32), {"file": Path(path).name, "bits": image.dtype.itemsize * 8})
+
+
+def parameter_files(
+    response: Response | None, vignette: Vignette | None, max_grey: int, caveat: str = ""
+) -> Iterator[tuple[str, Callable[[Path], Path]]]:
+    """Yield the names of the files for what is known, with pcalib_16bit.txt for deep images, and what writes them."""
+    if caveat:
+        yield CAVEAT, lambda place: write_caveat(place, caveat)
+    if response is not None:
+        yield "pcalib.txt", lambda place: write_pcalib(response, place)
+    if response is not None and max_grey > 255:
+        yield "pcalib_16bit.txt", lambda place: write_pcalib(response, place, min(max_grey + 1, MOST_VALUES))
+    if vignette is not None:
+        yield "vignette.png", lambda place: write_vignette(vignette, place, caveat)
 
 
 def write_times(

@@ -18,7 +18,7 @@ from ospc.formats.radial import Optics
 from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
 from ospc.formats.rules_pcalib import FEWEST_VALUES
 from ospc.photometry.calibration import Calibration, Verdict
-from ospc.photometry.vignette import RasterVignette, Vignette
+from ospc.photometry.vignette import RasterVignette
 
 Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]
 """Programs that a calibration can be written for."""
@@ -128,44 +128,49 @@ def export(
     FormatError
         If the format cannot hold it, or a file cannot be written.
     """
-    chosen = settings or ExportSettings()
-    place = Path(out)
-    match program:
-        case "dso":
-            return _to_dso(photometry, place, chosen)
-        case "json":
-            calibration = as_calibration(photometry)
-            calibration.save(place)
-            beside = (place.with_suffix(".vignette.npz"),) if isinstance(calibration.vignette, RasterVignette) else ()
-            return Exported((place, *beside), _unknown(photometry))
-        case "hugin":
-            return _to_hugin(photometry, place, chosen)
-        case "opencv":
-            _check_known(photometry)
-            write_opencv(place, photometry.response, photometry.vignette)
-            return Exported((place,), _unknown(photometry))
-        case "lensfun":
-            fit = write_lensfun(_vignette(photometry, program), place, chosen.optics, chosen.lensfun_model)
-        case "adobe":
-            fit = write_lcp(_vignette(photometry, program), place, chosen.optics)
-    left_out = "" if photometry.response is None else f"{program} has no response; only the vignette was written"
-    return Exported((place,), tuple(filter(None, (fit.note, left_out, photometry.caveat))))
+    chosen, place = settings or ExportSettings(), Path(out)
+    if program in ("lensfun", "adobe"):
+        return _to_lens_profile(photometry, program, place, chosen)
+    if program == "hugin":
+        return _to_hugin(photometry, place, chosen)
+    if program == "json":
+        calibration = as_calibration(photometry)
+        files = [calibration.save(place)]
+        if isinstance(calibration.vignette, RasterVignette):
+            files.append(place.with_suffix(".vignette.npz"))
+    elif photometry.response is None and photometry.vignette is None:
+        raise NotObservableError(f"{photometry.name}: has neither a response nor a vignette")
+    elif program == "opencv":
+        files = [write_opencv(place, photometry.response, photometry.vignette)]
+    else:
+        files = _to_dso(photometry, place, chosen.values)
+    return Exported(tuple(files), _unknown(photometry))
 
 
-def _to_dso(photometry: Photometry, folder: Path, settings: ExportSettings) -> Exported:
-    _check_known(photometry)
+def _to_dso(photometry: Photometry, folder: Path, values: int) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FormatError(f"{folder}: the folder cannot be made ({error.strerror})") from None
     files: list[Path] = []
     if photometry.response is not None:
-        files.append(write_pcalib(photometry.response, folder / "pcalib.txt", settings.values))
+        files.append(write_pcalib(photometry.response, folder / "pcalib.txt", values))
     if photometry.vignette is not None:
         files.append(write_vignette(photometry.vignette, folder / "vignette.png", photometry.caveat))
     if photometry.caveat:
         files.append(write_caveat(folder / CAVEAT, photometry.caveat))
-    return Exported(tuple(files), _unknown(photometry))
+    return files
+
+
+def _to_lens_profile(photometry: Photometry, program: str, place: Path, settings: ExportSettings) -> Exported:
+    if photometry.vignette is None:
+        raise NotObservableError(f"{photometry.name}: has no vignette, and {program} takes nothing else")
+    if program == "lensfun":
+        fit = write_lensfun(photometry.vignette, place, settings.optics, settings.lensfun_model)
+    else:
+        fit = write_lcp(photometry.vignette, place, settings.optics)
+    left_out = "" if photometry.response is None else f"{program} has no response; only the vignette was written"
+    return Exported((place,), tuple(filter(None, (fit.note, left_out, photometry.caveat))))
 
 
 def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> Exported:
@@ -177,23 +182,13 @@ def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> 
         )
     size = as_calibration(photometry).size
     fit, residual = write_pto(place, photometry.vignette, response, emor, size)
-    notes = [] if fit is None else [fit.note]
+    about_response = ""
     if residual is not None:
-        notes.append(f"response fitted by five EMoR coefficients: residual {residual:.2g} in the root mean square")
+        about_response = f"response fitted by five EMoR coefficients: residual {residual:.2g} in the root mean square"
     elif response is not None:
-        notes.append("the response was not written: hugin's model needs the base curves emor.txt")
-    return Exported((place,), tuple(filter(None, (*notes, *_unknown(photometry)))))
-
-
-def _check_known(photometry: Photometry) -> None:
-    if photometry.response is None and photometry.vignette is None:
-        raise NotObservableError(f"{photometry.name}: has neither a response nor a vignette")
-
-
-def _vignette(photometry: Photometry, program: str) -> Vignette:
-    if photometry.vignette is None:
-        raise NotObservableError(f"{photometry.name}: has no vignette, and {program} takes nothing else")
-    return photometry.vignette
+        about_response = "the response was not written: hugin's model needs the base curves emor.txt"
+    notes = ("" if fit is None else fit.note, about_response, *_unknown(photometry))
+    return Exported((place,), tuple(filter(None, notes)))
 
 
 def _unknown(photometry: Photometry) -> tuple[str, ...]:
@@ -204,4 +199,4 @@ def _unknown(photometry: Photometry) -> tuple[str, ...]:
             verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(name)
             why = "" if verdict is None else "; ".join(filter(None, (verdict.reason, verdict.remedy)))
             notes.append(f"the {name} is not known and was not written" + (f": {why}" if why else ""))
-    return (*notes, photometry.caveat) if photometry.caveat else tuple(notes)
+    return tuple(filter(None, (*notes, photometry.caveat)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
@@ -75,13 +76,13 @@ class Broken:
 class Format(Generic[Document]):
     """One kind of parameter file: how to read and write it, and the rules it must keep.
 
-    ``read`` raises FormatError if a file is unreadable; ``check`` yields the rules that a document breaks, in the
+    ``read`` raises FormatError if a file is unreadable; ``checks`` yield the rules that a document breaks, in the
     order in which they must be repaired.
     """
 
     read: Callable[[Path], Document]
     write: Callable[[Document, Path], object]
-    check: Callable[[Document, Context], Iterator[Broken]]
+    checks: tuple[Callable[[Document, Context], Iterator[Broken]], ...]
 
     def findings(self, path: Path, context: Context) -> tuple[Finding, ...]:
         """Return the findings about a file; they propose a repair only if the file as a whole can be repaired."""
@@ -95,7 +96,7 @@ class Format(Generic[Document]):
         except FormatError:
             repairable = False
         found = []
-        for broken in self.check(document, context):
+        for broken in self._broken(document, context):
             offered = repairable and broken.repair is not None and broken.severity != "note"
             remedy = ", or ".join(filter(None, (broken.remedy, _REPAIR if offered else "")))
             found.append(Finding(broken.severity, broken.rule, broken.effect, remedy, str(path)))
@@ -113,8 +114,11 @@ class Format(Generic[Document]):
         except FormatError as error:
             raise FormatError(f"{path}: {error}") from None
 
+    def _broken(self, document: Document, context: Context) -> Iterator[Broken]:
+        return chain.from_iterable(check(document, context) for check in self.checks)
+
     def _repaired(self, document: Document, context: Context) -> tuple[Document, tuple[str, ...]]:
-        serious = any(broken.repair and broken.severity != "note" for broken in self.check(document, context))
+        serious = any(broken.repair and broken.severity != "note" for broken in self._broken(document, context))
         done: list[object] = []
         changes: list[str] = []
 
@@ -123,7 +127,7 @@ class Format(Generic[Document]):
                 return broken.severity == "error"
             return broken.repair not in done and (serious or broken.severity != "note")
 
-        while broken := next(filter(needs_action, self.check(document, context)), None):
+        while broken := next(filter(needs_action, self._broken(document, context)), None):
             if broken.repair is None:
                 raise FormatError("; ".join(filter(None, (broken.rule, broken.remedy))))
             document, change = broken.repair(document, context)

@@ -10,7 +10,7 @@ from ospc.formats.files import read_text, write_text
 from ospc.formats.rules import Broken, Context, Format, Program
 from ospc.formats.scanning import scanned
 
-_MODELS = {"KannalaBrandt": 8, "RadTan": 8, "EquiDistant": 8, "FOV": 5, "Pinhole": 5}
+MODELS = {"KannalaBrandt": 8, "RadTan": 8, "EquiDistant": 8, "FOV": 5, "Pinhole": 5}
 """Names that DSO and its descendants know, and how many parameters follow each."""
 
 _BAD_LINE = {
@@ -54,7 +54,7 @@ def intrinsics(line: str, program: Program) -> tuple[str, list[float]]:
         return "RadTan", values
     if len(values) >= 5:
         return ("Pinhole" if values[4] == 0 else "FOV"), values[:5]
-    for name, count in _MODELS.items():
+    for name, count in MODELS.items():
         if line.startswith(name):
             values = scanned(line[len(name) :], "f" * count)
             return (name, values) if len(values) == count else ("", values)
@@ -66,22 +66,16 @@ def input_size(text: str) -> ImageSize | None:
     return _size(_lines(text)[1])
 
 
-def _broken(text: str, context: Context) -> Iterator[Broken]:
-    yield from _about_the_intrinsics(_lines(text)[0], context.program)
-    yield from _about_the_input_size(text, context)
-    yield from _about_the_rectification(_lines(text)[2], context.program)
-    yield from _about_the_output_size(text, context.program)
-
-
-def _about_the_intrinsics(line: str, program: Program) -> Iterator[Broken]:
+def _about_the_intrinsics(text: str, context: Context) -> Iterator[Broken]:
+    line, program = _lines(text)[0], context.program
     model, values = intrinsics(line, program)
     if not model:
         effect = "does not rectify and knows no image size"
-        if program == "mono" and any(line.startswith(name) for name in _MODELS):
+        if program == "mono" and any(line.startswith(name) for name in MODELS):
             rule = f"line 1 is 'fx fy cx cy omega' without a name; it is {line[:30]!r}"
             yield Broken("error", rule, effect, "remove the name of the model")
             return
-        rule = f"line 1 is 'fx fy cx cy omega', or the name of a model ({', '.join(_MODELS)}) and its parameters"
+        rule = f"line 1 is 'fx fy cx cy omega', or the name of a model ({', '.join(MODELS)}) and its parameters"
         effect = "ends with 'could not read calib file'" if program == "dso" else effect
         yield Broken("error", f"{rule}; it is {line[:30]!r}", effect, "write the intrinsics on the first line")
         return
@@ -111,7 +105,8 @@ def _about_the_input_size(text: str, context: Context) -> Iterator[Broken]:
         yield Broken("error", rule, "stops at the first image", "calibrate for this size, or crop to it")
 
 
-def _about_the_rectification(line: str, program: Program) -> Iterator[Broken]:
+def _about_the_rectification(text: str, context: Context) -> Iterator[Broken]:
+    line, program = _lines(text)[2], context.program
     how = line.strip()
     if how in _RECTIFICATIONS and line != how:
         rule = f"line 3 is exactly 'crop', 'full' or 'none'; it is {line!r}, with white space around it"
@@ -126,18 +121,18 @@ def _about_the_rectification(line: str, program: Program) -> Iterator[Broken]:
         yield Broken("note", "line 3 is 'none'", "delivers images that are not rectified")
 
 
-def _about_the_output_size(text: str, program: Program) -> Iterator[Broken]:
+def _about_the_output_size(text: str, context: Context) -> Iterator[Broken]:
     _, _, how, line = _lines(text)
-    if not _is_rectification(how) or (how.strip(), program) == ("none", "mono"):
+    if not _is_rectification(how) or (how.strip(), context.program) == ("none", "mono"):
         return
     before, size = input_size(text), _size(line)
     if size is None:
         rule = f"line 4 is 'width height' of the rectified images; it is {line[:30]!r}"
-        yield Broken("error", rule, _BAD_LINE[program], "write the size of the rectified images")
+        yield Broken("error", rule, _BAD_LINE[context.program], "write the size of the rectified images")
     elif how.strip() == "none" and before not in (None, size):
         rule = f"with 'none' input and output size are the same; {_times(before)} becomes {_times(size)}"
         yield Broken("error", rule, "ends", "make lines 2 and 4 equal")
-    if program != "dso" or size is None:
+    if context.program != "dso" or size is None:
         return
     levels, (width, height) = 1, size
     while width % 2 == 0 and height % 2 == 0 and width * height > _SMALLEST_PIXELS and levels < _MOST_LEVELS:
@@ -174,4 +169,8 @@ def _times(size: ImageSize | None) -> str:
     return "" if size is None else f"{size[0]}x{size[1]}"
 
 
-CAMERA: Format[str] = Format(read_text, lambda text, path: write_text(path, text), _broken)
+CAMERA: Format[str] = Format(
+    read_text,
+    lambda text, path: write_text(path, text),
+    (_about_the_intrinsics, _about_the_input_size, _about_the_rectification, _about_the_output_size),
+)

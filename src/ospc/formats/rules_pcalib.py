@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ospc.arrays import Float32Array, FloatArray
 from ospc.errors import FormatError, counted
 from ospc.formats.files import read_text, write_text
-from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
+from ospc.formats.rules import UNCORRECTED, Broken, Context, Format, Severity
 from ospc.formats.scanning import NUMBER, leading_numbers, words_of
 
 FEWEST_VALUES = 256
@@ -103,40 +103,24 @@ _LIMITED_TOLERANCE = 2
 """Grey levels by which straight ends may differ from that: extrapolation extends them by one or two."""
 
 
-def _broken(table: PcalibText, context: Context) -> Iterator[Broken]:
-    yield from _about_the_line(table, context)
-    yield from _about_the_order(table, context)
-    yield from _about_the_count(table, context)
-    yield from _about_the_range(table)
-
-
 def _about_the_line(table: PcalibText, context: Context) -> Iterator[Broken]:
     (values, rest), extra = table.scanned, table.other_lines
     complete = values.size >= FEWEST_VALUES
+    severity: Severity = "warning" if complete else "error"
     if extra:
-        yield Broken(
-            "warning" if complete else "error",
-            f"all values must be on one line; {counted(len(extra), 'line')} too many, the first {extra[0][:30]!r}",
-            "ignores all but the first line; programs that read the whole file fail or read too many values",
-            "put all values on the first line",
-            _put_on_one_line,
-        )
+        rule = f"all values must be on one line; {counted(len(extra), 'line')} too many, the first {extra[0][:30]!r}"
+        effect = "ignores all but the first line; programs that read the whole file fail or read too many values"
+        yield Broken(severity, rule, effect, "put all values on the first line", _put_on_one_line)
     if rest:
-        yield Broken(
-            "warning" if complete else "error",
-            f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}",
-            f"stops reading there, with {counted(values.size, 'value')}",
-            "write only the values on the first line, separated by spaces",
-            _keep_numbers_only,
-        )
+        rule = f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}"
+        effect = f"stops reading there, with {counted(values.size, 'value')}"
+        remedy = "write only the values on the first line, separated by spaces"
+        yield Broken(severity, rule, effect, remedy, _keep_numbers_only)
     if not complete:
         wanted = "exactly" if context.program == "mono" else "at least"
-        yield Broken(
-            "error",
-            f"{wanted} {FEWEST_VALUES} values on the first line; there are {values.size}",
-            UNCORRECTED[context.program],
-            "write the value of every grey level, separated by spaces",
-        )
+        rule = f"{wanted} {FEWEST_VALUES} values on the first line; there are {values.size}"
+        remedy = "write the value of every grey level, separated by spaces"
+        yield Broken("error", rule, UNCORRECTED[context.program], remedy)
 
 
 def _about_the_order(table: PcalibText, context: Context) -> Iterator[Broken]:
@@ -145,24 +129,18 @@ def _about_the_order(table: PcalibText, context: Context) -> Iterator[Broken]:
     bad = np.flatnonzero(steps <= 0)
     if bad.size:
         falls = int(np.count_nonzero(steps < 0))
-        yield Broken(
-            "error",
-            f"strictly increasing as 32-bit floats; after grey level {bad[0]} it is not "
-            f"({counted(falls, 'value')} falling, {bad.size - falls} equal to the one before)",
-            UNCORRECTED[context.program],
-            "calibrate again" if falls else "write 9 significant digits",
-            _make_increasing,
-        )
+        found = f"{counted(falls, 'value')} falling, {bad.size - falls} equal to the one before"
+        rule = f"strictly increasing as 32-bit floats; after grey level {bad[0]} it is not ({found})"
+        remedy = "calibrate again" if falls else "write 9 significant digits"
+        yield Broken("error", rule, UNCORRECTED[context.program], remedy, _make_increasing)
     if _increases(values):
         span = float(values[-1]) - float(values[0])
         steps = np.diff((255.0 * (values - values[0]).astype(np.float64) / span).astype(np.float32))
         if not np.all(steps > 0):
+            rule = f"strictly increasing after scaling to 0..255; after grey level {int(np.argmin(steps))} it is not"
+            effect = "loads it, and divides by zero where it inverts the curve there"
             yield Broken(
-                "warning",
-                f"strictly increasing after scaling to 0..255; after grey level {int(np.argmin(steps))} it is not",
-                "loads it, and divides by zero where it inverts the curve there",
-                "write values from 0 to 255 with 9 significant digits",
-                _scale_to_255,
+                "warning", rule, effect, "write values from 0 to 255 with 9 significant digits", _scale_to_255
             )
 
 
@@ -178,28 +156,25 @@ def _about_the_count(table: PcalibText, context: Context) -> Iterator[Broken]:
         rule = f"at most {MOST_VALUES} values, for which there is memory; there are {count}"
         yield Broken("error", rule, UNCORRECTED["dso"], remedy, _resample_to_8_bit)
     else:
-        yield Broken(
-            "warning",
-            f"{count} values, for images with as many grey levels",
+        rule = f"{count} values, for images with as many grey levels"
+        effect = (
             f"accepts them, but its image reader delivers 8 bits and so uses only the first {FEWEST_VALUES}, which "
-            f"are almost black; this works only in builds that read deeper images",
-            remedy,
-            _resample_to_8_bit,
+            f"are almost black; this works only in builds that read deeper images"
         )
+        yield Broken("warning", rule, effect, remedy, _resample_to_8_bit)
 
 
-def _about_the_range(table: PcalibText) -> Iterator[Broken]:
+def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
     values = table.values
     if not _increases(values):
         return
     if _is_of_limited_range(values):
-        yield Broken(
-            "warning",
+        rule = (
             "the curve is measured at all grey levels; it is exactly straight below 16 and above 235, the grey "
-            "levels that limited-range video leaves out",
-            "applies it to images with all 256 grey levels, where it is wrong",
-            "record or decode full-range video and calibrate again",
+            "levels that limited-range video leaves out"
         )
+        effect = "applies it to images with all 256 grey levels, where it is wrong"
+        yield Broken("warning", rule, effect, "record or decode full-range video and calibrate again")
     if values[0] != 0 or values[-1] != 255:
         rule = f"values run from {values[0]:g} to {values[-1]:g}"
         effect = "shifts and scales them to 0..255, so that a black level in them is lost"
@@ -217,7 +192,7 @@ def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, 
 def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     """Interpolate values such as nan, drop other words, and drop all text after a complete table."""
     words = words_of(table.first_line)
-    numbers = [_number(word) for word in words]
+    numbers = [float(word) if NUMBER.fullmatch(word) else None for word in words]
     changes = ["commas or semicolons replaced by spaces"] if re.search("[,;]", table.first_line) else []
     end = next((i for i, number in enumerate(numbers) if number is None), len(words))
     if FEWEST_VALUES <= end < len(words):  # a remark, including any numbers in it
@@ -232,9 +207,8 @@ def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText
         if not (known[0] and known[-1]) or np.mean(~known) > _MOST_INTERPOLATED:
             raise FormatError("an end, or too many values, are not finite numbers; calibrate again")
         values[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), values[known])
-        changes.append(
-            f"{counted(np.count_nonzero(~known), 'value')} not finite, interpolated between their neighbours"
-        )
+        missing = counted(np.count_nonzero(~known), "value")
+        changes.append(f"{missing} not finite, interpolated between their neighbours")
     return PcalibText(" ".join(f"{value:.17g}" for value in values)), "; ".join(changes)
 
 
@@ -287,13 +261,8 @@ def _is_of_limited_range(table: Float32Array) -> bool:
     return bool(np.abs(straight - _LIMITED_RANGE).max() <= _LIMITED_TOLERANCE)
 
 
-def _number(word: str) -> float | None:
-    """Return the value of a number, None for any other word."""
-    return float(word) if NUMBER.fullmatch(word) else None
-
-
 PCALIB: Format[PcalibText] = Format(
     read=lambda path: PcalibText(read_text(path)),
     write=lambda table, path: write_text(path, table.text),
-    check=_broken,
+    checks=(_about_the_line, _about_the_order, _about_the_count, _about_the_range),
 )

@@ -34,11 +34,11 @@ _LONGEST_INTERVAL_S = 60.0
 _MOST_INTERPOLATED = 0.1
 """Largest share of the exposures that a repair interpolates."""
 
-_EVERYTHING_LOST = {
+_LOST = {
     "dso": "drops all time stamps and all exposures without a word and runs with exposure 1",
     "mono": "sets all time stamps and exposures to zero",
 }
-_PASSED_OVER = f"passes over these lines without a word; then the counts differ and it {_EVERYTHING_LOST['dso']}"
+_PASSED_OVER = f"passes over these lines without a word; then the counts differ and it {_LOST['dso']}"
 _LAYOUT = "every line is 'id stamp[s] exposure[ms]'"
 _WRITE_ANEW = "write times.txt again from the recording's source"
 
@@ -96,19 +96,7 @@ def _neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
     return filled
 
 
-def _broken(times: TimesText, context: Context) -> Iterator[Broken]:
-    yield from _about_the_lines(times)
-    yield from _about_the_count(times, context)
-    yield from _about_the_ids(times)
-    if context.images is None and times.rows:
-        rule = f"one line per image; the file has {counted(len(times.rows), 'line')}"
-        effect = f"was not compared, because the images were not found; if they differ, it {_lost(context)}"
-        yield Broken("note", rule, effect, "check the whole folder")
-    yield from _about_the_exposures(times, context)
-    yield from _about_the_stamps(times)
-
-
-def _about_the_lines(times: TimesText) -> Iterator[Broken]:
+def _about_the_lines(times: TimesText, _context: Context) -> Iterator[Broken]:
     number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > _LONGEST_LINE), None)
     if number is not None:
         rule = f"lines of up to {_LONGEST_LINE} characters; line {number} is longer"
@@ -123,28 +111,32 @@ def _about_the_lines(times: TimesText) -> Iterator[Broken]:
 
 def _about_the_count(times: TimesText, context: Context) -> Iterator[Broken]:
     if not times.rows:
-        yield Broken("error", "one line per image; there is none", _lost(context), _WRITE_ANEW)
+        yield Broken("error", "one line per image; there is none", _LOST[context.program], _WRITE_ANEW)
     elif context.images is not None and len(times.rows) != len(context.images):
         found = f"{counted(len(times.rows), 'line')} for {counted(len(context.images), 'file')} in images"
         rule = f"one line per image; {found}"
-        yield Broken("error", rule, _lost(context), "remove the surplus", _drop_lines_without_image)
+        yield Broken("error", rule, _LOST[context.program], "remove the surplus", _drop_lines_without_image)
 
 
-def _about_the_ids(times: TimesText) -> Iterator[Broken]:
-    if bad := [r for r in times.rows if _has_stamp(r) and not _has_commas(r) and not _is_whole(r.words[0])]:
+def _about_the_ids_and_images(times: TimesText, context: Context) -> Iterator[Broken]:
+    if bad := [
+        r for r in times.rows if _has_stamp(r) and not _has_commas(r) and not _WHOLE_NUMBER.fullmatch(r.words[0])
+    ]:
         torn = len(scanned(" ".join(bad[0].words), "dff")) > 1
         effect = "takes the digits before the point as id, those after it as time stamp and the stamp as exposure"
         rule = f"{_LAYOUT} with an integer id; {_first_of(bad)}"
         yield Broken("error", rule, effect if torn else _PASSED_OVER, "number the images", _number_lines)
     ids = times.scanned[:, 0]
     if np.any((ids < 0) | (ids > LARGEST_ID)):
-        yield Broken(
-            "warning",
-            "ids fit 32 bits and are not negative; these are not such numbers, and may be time stamps in nanoseconds",
-            "reads garbage ids, which it does not use; other C libraries may drop the lines",
-            "number the images from 0",
-            _number_lines,
+        rule = (
+            "ids fit 32 bits and are not negative; these are not such numbers, and may be time stamps in nanoseconds"
         )
+        effect = "reads garbage ids, which it does not use; other C libraries may drop the lines"
+        yield Broken("warning", rule, effect, "number the images from 0", _number_lines)
+    if context.images is None and times.rows:
+        rule = f"one line per image; the file has {counted(len(times.rows), 'line')}"
+        effect = f"was not compared, because the images were not found; if they differ, it {_LOST[context.program]}"
+        yield Broken("note", rule, effect, "check the whole folder")
 
 
 def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]:
@@ -177,7 +169,7 @@ def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]
         yield Broken("note", f"exposures vary; all are {known[0]:g} ms", effect)
 
 
-def _about_the_stamps(times: TimesText) -> Iterator[Broken]:
+def _about_the_stamps(times: TimesText, _context: Context) -> Iterator[Broken]:
     with np.errstate(invalid="ignore"):  # infinite stamps do not increase either
         steps = np.diff(times.scanned[:, 1])
     if not np.all(steps > 0):
@@ -234,9 +226,8 @@ def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str
     places = np.arange(exposures.size)
     exposures[~known] = np.exp(np.interp(places[~known], places[known], np.log(exposures[known])))
     rows = [[*row.words[:2], f"{exposure:.9g}"] for row, exposure in zip(times.rows, exposures, strict=True)]
-    return times.with_rows(
-        rows
-    ), f"{counted(missing, 'missing or invalid exposure')} interpolated between their neighbours"
+    change = f"{counted(missing, 'missing or invalid exposure')} interpolated between their neighbours"
+    return times.with_rows(rows), change
 
 
 def _has_commas(row: _Row) -> bool:
@@ -248,10 +239,6 @@ def _has_stamp(row: _Row) -> bool:
     return bool(stamp) and math.isfinite(stamp[0])
 
 
-def _is_whole(word: str) -> bool:
-    return _WHOLE_NUMBER.fullmatch(word) is not None
-
-
 def _first_of(rows: list[_Row]) -> str:
     return f"{len(rows)} are not, first line {rows[0].number}: {' '.join(rows[0].words)[:40]!r}"
 
@@ -261,13 +248,13 @@ def _places(where: BoolArray) -> str:
     return f"{count} of {where.size} are, first in row {int(np.argmax(where)) + 1},"
 
 
-def _lost(context: Context) -> str:
-    return _EVERYTHING_LOST[context.program]
-
-
 def _write(times: TimesText, path: Path) -> Path:
     ids, stamps_s, exposures_ms = times.scanned.T
     return write_times(path, [int(i) for i in ids], stamps_s, exposures_ms)
 
 
-TIMES: Format[TimesText] = Format(lambda path: TimesText(read_text(path)), _write, _broken)
+TIMES: Format[TimesText] = Format(
+    lambda path: TimesText(read_text(path)),
+    _write,
+    (_about_the_lines, _about_the_count, _about_the_ids_and_images, _about_the_exposures, _about_the_stamps),
+)

@@ -20,12 +20,6 @@ _8_TO_16_BITS = 257
 """65535 / 255."""
 
 
-def _broken(image: Image, context: Context) -> Iterator[Broken]:
-    yield from _about_the_size(image, context)
-    yield from _about_the_type(image, context)
-    yield from _about_the_values(image, context)
-
-
 def _about_the_size(image: Image, context: Context) -> Iterator[Broken]:
     size, wanted = _size_of(image), context.size
     if wanted is None:
@@ -33,16 +27,11 @@ def _about_the_size(image: Image, context: Context) -> Iterator[Broken]:
         effect = "was not compared, because the size of the images is unknown"
         yield Broken("note", rule, effect, "give --size, or check camera.txt with it")
     elif wanted != size:
-        yield Broken(
-            "error",
-            f"exactly the size of the input image, {wanted[0]}x{wanted[1]}, before rectification; this one has "
-            f"{size[0]}x{size[1]}",
-            UNCORRECTED["dso"] if context.program == "dso" else "prints one line and corrects no vignette",
-            "calibrate at this size"
-            if same_aspect(size, wanted)
-            else "cut it to the part of the image that is used: the aspect ratios differ",
-            _resize,
-        )
+        both = f"{wanted[0]}x{wanted[1]}, before rectification; this one has {size[0]}x{size[1]}"
+        effect = UNCORRECTED["dso"] if context.program == "dso" else "prints one line and corrects no vignette"
+        cut = "cut it to the part of the image that is used: the aspect ratios differ"
+        remedy = "calibrate at this size" if same_aspect(size, wanted) else cut
+        yield Broken("error", f"exactly the size of the input image, {both}", effect, remedy, _resize)
 
 
 def _about_the_type(image: Image, context: Context) -> Iterator[Broken]:
@@ -68,10 +57,8 @@ def _about_the_values(image: Image, context: Context) -> Iterator[Broken]:
     zeros = values == 0
     at_border = _connected_to_border(zeros)
     if inside := np.count_nonzero(zeros & ~at_border):
-        rule, effect = (
-            f"no pixel is 0; {counted(inside, 'pixel')} of 0 inside the image",
-            "divides by them: infinite brightness",
-        )
+        rule = f"no pixel is 0; {counted(inside, 'pixel')} of 0 inside the image"
+        effect = "divides by them: infinite brightness"
         yield Broken("error", rule, effect, "calibrate the vignette again", _raise_zeros)
     if surround := np.count_nonzero(at_border):
         rule = f"no pixel is 0; {counted(surround, 'pixel')} of 0 in a surround at the border"
@@ -124,4 +111,6 @@ def _connected_to_border(zeros: BoolArray) -> BoolArray:
     return np.asarray(zeros & at_border[labels])
 
 
-VIGNETTE: Format[Image] = Format(read_png, lambda image, path: write_png(path, image), _broken)
+VIGNETTE: Format[Image] = Format(
+    read_png, lambda image, path: write_png(path, image), (_about_the_size, _about_the_type, _about_the_values)
+)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,28 +12,28 @@ from ospc.arrays import ImageSize
 from ospc.errors import FormatError
 from ospc.formats.files import read_bytes, read_text
 from ospc.formats.rules import UNCORRECTED, Context, Finding, Format, Kind, Program
-from ospc.formats.rules_camera import CAMERA, input_size
+from ospc.formats.rules_camera import CAMERA, MODELS, input_size
 from ospc.formats.rules_pcalib import MOST_COLUMNS, PCALIB
 from ospc.formats.rules_times import TIMES
 from ospc.formats.rules_vignette import VIGNETTE
 from ospc.formats.scanning import leading_numbers, scanned
 
-FOLDER_FILES = {"pcalib.txt": "pcalib", "vignette.png": "vignette", "times.txt": "times", "camera.txt": "camera"}
+FOLDER_FILES = ("pcalib.txt", "vignette.png", "times.txt", "camera.txt")
 """Names of the parameter files in the folder of a recording."""
 
 _FORMATS: dict[Kind, Format[Any]] = {"pcalib": PCALIB, "vignette": VIGNETTE, "times": TIMES, "camera": CAMERA}
-_WORDS: tuple[tuple[str, Kind], ...] = (
-    ("pcalib", "pcalib"),
-    ("gamma", "pcalib"),
-    ("camera", "camera"),
-    ("times", "times"),
-    ("calib", "camera"),
-)
+_WORDS: dict[str, Kind] = {
+    "pcalib": "pcalib",
+    "gamma": "pcalib",
+    "camera": "camera",
+    "times": "times",
+    "calib": "camera",
+}
+"""What the name of a file says of its kind; the first of these words that is in it counts."""
+_WITHOUT_PCALIB = UNCORRECTED | {"mono": "corrects neither: no vignette without a response"}
 _PNG = b"\x89PNG"
 _LARGEST_FILE = 2**30
 """Most bytes of a file that is validated: bounds memory, and exceeds any table or map of a vignette."""
-
-_CAMERA_NAME = re.compile(r"\s*(FOV|Pinhole|RadTan|KannalaBrandt|EquiDistant)\s")
 
 
 @dataclass(frozen=True)
@@ -78,13 +77,14 @@ def kind_of(path: str | Path) -> Kind:
     if place.suffix.lower() == ".png" or read_bytes(place, _LARGEST_FILE).startswith(_PNG):
         return "vignette"
     if place.suffix.lower() == ".txt":
-        for word, kind in _WORDS:
+        for word, kind in _WORDS.items():
             if word in place.stem.lower():
                 return kind
     first, second, *_ = [*read_text(place).split("\n"), "", ""]
     if leading_numbers(first)[0].size > MOST_COLUMNS:
         return "pcalib"
-    if _CAMERA_NAME.match(first) or (len(scanned(first, "f" * 5)) == 5 and len(scanned(second, "ddd")) == 2):
+    named = first.split(maxsplit=1)[:1] in [[name] for name in MODELS]
+    if named or (len(scanned(first, "f" * 5)) == 5 and len(scanned(second, "ddd")) == 2):
         return "camera"
     if len(scanned(second if first.startswith("#") else first, "dff")) == 3:
         return "times"
@@ -103,12 +103,14 @@ def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | No
     files = tuple(found for path in paths for found in _parameter_files(Path(path)))
     in_files = (input_size(read_text(file.path)) for file in files if file.kind == "camera")
     known_size = size or next(filter(None, in_files), None)
-    findings = [
-        finding
-        for file in files
-        for finding in _FORMATS[file.kind].findings(file.path, _context(file, program, known_size))
-    ]
-    findings += _about_pairs(files, program)
+    findings: list[Finding] = []
+    for file in files:
+        findings += _FORMATS[file.kind].findings(file.path, _context(file, program, known_size))
+    vignettes = [str(file.path) for file in files if file.kind == "vignette"]
+    if vignettes and not any(file.kind == "pcalib" for file in files):
+        rule = "a vignette comes with a pcalib.txt; none was given"
+        remedy = "give both; a linear camera needs a pcalib.txt with the numbers 0 to 255"
+        findings.append(Finding("note", rule, f"without one it {_WITHOUT_PCALIB[program]}", remedy, vignettes[0]))
     return Validation(program, known_size, files, tuple(findings))
 
 
@@ -154,16 +156,3 @@ def _parameter_files(path: Path) -> list[ParameterFile]:
     if not found:
         raise FormatError(f"{path}: holds none of {', '.join(FOLDER_FILES)}; name the files")
     return found
-
-
-def _about_pairs(files: tuple[ParameterFile, ...], program: Program) -> Iterator[Finding]:
-    kinds = {file.kind for file in files}
-    if "vignette" in kinds and "pcalib" not in kinds:
-        refuses = {"dso": UNCORRECTED["dso"], "mono": "corrects neither: no vignette without a response"}[program]
-        yield Finding(
-            "note",
-            "a vignette comes with a pcalib.txt; none was given",
-            f"without one it {refuses}",
-            "give both; a linear camera needs a pcalib.txt with the numbers 0 to 255",
-            next(str(file.path) for file in files if file.kind == "vignette"),
-        )
