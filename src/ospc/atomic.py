@@ -21,19 +21,7 @@ _PERMISSIONS = 0o666
 def write_atomically(path: str | Path, content: bytes, *, durable: bool = True) -> Path:
     """Write a file so that readers, and a crash at any moment, find the old content or the new, and return its path.
 
-    Parameters
-    ----------
-    path
-        Where to; its folder must exist.
-    content
-        All of the file.
-    durable
-        Whether it has to outlive a power cut, too; that takes milliseconds.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written; nothing has changed then.
+    If it is ``durable``, it outlives a power cut, too; that takes milliseconds. After an OSError nothing has changed.
     """
     place = Path(path)
     unfinished = place.with_name(f".{place.name}.{secrets.randbits(_RANDOM_BITS)}.part")

@@ -21,12 +21,8 @@ def check_usable(
 ) -> None:
     """Refuse what cannot be, or become, a folder to write to, before anything is changed.
 
-    ``check_content`` is asked about a folder that is there, and may refuse it.
-
-    Raises
-    ------
-    SettingError
-        If it is a file, a link to nothing, not writable, or the folder of the recording itself or of its images.
+    SettingError if it is a file, a link to nothing, not writable, or the folder of the recording itself or of its
+    images. ``check_content`` is asked about a folder that is there, and may refuse it.
     """
     try:
         if recording is not None and _holds(recording.resolve(), place.resolve()):

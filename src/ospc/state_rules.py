@@ -112,7 +112,8 @@ LAG = Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES)
 COUNT = Numbers(0, _MOST)
 """How many, or the number of a frame."""
 
-_SHARE = Numbers(0, 1)
+UNIT = Numbers(0, 1)
+"""A share, or a value whose unit is white."""
 
 
 def _logs(*shape: int | str, unknown: bool = False, most: int = _MOST) -> Numbers:
@@ -127,7 +128,7 @@ def _share(*shape: int | str, unknown: bool = False, most: int = _MOST) -> Numbe
     return Numbers(0, 1.001, shape, unknown, most)
 
 
-_RULES_BY_NAMES: Mapping[type, Mapping[str, Numbers | str]] = {
+RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     EngineState: {
         "settings correct_lag size exposures sampler pixels epochs": ELSEWHERE,
         "max_grey": Numbers(0, _LARGEST_GREY),
@@ -190,17 +191,17 @@ _RULES_BY_NAMES: Mapping[type, Mapping[str, Numbers | str]] = {
         "response_basis vignette_basis effects effect_estimates": ELSEWHERE,
         "parameters covariance chance errors hyperparameters pixel_noise": ELSEWHERE,
         "points groups": COUNT,
-        "texture_share": _SHARE,
+        "texture_share": UNIT,
     },
-    GreyRange: {"black white": _SHARE},
-    NoiseModel: {"read_variance": _SHARE, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
+    GreyRange: {"black white": UNIT},
+    NoiseModel: {"read_variance": UNIT, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS), "functions": ELSEWHERE},
     Effects: {"chosen log_typical_exposure groups typical": ELSEWHERE},
     TypicalLight: {"frame_moments surround_moments dark": ELSEWHERE},
     EffectEstimate: {"name value sigma corrected contradicts": ELSEWHERE},
     VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "free_centre non_radial": ANYTHING},
     ErrorModel: {
-        "constant shot read": _SHARE,
+        "constant shot read": UNIT,
         "registration_sigma_px radiance_sigma": Numbers(0, 100),
         "factors": Numbers(1e-6, 1e6, ("factors",)),
     },
@@ -227,12 +228,8 @@ _RULES_BY_NAMES: Mapping[type, Mapping[str, Numbers | str]] = {
         "greys": _share(2),
     },
 }
-
-RULES: Mapping[type, Mapping[str, Numbers | str]] = {
-    kind: {name: rule for names, rule in rules.items() for name in names.split()}
-    for kind, rules in _RULES_BY_NAMES.items()
-}
-"""What each value of the dataclasses in a state can be; a field without a rule fails the tests."""
+"""What each value of the dataclasses in a state can be, by the names of fields; a field without a rule fails the
+tests."""
 
 
 def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings: DefaultSettings) -> None:
@@ -263,12 +260,13 @@ def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings:
 def _check_fields(value: Any, name: str = "") -> None:
     """Check a dataclass, and those in it, by their rules; a dataclass without rules has checked itself."""
     lengths: dict[str, int] = {}
-    for field, rule in RULES.get(type(value), {}).items():
-        held, place = getattr(value, field), f"{name}.{field}" if name else field
-        if isinstance(rule, Numbers) and held is not None:
-            rule.check(place, held, lengths)
-        for part in held if isinstance(held, list) else (held,):
-            _check_fields(part, place)
+    for fields, rule in RULES.get(type(value), {}).items():
+        for field in fields.split():
+            held, place = getattr(value, field), f"{name}.{field}" if name else field
+            if isinstance(rule, Numbers) and held is not None:
+                rule.check(place, held, lengths)
+            for part in held if isinstance(held, list) else (held,):
+                _check_fields(part, place)
 
 
 def _require(holds: Any, otherwise: str) -> None:
@@ -276,15 +274,15 @@ def _require(holds: Any, otherwise: str) -> None:
         raise FormatError(otherwise)
 
 
-def _check_settings(name: str, found: object, new: object, *fields: str) -> None:
-    for field in fields:
+def _check_settings(name: str, found: object, new: object, fields: str) -> None:
+    for field in fields.split():
         same = getattr(found, field) == getattr(new, field)
         _require(same, f"{name}.{field} is not that of its settings")
 
 
 def _check_sampler(found: FrameSampler, frames: int, settings: DefaultSettings) -> None:
-    fixed = (field for field, rule in RULES[FrameSampler].items() if rule is ELSEWHERE)
-    _check_settings("sampler", found, settings.sampler(), *fixed)
+    fixed = " ".join(fields for fields, rule in RULES[FrameSampler].items() if rule is ELSEWHERE)
+    _check_settings("sampler", found, settings.sampler(), fixed)
     _require(found.number == frames, "the frames counted are not those with exposures")
     _require(found.processed <= found.number, "more frames were processed than there were")
     _require(found._restarted_after <= found.processed, "the sampler restarted in the future")
@@ -372,7 +370,7 @@ def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -
 
 def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettings) -> None:
     new = StaticSeries(points=settings.series_points)
-    _check_settings("series", found, new, "pixels", "points", "frames")
+    _check_settings("series", found, new, "pixels points frames")
     if found._places is None:
         _require(not found._grey and not found._index, "the series has no places")
         return

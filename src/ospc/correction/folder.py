@@ -15,15 +15,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import OspcError, SettingError
 from ospc.folders import check_usable
-from ospc.formats.dso import parameter_files
 from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.metadata import with_metadata
-from ospc.photometry.response import Response
-from ospc.photometry.vignette import RasterVignette
 
 NOTE = "correction.json"
 """Describes the correction; every output folder has it, written before the first image."""
@@ -118,12 +114,6 @@ class CorrectedFolder:
         with _writing(self.path, "free some space"), (self.path / _DONE).open("a", encoding="ascii") as file:
             # The line break comes first: a torn line before it stays on its own.
             file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
-
-    def write_parameters(self, response: Response, size: ImageSize, max_grey: int) -> None:
-        """Write the response and vignette of the corrected images; the latter is 1 everywhere."""
-        vignette = RasterVignette(np.ones((size[1], size[0]), np.float32))
-        for name, write in parameter_files(response, vignette, max_grey):
-            write(self.path / name)
 
     def copy_geometry(self, recording: Path) -> list[str]:
         """Copy camera.txt and groundtruthSync.txt, which stay valid, and return the names of those that exist."""

@@ -16,11 +16,12 @@ from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.correction.threads import mapped
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
-from ospc.formats.dso import write_times
+from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.metadata import WITH_METADATA
 from ospc.formats.opening import Photometry
 from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response
+from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Frame, Recording, identity
 from ospc.recording.frame_table import NO_EXPOSURES, NO_STAMPS
 from ospc.recording.image_formats import format_of
@@ -125,12 +126,11 @@ def correct_recording(
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
     if source.unexposed is not None and settings.normalise_exposure:
         raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs them")
-    settings = settings.for_images(recording.max_grey)
-    reference_ms = settings.reference_for(recording.exposures_ms)
+    settings = settings.for_images(recording.max_grey, recording.exposures_ms)
     notes = list(_notes_on(source, photometry, settings))
     note = {
-        "formula": settings.formula(reference_ms),
-        "settings": vars(settings) | {"reference_ms": reference_ms},
+        "formula": settings.formula,
+        "settings": vars(settings),
         "calibration": photometry.name,
         "calibration_sha256": _sha256(photometry),
         "assumed_identity": list(corrector.assumed),
@@ -141,7 +141,7 @@ def correct_recording(
     done = folder.begin(note, names)
     counts = dict(done)
     reasons: list[str] = []
-    work = _Work(source, corrector, folder, settings, reference_ms, names)
+    work = _Work(source, corrector, folder, settings, names)
     for index, counted in mapped(work, _readable(recording, done, reasons)):
         folder.mark_written(index, counted)
         counts[index] = counted
@@ -155,9 +155,9 @@ def correct_recording(
     exposures_ms = recording.exposures_ms[frames]
     result = Corrected(
         path=folder.path,
-        formula=settings.formula(reference_ms),
+        formula=settings.formula,
         frames=tuple(frames),
-        exposures_ms=exposures_ms if reference_ms is None else np.full(len(frames), reference_ms),
+        exposures_ms=exposures_ms if settings.reference_ms is None else np.full(len(frames), settings.reference_ms),
         skipped=len(reasons),
         reasons=tuple(reasons[:_REASONS_KEPT]),
         saturated=saturated / values,
@@ -229,7 +229,6 @@ class _Work:
     corrector: Corrector
     folder: CorrectedFolder
     settings: CorrectionSettings
-    reference_ms: float | None
     names: Sequence[PurePosixPath]
 
     def __call__(self, item: tuple[Frame, Image]) -> tuple[int, Counts]:
@@ -238,7 +237,7 @@ class _Work:
         correct = self.corrector.without_vignette if settings.keep_response else self.corrector.correct
         corrected = correct(
             image,
-            None if self.reference_ms is None else frame.exposure_ms / self.reference_ms,
+            None if settings.reference_ms is None else frame.exposure_ms / settings.reference_ms,
             dtype=settings.dtype,
             white=settings.white,
             mark_saturated=settings.mask_saturated,
@@ -261,7 +260,9 @@ class _Work:
         if limit is not None:
             kept = self.corrector.response if self.settings.keep_response else None
             linear = Response(np.linspace(0.0, 1.0, 256), model={"name": "linear"})
-            self.folder.write_parameters(kept if isinstance(kept, Response) else linear, recording.size, limit)
+            flat = RasterVignette(np.ones(recording.size[::-1], np.float32))
+            for name, write in parameter_files(kept if isinstance(kept, Response) else linear, flat, limit):
+                write(self.folder.path / name)
         ids = ids_for(files)
         numbered = np.array_equal(recording.stamps_s, np.arange(len(recording)))
         if ids is None or (self.source.unexposed and numbered):

@@ -27,19 +27,16 @@ class CorrectionSettings:
     keep_response
         Whether only the vignette is removed: integer grey levels that the camera would have recorded without it,
         instead of values linear in the irradiance.
-    normalise_exposure
-        Whether to bring all images to one exposure, e·L · reference/e, instead of keeping their own, e·L.
-    reference_ms
-        That exposure in milliseconds. If None: 1 for ``irradiance``, so that its values are radiance per
-        millisecond; the shortest of the recording for ``grey16``, so that nothing is clipped; the median for
-        ``grey8``, which has too few bits for that.
+    normalise_exposure, reference_ms
+        Whether to bring all images to one exposure, e·L · reference/e, instead of keeping their own, e·L, and that
+        exposure. If None: 1 ms for ``irradiance``, so that its values are radiance per millisecond; the shortest of
+        the recording for ``grey16``, so that nothing is clipped; the median for ``grey8``, which has too few bits.
     white
         For integers: the irradiance that becomes the largest grey value. 1 saturates the camera where
         V = 1; only brighter places away from the centre are clipped.
-    mask_saturated
-        Whether saturated pixels become NaN (``irradiance``) or the largest grey value.
-    assume_missing
-        Whether an unknown response or vignette is taken to be the identity.
+    mask_saturated, assume_missing
+        Whether saturated pixels become NaN (``irradiance``) or the largest grey value, and whether an unknown
+        response or vignette is taken to be the identity.
     """
 
     output: Output | None = None
@@ -65,12 +62,15 @@ class CorrectionSettings:
         if self.reference_ms is not None and not 1e-9 <= self.reference_ms <= 1e9:
             raise ExposureError(f"the reference exposure {self.reference_ms} ms is not a positive number below 1e9")
 
-    def for_images(self, max_grey: int) -> CorrectionSettings:
-        """Return the same settings with the output stated, for images of a bit depth."""
-        if self.output is not None:
-            return self
+    def for_images(self, max_grey: int, exposures_ms: FloatArray) -> CorrectionSettings:
+        """Return the same settings with what is None stated, except for an exposure that no image is brought to."""
         as_they_are: Output = "grey8" if max_grey <= 255 else "grey16"
-        return replace(self, output=as_they_are if self.keep_response else "irradiance")
+        output = self.output or (as_they_are if self.keep_response else "irradiance")
+        reference_ms = self.reference_ms
+        if self.normalise_exposure and reference_ms is None:
+            choices = {"irradiance": 1.0, "grey16": exposures_ms.min(), "grey8": np.median(exposures_ms)}
+            reference_ms = float(choices[output])
+        return replace(self, output=output, reference_ms=reference_ms)
 
     @property
     def dtype(self) -> type[np.generic]:
@@ -82,18 +82,10 @@ class CorrectionSettings:
         """Largest grey value of the output; None for floats, which have none."""
         return {"grey8": 255, "grey16": 65535}.get(self.output or "")
 
-    def reference_for(self, exposures_ms: FloatArray) -> float | None:
-        """Return the exposure in milliseconds that all images are brought to; None if each keeps its own."""
-        if not self.normalise_exposure:
-            return None
-        if self.reference_ms is not None:
-            return self.reference_ms
-        if self.limit is None:
-            return 1.0
-        return float(exposures_ms.min() if self.output == "grey16" else np.median(exposures_ms))
-
-    def formula(self, reference_ms: float | None) -> str:
-        """Return the meaning of a pixel value, as a sentence; the exposure is that of :meth:`reference_for`."""
+    @property
+    def formula(self) -> str:
+        """The meaning of a pixel value, as a sentence, once the settings are stated for images."""
+        reference_ms = self.reference_ms
         if self.keep_response:
             exposure = "" if reference_ms is None else f" at an exposure of {reference_ms:g} ms"
             white = "" if self.white == 1 else f", where an irradiance of {self.white:g} becomes white"

@@ -29,46 +29,44 @@ _NAMESPACES = {
 def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit:
     """Write a profile with one entry and return the polynomial that stands for the vignette, about its own centre.
 
-    Raises
-    ------
-    SettingError
-        If ``optics`` has no focal length, in pixels, or in millimetres with the crop factor.
-    FormatError
-        If the polynomial is no vignette, or the file cannot be written.
+    SettingError if ``optics`` has no focal length, in pixels, or in millimetres with the crop factor; FormatError if
+    the polynomial is no vignette.
     """
     fit = fit_radial(vignette, about_its_centre=True)
     width, height = fit.size
     half = half_diagonal(fit.size)
     ratio = optics.focal_ratio(fit.size)
-    focal = f"{ratio * half / max(fit.size):.9g}"
+    focal = ratio * half / max(fit.size)
     root = Element(_tag("x", "xmpmeta"))
     description = SubElement(SubElement(root, _tag("rdf", "RDF")), _tag("rdf", "Description"))
     profiles = SubElement(SubElement(description, _tag("photoshop", "CameraProfiles")), _tag("rdf", "Seq"))
-    entry = _resource(profiles, "rdf", "li")
-    _properties(
-        entry,
+    entry = _resource(
+        profiles,
+        _tag("rdf", "li"),
         Make=optics.maker,
         Model=optics.camera,
         Lens=optics.lens,
         LensPrettyName=optics.lens,
         ProfileName=f"{optics.camera} ({optics.lens})",
         CameraRawProfile="True",
-        ImageWidth=str(width),
-        ImageLength=str(height),
-        SensorFormatFactor=None if optics.crop_factor is None else f"{optics.crop_factor:.9g}",
-        FocalLength=None if optics.focal_mm is None else f"{optics.focal_mm:.9g}",
-        ApertureValue=None if optics.aperture is None else f"{2 * math.log2(optics.aperture):.9g}",
+        ImageWidth=width,
+        ImageLength=height,
+        SensorFormatFactor=optics.crop_factor,
+        FocalLength=optics.focal_mm,
+        ApertureValue=None if optics.aperture is None else 2 * math.log2(optics.aperture),
     )
-    model = _resource(entry, "stCamera", "PerspectiveModel")
-    _properties(model, Version="2", FocalLengthX=focal, FocalLengthY=focal)
+    model = _resource(
+        entry, _tag("stCamera", "PerspectiveModel"), Version="2", FocalLengthX=focal, FocalLengthY=focal
+    )
     terms = rescaled(fit.coefficients, ratio)
-    _properties(
-        _resource(model, "stCamera", "VignetteModel"),
+    _resource(
+        model,
+        _tag("stCamera", "VignetteModel"),
         FocalLengthX=focal,
         FocalLengthY=focal,
-        ImageXCenter=f"{0.5 + fit.centre[0] * half / width:.9g}",
-        ImageYCenter=f"{0.5 + fit.centre[1] * half / height:.9g}",
-        **{f"VignetteModelParam{n}": f"{term:.9g}" for n, term in enumerate(terms, start=1)},
+        ImageXCenter=0.5 + fit.centre[0] * half / width,
+        ImageYCenter=0.5 + fit.centre[1] * half / height,
+        **{f"VignetteModelParam{n}": term for n, term in enumerate(terms, start=1)},
     )
     for prefix, uri in _NAMESPACES.items():
         register_namespace(prefix, uri)
@@ -79,12 +77,8 @@ def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit
 def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit, ...]:
     """Read the vignette models of all entries of a profile that have one.
 
-    Raises
-    ------
-    SettingError
-        If neither the caller nor the profile states the size of the images.
-    FormatError
-        If it is not such a profile, or an entry is incomplete or no vignette.
+    SettingError if neither the caller nor the profile states the size of the images; FormatError if it is not such a
+    profile, or an entry is incomplete or no vignette.
     """
     entries = [element for element in read_xml(path).iter() if local_name(element.tag) == "li"]
     try:
@@ -142,11 +136,11 @@ def _tag(prefix: str, name: str) -> str:
     return f"{{{_NAMESPACES[prefix]}}}{name}"
 
 
-def _resource(parent: Element, prefix: str, name: str) -> Element:
-    return SubElement(parent, _tag(prefix, name), {_tag("rdf", "parseType"): "Resource"})
-
-
-def _properties(parent: Element, **values: str | None) -> None:
-    for name, text in values.items():
-        if text is not None:
-            SubElement(parent, _tag("stCamera", name)).text = text
+def _resource(parent: Element, tag: str, **properties: str | float | None) -> Element:
+    """Add a node with those of the properties that are known."""
+    node = SubElement(parent, tag, {_tag("rdf", "parseType"): "Resource"})
+    for name, value in properties.items():
+        if value is not None:
+            text = value if isinstance(value, str) else f"{value:.9g}"
+            SubElement(node, _tag("stCamera", name)).text = text
+    return node

@@ -58,13 +58,8 @@ def adapted(
     """Return the photometry for images that were first cropped, then binned, then scaled to a size.
 
     ``crop`` is column, row, width and height of the part that is kept, and ``binning`` the side, in pixels, of the
-    blocks whose pixels are averaged.
-
-    Raises
-    ------
-    SettingError
-        If the part is not inside the image, nothing is left of it, scaling changes the aspect ratio, or the size of
-        the images is unknown.
+    blocks whose pixels are averaged. SettingError if the part is not inside the image, nothing is left of it, scaling
+    changes the aspect ratio, or the size of the images is unknown.
     """
     if crop is None and size is None and binning == 1:
         return photometry

@@ -33,7 +33,6 @@ _LEAST_STEP = 1e-7
 
 _FIELD = re.compile(r'([A-Za-z]+)(=?-?[0-9.][0-9.eE+-]*|"[^"]*")')
 _LINK = re.compile(r"=(\d{1,6})", re.ASCII)
-_RESPONSE_KEYS = ("Ra", "Rb", "Rc", "Rd", "Re")
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def write_pto(
     """Write a project file with one image line, to be used as a template.
 
     The response is written only with its base curves; otherwise the file has the mean response of EMoR. ``size`` is
-    that of the images if there is no vignette.
+    that of the images if there is no vignette. FormatError if what is fitted is no vignette, or no response.
 
     Returns
     -------
@@ -115,11 +114,6 @@ def write_pto(
         The polynomial that stands for the vignette, about its own centre; None without one.
     residual
         Root mean square residual of the response f; None if it was not written.
-
-    Raises
-    ------
-    FormatError
-        If the polynomial is no vignette, or the five numbers are no response.
     """
     fit = None if vignette is None else fit_radial(vignette, about_its_centre=True)
     coefficients: tuple[float, ...] = (0.0,) * COMPONENTS
@@ -130,7 +124,9 @@ def write_pto(
     width, height = size if fit is None else fit.size
     v = (0.0, 0.0, 0.0) if fit is None else fit.coefficients
     shift = (0.0, 0.0) if fit is None else tuple(c * half_diagonal(fit.size) for c in fit.centre)
-    curve = " ".join(f"{key}{value:.12g}" for key, value in zip(_RESPONSE_KEYS, coefficients, strict=True))
+    curve = " ".join(
+        f"{key}{value:.12g}" for key, value in zip(("Ra", "Rb", "Rc", "Rd", "Re"), coefficients, strict=True)
+    )
     write_text(
         path,
         "# hugin project file\n"
@@ -145,10 +141,7 @@ def write_pto(
 
 
 def read_pto(path: str | Path) -> tuple[RadialFit, ...]:
-    """Read the vignette of every image line; ``Vb=0`` means: as in image 0.
-
-    FormatError if there is no image line, or one is damaged or holds no vignette.
-    """
+    """Read the vignette of every image line; FormatError if there is none, or one is damaged or holds no vignette."""
     lines = [line for line in read_text(path).splitlines() if line.startswith("i ")]
     if not lines:
         raise FormatError(f"{path}: holds no image line, which begins with 'i'")
@@ -161,7 +154,7 @@ def read_pto(path: str | Path) -> tuple[RadialFit, ...]:
 
 def _fit(images: list[dict[str, str]], index: int) -> RadialFit:
     def value(key: str) -> float:
-        text = images[index].get(key, "0")
+        text = images[index].get(key, "0")  # "Vb=0" means: as in image 0
         link = _LINK.fullmatch(text)
         if link is not None and int(link[1]) < len(images):
             text = images[int(link[1])].get(key, "0")

@@ -148,13 +148,11 @@ def _bmp(data: bytes) -> ImageHeader:
 _TIFF_FORMATS = {1: "B", 3: "H", 4: "I"}
 """Format of the numbers of each field type that is read, for :mod:`struct`."""
 
-_TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_BITS, _TIFF_CHANNELS = 256, 257, 258, 277
-_TIFF_STRIPS, _TIFF_STRIP_BYTES = 273, 279
-_TIFF_TILE_WIDTH, _TIFF_TILE_HEIGHT, _TIFF_TILES, _TIFF_TILE_BYTES = 322, 323, 324, 325
-"""Tags of the TIFF specification, of images in strips and in tiles."""
-
-_TIFF_TAGS = frozenset({256, 257, 258, 273, 277, 279, 322, 323, 324, 325})
-"""All of them: other tags are skipped."""
+_TIFF_TAGS = {
+    **{256: "width", 257: "height", 258: "bits", 277: "channels", 273: "strips", 279: "strip bytes"},
+    **{322: "tile width", 323: "tile height", 324: "tiles", 325: "tile bytes"},
+}
+"""Tags of the TIFF specification, of images in strips and in tiles; other tags are skipped."""
 
 _TIFF_MAX_VALUES = 2**20
 """Values of one tag; a strip for each row of the largest image takes fewer."""
@@ -165,26 +163,26 @@ def _tiff(data: bytes) -> ImageHeader:
     (start,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, start)
     struct.unpack_from(order + "I", data, start + 2 + 12 * count)  # the link to the next directory must exist
-    tags: dict[int, tuple[int, ...]] = {}
+    tags: dict[str, tuple[int, ...]] = {}
     for place in range(start + 2, start + 2 + 12 * count, 12):
         tag, kind, number = struct.unpack_from(order + "HHI", data, place)
-        if tag not in _TIFF_TAGS or tag in tags:
+        name = _TIFF_TAGS.get(tag)
+        if name is None or name in tags:
             continue
         if kind not in _TIFF_FORMATS or not 0 < number <= _TIFF_MAX_VALUES:
             raise DamagedError("its TIFF directory is damaged")
         layout = f"{order}{number}{_TIFF_FORMATS[kind]}"
         inline = struct.calcsize(layout) <= 4
         where = place + 8 if inline else struct.unpack_from(order + "I", data, place + 8)[0]
-        tags[tag] = struct.unpack_from(layout, data, where)
-    for places, sizes in ((_TIFF_STRIPS, _TIFF_STRIP_BYTES), (_TIFF_TILES, _TIFF_TILE_BYTES)):
+        tags[name] = struct.unpack_from(layout, data, where)
+    for places, sizes in (("strips", "strip bytes"), ("tiles", "tile bytes")):
         for offset, length in zip(tags.get(places, ()), tags.get(sizes, ()), strict=False):
             if offset + length > len(data):
                 raise DamagedError("the image is truncated")
-    if _TIFF_WIDTH not in tags or _TIFF_HEIGHT not in tags:
+    if "width" not in tags or "height" not in tags:
         raise DamagedError("its TIFF directory states no size")
-    width = max(tags[_TIFF_WIDTH][0], tags.get(_TIFF_TILE_WIDTH, (0,))[0])
-    height = max(tags[_TIFF_HEIGHT][0], tags.get(_TIFF_TILE_HEIGHT, (0,))[0])
-    return ImageHeader(width, height, tags.get(_TIFF_CHANNELS, (1,))[0], max(tags.get(_TIFF_BITS, (1,))))
+    width, height = (max(tags[side][0], tags.get(f"tile {side}", (0,))[0]) for side in ("width", "height"))
+    return ImageHeader(width, height, tags.get("channels", (1,))[0], max(tags.get("bits", (1,))))
 
 
 _FORMATS: tuple[tuple[bytes, Callable[[bytes], ImageHeader]], ...] = (

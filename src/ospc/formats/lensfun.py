@@ -27,12 +27,7 @@ def write_lensfun(
 ) -> RadialFit:
     """Write a database file with one lens and return the polynomial, about the image centre, of its vignette.
 
-    Raises
-    ------
-    SettingError
-        If ``optics`` lacks crop factor, aperture or focal length.
-    FormatError
-        If the polynomial is no vignette, or the file cannot be written.
+    SettingError if ``optics`` lacks crop factor, aperture or focal length; FormatError if that is no vignette.
     """
     if optics.crop_factor is None or optics.aperture is None:
         raise SettingError("lensfun needs optics; add --crop-factor, --aperture and --focal-mm (or --focal-px)")
@@ -68,12 +63,8 @@ def write_lensfun(
 def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, ...]:
     """Read the vignetting entries of all lenses of a database file, for cameras of the crop factor that it states.
 
-    Raises
-    ------
-    SettingError
-        If the size of the images, which the file does not state, is None.
-    FormatError
-        If it is not such a file, or an entry is incomplete or no vignette.
+    The file does not state the size of the images: SettingError if it is None. FormatError if it is not such a file,
+    or an entry is incomplete or no vignette.
     """
     root = read_xml(path)
     if local_name(root.tag) != "lensdatabase":

@@ -44,12 +44,7 @@ def write_opencv(path: str | Path, response: Response | None = None, vignette: V
     """Write a response, a vignette or both into a YAML file of OpenCV, atomically, and return its path.
 
     The matrix ``response`` is for OpenCV's functions, ``inverse_response`` is the exact table, and ``vignette`` the
-    attenuation of every pixel as 32-bit floats.
-
-    Raises
-    ------
-    FormatError
-        If the suffix is not .yml or .yaml, or the file cannot be written.
+    attenuation of every pixel as 32-bit floats. FormatError if the suffix is not .yml or .yaml.
     """
     place = Path(path)
     if place.suffix.lower() not in _SUFFIXES:
@@ -69,12 +64,8 @@ def write_opencv(path: str | Path, response: Response | None = None, vignette: V
 def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response | None, Vignette | None]:
     """Read ``inverse_response`` or ``response``, and ``vignette``, from a YAML file of OpenCV.
 
-    ``channel`` (0, 1 or 2 for blue, green, red) says which to use if those of ``response`` differ.
-
-    Raises
-    ------
-    FormatError
-        If it holds neither, or they are not a valid response or vignette.
+    ``channel`` (0, 1 or 2 for blue, green, red) says which to use if those of ``response`` differ. FormatError if it
+    holds neither, or they are not a valid response or vignette.
     """
     matrices = _matrices(path)
     if not matrices:

@@ -27,10 +27,7 @@ _LARGEST_FILE = 2**30
 def read_png(path: str | Path) -> Image:
     """Read a PNG as it is stored: shape (height, width) or (height, width, channels), uint8 or uint16.
 
-    Raises
-    ------
-    FormatError
-        If it is not a PNG, is damaged, or has more than :data:`~ospc.photometry.geometry.MOST_PIXELS` pixels.
+    FormatError if it is not a PNG, is damaged, or has more than :data:`~ospc.photometry.geometry.MOST_PIXELS` pixels.
     """
     content = read_bytes(path, _LARGEST_FILE)
     if not content.startswith(_SIGNATURE):

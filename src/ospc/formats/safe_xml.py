@@ -18,15 +18,10 @@ _LARGEST = 2**24
 
 
 def read_xml(path: str | Path) -> ElementTree.Element:
-    """Return the root of an XML file.
+    """Return the root of an XML file; FormatError if it cannot be read, is not XML, or is nested too deeply.
 
     A document type that only names an external definition, as in lensfun's files, is ignored and not fetched. One
     with its own definitions is refused, because entities can expand without bound.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be read, is not XML, defines entities, or is nested too deeply.
     """
     content = read_bytes(path, _LARGEST)
     tree = ElementTree.TreeBuilder()
