@@ -154,7 +154,8 @@ def read_pto(path: str | Path) -> tuple[RadialFit, ...]:
 
 def _fit(images: list[dict[str, str]], index: int) -> RadialFit:
     def value(key: str) -> float:
-        text = images[index].get(key, "0")  # "Vb=0" means: as in image 0
+        text = images[index].get(key, "0")
+        # "Vb=0" means: as in image 0.
         link = _LINK.fullmatch(text)
         if link is not None and int(link[1]) < len(images):
             text = images[int(link[1])].get(key, "0")

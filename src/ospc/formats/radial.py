@@ -11,13 +11,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError, escaped
 from ospc.photometry.geometry import half_diagonal, image_of, image_size, normalised
-from ospc.photometry.vignette import (
-    LARGEST_ATTENUATION,
-    LogVignette,
-    PolynomialVignette,
-    RasterVignette,
-    Vignette,
-)
+from ospc.photometry.vignette import LARGEST_ATTENUATION, LogVignette, PolynomialVignette, RasterVignette, Vignette
 
 Terms: TypeAlias = tuple[float, float, float]
 """Coefficients of the polynomial in some unit of radius."""
