@@ -12,20 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from ospc.correspondence import noise_estimation, pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import AGES, MOST_TRIALS, KeyframeSelectorState
-from ospc.correspondence.noise_estimation import BINS as NOISE_BINS
-from ospc.correspondence.noise_estimation import REMEMBERED as REMEMBERED_NOISE
-from ospc.correspondence.noise_estimation import NoiseEstimator
-from ospc.correspondence.pixel_statistics import (
-    GREY_CELLS,
-    MOST_FRAMES,
-    MOST_RANGES,
-    RADIUS_CELLS,
-    PixelStatistics,
-    level_count,
-)
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.thumbnail import thumbnail_size
@@ -147,11 +137,13 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "comparison_period_frames comparison_run_frames": ELSEWHERE,
         "processed number _pause _restarted_after": COUNT,
     },
-    PixelStatistics: {
+    pixel_statistics.PixelStatistics: {
         "_histogram _brightest _max_grey _ranges _inherited": ELSEWHERE,
-        "_grey_share": _share("frames", GREY_CELLS, most=MOST_FRAMES),
-        "_radius_share": _share("frames", RADIUS_CELLS, unknown=True, most=MOST_FRAMES),
-        "_log_exposure": _logs("frames", most=MOST_FRAMES),
+        "_grey_share": _share("frames", pixel_statistics.GREY_CELLS, most=pixel_statistics.MOST_FRAMES),
+        "_radius_share": _share(
+            "frames", pixel_statistics.RADIUS_CELLS, unknown=True, most=pixel_statistics.MOST_FRAMES
+        ),
+        "_log_exposure": _logs("frames", most=pixel_statistics.MOST_FRAMES),
         "_bits": Numbers(0, _LARGEST_GREY),
     },
     EvidenceState: {
@@ -186,7 +178,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "_stride": Numbers(1, _MOST),
         "_seen": COUNT,
     },
-    NoiseEstimator: {"max_grey _found": ELSEWHERE},
+    noise_estimation.NoiseEstimator: {"max_grey _found": ELSEWHERE},
     Fit: {
         "response_basis vignette_basis effects effect_estimates": ELSEWHERE,
         "parameters covariance chance errors hyperparameters pixel_noise": ELSEWHERE,
@@ -300,18 +292,20 @@ def _check_pixels(run: EngineState, frames: int) -> None:
     found = run.pixels
     width, height = thumbnail_size(run.size)
     if found._histogram is not None and found._brightest is not None:
-        _count(level_count(run.max_grey)).check("pixels.histogram", found._histogram)
+        _count(pixel_statistics.level_count(run.max_grey)).check("pixels.histogram", found._histogram)
         _require(found._histogram.any(), "the histogram is empty")
         _share(height, width).check("pixels.brightest", found._brightest)
     _require(
         (found._histogram is None) == (found._brightest is None) == (not found._grey_share), "pixels are missing"
     )
-    _require(len(found._ranges) <= MOST_RANGES, "black and white changed too often")
+    _require(len(found._ranges) <= pixel_statistics.MOST_RANGES, "black and white changed too often")
     numbers = [-1, *(number for number, _, _ in found._ranges), frames]
     _require(all(a < b for a, b in pairwise(numbers)), "changes of black and white are out of order")
     ends = [(found._inherited.black, found._inherited.white), *((low, high) for _, low, high in found._ranges)]
     _require(all(0 <= black < white <= 1 for black, white in ends), "black is not below white")
-    _require(found._max_grey in (run.max_grey, PixelStatistics()._max_grey), "pixels have another white")
+    _require(
+        found._max_grey in (run.max_grey, pixel_statistics.PixelStatistics()._max_grey), "pixels have another white"
+    )
 
 
 def _check_evidence(found: EvidenceState, frames: int) -> None:
@@ -333,9 +327,9 @@ def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: De
     if method.series is not None:
         _check_series(method.series, run, settings)
     _require(method.noise.max_grey == run.max_grey, "its noise is of another white")
-    _require(len(method.noise._found) == NOISE_BINS, "its noise has another number of grey levels")
+    _require(len(method.noise._found) == noise_estimation.BINS, "its noise has another number of grey levels")
     for variances in method.noise._found:
-        Numbers(0, 1, ("measured",), most=REMEMBERED_NOISE).check("noise", variances)
+        Numbers(0, 1, ("measured",), most=noise_estimation.REMEMBERED).check("noise", variances)
     width, height = settings.preprocessor().small_size(run.size)
     for image in (method.circle.brightest, method.circle.allowed):
         _require(image is None or image.shape == (height, width), "its image circle is of another size")

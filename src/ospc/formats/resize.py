@@ -12,7 +12,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ospc.arrays import ImageSize
+from ospc.arrays import Image, ImageSize
 from ospc.errors import SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.geometry import half_diagonal, pixel_grid
@@ -33,6 +33,12 @@ def same_aspect(first: ImageSize, second: ImageSize) -> bool:
     return abs(math.log(first[0] * second[1] / (first[1] * second[0]))) <= _ASPECT_TOLERANCE
 
 
+def resampled(image: Image, size: ImageSize) -> Image:
+    """Return an image of the same view with another number of pixels, of the same type."""
+    how = cv2.INTER_AREA if size[0] < image.shape[1] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(image, size, interpolation=how))
+
+
 def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     """Return the vignette of the same view at another resolution.
 
@@ -45,9 +51,7 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
             f"{width}x{height} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop first"
         )
     if isinstance(vignette, RasterVignette):
-        smaller = size[0] < width
-        values = cv2.resize(vignette.values, size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)
-        return RasterVignette(np.asarray(values, dtype=np.float32), vignette.source)
+        return RasterVignette(resampled(vignette.values, size), vignette.source)
     scale = math.hypot(width, height) / math.hypot(*size)
     unit = scale * half_diagonal(size) / half_diagonal(vignette.size)
     if isinstance(vignette, LogVignette):

@@ -30,6 +30,9 @@ UNCORRECTED = {
 }
 """What each program does when it rejects a response or vignette."""
 
+MOST_INTERPOLATED = 0.1
+"""Largest share of the values of a file that a repair interpolates."""
+
 _REPAIR = "run with --repair for a repaired copy"
 
 

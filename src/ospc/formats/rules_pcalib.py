@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ospc.arrays import Float32Array, FloatArray
 from ospc.errors import FormatError, counted
 from ospc.formats.files import read_text, write_text
-from ospc.formats.rules import UNCORRECTED, Broken, Context, Format, Severity
+from ospc.formats.rules import MOST_INTERPOLATED, UNCORRECTED, Broken, Context, Format, Severity
 from ospc.formats.scanning import NUMBER, leading_numbers, words_of
 
 FEWEST_VALUES = 256
@@ -89,9 +89,6 @@ def table_text(values: npt.ArrayLike) -> str:
 
 _LARGEST_VALUE = 1e30
 """Larger values count as missing; 32-bit floats end at 3.4e38, and differences must fit too."""
-
-_MOST_INTERPOLATED = 0.1
-"""Largest share of the values that a repair interpolates."""
 
 _STRAIGHT = 1e-5
 """Steps between values count as equal if they differ by less than this share of the whole range."""
@@ -204,7 +201,7 @@ def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText
     values = np.array([number for number in numbers if number is not None], dtype=np.float64)
     known = np.abs(values) < _LARGEST_VALUE
     if not known.all():
-        if not (known[0] and known[-1]) or np.mean(~known) > _MOST_INTERPOLATED:
+        if not (known[0] and known[-1]) or np.mean(~known) > MOST_INTERPOLATED:
             raise FormatError("an end, or too many values, are not finite numbers; calibrate again")
         values[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), values[known])
         missing = counted(np.count_nonzero(~known), "value")

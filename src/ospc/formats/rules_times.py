@@ -16,7 +16,7 @@ from ospc.arrays import BoolArray, FloatArray
 from ospc.errors import FormatError, counted
 from ospc.formats.dso import LARGEST_ID, write_times
 from ospc.formats.files import read_text
-from ospc.formats.rules import Broken, Context, Format
+from ospc.formats.rules import MOST_INTERPOLATED, Broken, Context, Format
 from ospc.formats.scanning import scanned, words_of
 
 _LONGEST_LINE = 999
@@ -30,9 +30,6 @@ _PLAUSIBLE_MS = (0.05, 2000.0)
 
 _LONGEST_INTERVAL_S = 60.0
 """Median intervals between images above this are probably in milliseconds or nanoseconds."""
-
-_MOST_INTERPOLATED = 0.1
-"""Largest share of the exposures that a repair interpolates."""
 
 _LOST = {
     "dso": "drops all time stamps and all exposures without a word and runs with exposure 1",
@@ -215,10 +212,10 @@ def _number_lines(times: TimesText, _context: Context) -> tuple[TimesText, str]:
 
 def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str]:
     """Interpolate the logarithms of missing exposures between their neighbours."""
-    exposures = times.exposures_ms.copy()
+    exposures = times.exposures_ms
     known: BoolArray = np.isfinite(exposures) & (exposures > 0)
     missing = int(np.count_nonzero(~known))
-    if missing > _MOST_INTERPOLATED * exposures.size:
+    if missing > MOST_INTERPOLATED * exposures.size:
         raise FormatError(
             f"{missing} of {exposures.size} exposures are missing, too many to interpolate; record them, or leave "
             f"the third column out"

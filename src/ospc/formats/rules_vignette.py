@@ -10,7 +10,7 @@ import numpy as np
 from ospc.arrays import BoolArray, Image, ImageSize
 from ospc.errors import FormatError, counted
 from ospc.formats.png import read_png, write_png
-from ospc.formats.resize import same_aspect
+from ospc.formats.resize import resampled, same_aspect
 from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
 
 _STEEPEST_GAIN = 20
@@ -80,9 +80,7 @@ def _resize(image: Image, context: Context) -> tuple[Image, str]:
             f"{before} and {after} differ in aspect ratio, so one is a crop of the other; cut the vignette to the "
             f"part of the image that is used"
         )
-    how = cv2.INTER_AREA if wanted[0] < size[0] else cv2.INTER_LINEAR
-    resized = cv2.resize(image, wanted, interpolation=how)
-    return np.asarray(resized), f"resized from {before} to {after}, which keeps the field of view"
+    return resampled(image, wanted), f"resized from {before} to {after}, which keeps the field of view"
 
 
 def _turn_grey(image: Image, _context: Context) -> tuple[Image, str]:
