@@ -11,13 +11,24 @@ import pytest
 from ospc.by_value import ByValue
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.exposures.lag_estimate import LagEstimate
+from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.exposure_ratios import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 
-VALUE_TYPES = (Calibration, Coverage, ExposureRatios, LagEstimate, PixelReport, RasterVignette, Response)
+VALUE_TYPES = (
+    Calibration,
+    Coverage,
+    ExposedObservations,
+    ExposureRatios,
+    LagEstimate,
+    Observations,
+    PixelReport,
+    RasterVignette,
+    Response,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ospc.arrays import Image, ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.correspondence.second_thread import SecondThread
+from ospc.correspondence.registration import SecondThread
 from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.exposures.assessment import ExposureAssessment

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.by_value import ByValue
 from ospc.errors import SettingError
 from ospc.photometry.grey_range import GreyRange
 from ospc.robust import weighted_median
@@ -26,15 +27,16 @@ value of 8 bits."""
 _WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
 """Further dimensions of the fields that have some."""
 
+_GIVEN = ("grey", "grey_variance", "position", "gradient", "frame_moments", "surround_moments", "frame")
+
 _ROUNDING = 0.02
 """Share of the half diagonal by which a place may lie beyond the corner: half a pixel and rounding."""
 
 
 class ExposureLookup(Protocol):
-    """Exposures by frame number.
+    """Exposures by frame number, looked up when an estimate is made, not when a frame is observed.
 
-    They are looked up when an estimate is made, not when a frame is observed. So a lag of the metadata that is found
-    late applies to everything that was observed before.
+    So a lag of the metadata that is found late applies to everything that was observed before.
     """
 
     def log_exposure_of(self, frames: IntArray) -> FloatArray:
@@ -42,8 +44,8 @@ class ExposureLookup(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Observations:
+@dataclass(frozen=True, eq=False)
+class Observations(ByValue):
     """Grey levels of scene points; the observations of one point are consecutive.
 
     Attributes
@@ -51,8 +53,8 @@ class Observations:
     grey
         Grey level in [0, 1], shape (n,).
     grey_variance
-        Variance of the pixels that it is the mean of, noise included, shape (n,): where the response
-        is bent, their mean is not the grey level of their mean irradiance. Zeros where it is unknown.
+        Variance of the pixels that it is the mean of, noise included, shape (n,): where the response is bent, their
+        mean is not the grey level of their mean irradiance. Zeros where it is unknown.
     position
         Place relative to the image centre in half diagonals, shape (n, 2).
     gradient
@@ -114,17 +116,11 @@ class Observations:
             :func:`ospc.photometry.geometry.normalised` makes them from pixel coordinates.
         frame0, frame1
             Numbers of these frames, from 0, shape (points,), or one number for all points.
-        grey_variance0, grey_variance1
-            Variance of the pixels that each grey level is the mean of, shape (points,) or one number.
-        gradient0, gradient1
-            Magnitude of the grey gradient around the places, in full scale per pixel, shape (points,) or one number.
-            It tells how much an error of the registration changes the grey level.
-        frame_moments0, frame_moments1
-            Means of M, M² and M³ over all pixels of these frames, shape (points, 3) or (3,). Veiling glare is noticed
-            by them.
-        surround_moments0, surround_moments1
-            Weighted sums of 1, M, M² and M³ over the surroundings of each place, shape (points, 4), as in the
-            attribute.
+        grey_variance0, grey_variance1, gradient0, gradient1
+            As in the attributes, shape (points,) or one number. The gradient, in full scale per pixel, tells how much
+            an error of the registration changes the grey level.
+        frame_moments0, frame_moments1, surround_moments0, surround_moments1
+            As in the attributes, shapes (points, 3) and (points, 4), or one row for all points.
 
         Raises
         ------
@@ -132,37 +128,55 @@ class Observations:
             If shapes do not fit or values are out of range.
         """
         n = np.size(grey0)
-
-        def alternate(name: str, first: npt.ArrayLike, second: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-            try:
-                both = [np.broadcast_to(np.asarray(values, dtype=np.float64), shape) for values in (first, second)]
-            except ValueError:
-                given = " and ".join(str(np.shape(values)) for values in (first, second))
-                raise SettingError(
-                    f"{name}0 and {name}1 of {n} scene points must have shape {shape}, not {given}"
-                ) from None
-            return np.stack(both, axis=1).reshape(2 * n, *shape[1:])
-
         if np.shape(grey0) != (n,) or np.shape(grey1) != (n,):
             raise SettingError(
                 f"grey0 and grey1 must have one value for each scene point, not shapes {np.shape(grey0)} and "
                 f"{np.shape(grey1)}"
             )
-        frame = alternate("frame", frame0, frame1, (n,)).astype(np.int64)
-        group = np.unique(frame.reshape(n, 2), axis=0, return_inverse=True)[1].reshape(-1) if n else frame
-        found = cls(
-            grey=alternate("grey", grey0, grey1, (n,)),
-            position=alternate("position", position0, position1, (n, 2)),
-            grey_variance=alternate("grey_variance", grey_variance0, grey_variance1, (n,)),
-            gradient=alternate("gradient", gradient0, gradient1, (n,)),
-            frame_moments=alternate("frame_moments", frame_moments0, frame_moments1, (n, MOMENTS)),
-            surround_moments=alternate("surround_moments", surround_moments0, surround_moments1, (n, 1 + MOMENTS)),
-            frame=frame,
-            point=np.repeat(np.arange(n), 2),
-            group=np.repeat(group, 2) if n else group,
+        given = (
+            (grey0, grey_variance0, position0, gradient0, frame_moments0, surround_moments0, frame0),
+            (grey1, grey_variance1, position1, gradient1, frame_moments1, surround_moments1, frame1),
         )
+        first, second = (dict(zip(_GIVEN, values, strict=True)) for values in given)
+        found = cls.alternating(first, second, np.zeros(n))
+        pairs = found.frame.reshape(n, 2)
+        group = np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1) if n else found.group
+        found = replace(found, group=np.repeat(group, 2))
         found.check()
         return found
+
+    @classmethod
+    def alternating(
+        cls, first: Mapping[str, npt.ArrayLike], second: Mapping[str, npt.ArrayLike], group: npt.ArrayLike
+    ) -> Observations:
+        """Return the observations of points seen in two frames, from all fields but two of one and of the other.
+
+        Fields have a value for each point or one for all; ``group`` is the number of the pair of each point, shape
+        (points,). What is in them is not checked.
+
+        Raises
+        ------
+        SettingError
+            If shapes do not fit.
+        """
+        n = np.size(first["grey"])
+
+        def both(name: str) -> FloatArray:
+            width = _WIDTHS.get(name, ())
+            ends = np.empty((n, 2, *width))
+            try:
+                ends[:, 0], ends[:, 1] = first[name], second[name]
+            except ValueError:
+                given = f"{np.shape(first[name])} and {np.shape(second[name])}"
+                raise SettingError(
+                    f"{name}0 and {name}1 of {n} scene points must have shape {(n, *width)}, not {given}"
+                ) from None
+            return ends.reshape(2 * n, *width)
+
+        values = {name: both(name) for name in _GIVEN}
+        frame = values.pop("frame").astype(np.int64)
+        point, pair = np.repeat(np.arange(n), 2), np.repeat(np.asarray(group, dtype=np.int64), 2)
+        return cls(**values, frame=frame, point=point, group=pair)
 
     def check(self) -> None:
         """Check observations that were made elsewhere.
@@ -170,7 +184,7 @@ class Observations:
         Raises
         ------
         SettingError
-            If shapes do not fit each other, values are out of range, or a scene point has only one observation.
+            If shapes do not fit, values are out of range, or a scene point has only one observation.
         """
         n = np.size(self.grey)
         for entry in fields(Observations):
@@ -238,16 +252,13 @@ class Observations:
         log_exposure = exposures.log_exposure_of(self.frame)
         before, after = (exposures.log_exposure_of(self.frame + step) for step in (-1, 1))
         own = {f.name: getattr(self, f.name) for f in fields(Observations)}
-        found = ExposedObservations(
-            **own, log_exposure=log_exposure, log_exposure_rate=np.nan_to_num((after - before) / 2)
-        )
+        rate = np.nan_to_num((after - before) / 2)
+        found = ExposedObservations(**own, log_exposure=log_exposure, log_exposure_rate=rate)
         known = np.isfinite(log_exposure)
-        if known.all():
-            return found
-        return found.seen_twice(known)
+        return found if known.all() else found.seen_twice(known)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExposedObservations(Observations):
     """Observations with the exposures of their frames: what a fit is made of.
 
@@ -283,9 +294,12 @@ class ExposedObservations(Observations):
             return self
         low = grey_range.black + _CLEAR_OF_ENDS * (grey_range.black > 0)
         high = grey_range.white - _CLEAR_OF_ENDS * (grey_range.white < 1)
-        inside = (self.grey >= low) & (self.grey <= high)
-        kept = self.seen_twice(inside)
-        powers = _powers_of_stretched(grey_range)
+        kept = self.seen_twice((self.grey >= low) & (self.grey <= high))
+        # What turns the moments of grey levels, from the zeroth on, into those of stretched ones.
+        powers = np.zeros((1 + MOMENTS, 1 + MOMENTS))
+        stretch = np.polynomial.Polynomial([-grey_range.black / grey_range.span, 1 / grey_range.span])
+        for power in range(1 + MOMENTS):
+            powers[: power + 1, power] = (stretch**power).coef
         known = kept.frame_moments.any(axis=1, keepdims=True).astype(np.float64)
         return replace(
             kept,
@@ -295,15 +309,6 @@ class ExposedObservations(Observations):
             frame_moments=np.hstack([known, kept.frame_moments]) @ powers[:, 1:],
             surround_moments=kept.surround_moments @ powers,
         )
-
-
-def _powers_of_stretched(grey_range: GreyRange) -> FloatArray:
-    """Return what turns the moments of grey levels, from the zeroth on, into those of stretched ones, (4, 4)."""
-    powers = np.zeros((1 + MOMENTS, 1 + MOMENTS))
-    stretch = np.polynomial.Polynomial([-grey_range.black / grey_range.span, 1 / grey_range.span])
-    for power in range(1 + MOMENTS):
-        powers[: power + 1, power] = (stretch**power).coef
-    return powers
 
 
 AnyObservations = TypeVar("AnyObservations", bound=Observations)

@@ -14,10 +14,10 @@ from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.registration import (
     DenseRegistration,
     Registration,
+    SecondThread,
     displacement_at,
     make_registrar,
 )
-from ospc.correspondence.second_thread import SecondThread
 from ospc.errors import SettingError
 from ospc.exposures.brightness import BrightnessComparer
 from ospc.photometry.geometry import pixel_grid

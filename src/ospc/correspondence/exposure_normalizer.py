@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from ospc.arrays import Float32Array, ImageSize
+from ospc.arrays import Float32Array, Image, ImageSize
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, values_at
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.robust import robust_scale
-
-Image8: TypeAlias = npt.NDArray[np.uint8]
-"""Grey levels of 8 bit, shape (h, w)."""
 
 _DISPLAY_GAMMA = 2.2
 """Exponent of the scale on which images are registered, that of displays: noise and contrast are similar in dark and
@@ -49,16 +43,8 @@ class ExposureNormalizer:
     """Brings two small images to equal brightness, without vignette, on a display's scale.
 
     How much brighter one is, is what the exposures stated say, unless the images clearly contradict them. The images
-    are not asked where the exposures stated are trusted. Without exposures, what the images say is taken.
-
-    Parameters
-    ----------
-    response
-        What is known of the response; the typical display gamma where nothing is.
-    vignette
-        What is known of the vignette; None for V ≡ 1.
-    trusts_stated
-        Whether the ratio of the exposures stated, where it is known, is taken without a look at the images.
+    are not asked where the exposures stated are trusted. Without exposures, what the images say is taken. Where the
+    response is unknown, the typical display gamma is assumed; where the vignette is, V ≡ 1.
     """
 
     def __init__(
@@ -73,19 +59,16 @@ class ExposureNormalizer:
         self._lift: dict[tuple[int, ...], Float32Array] = {}
         self._register = ThumbnailRegistration()
 
-    def __call__(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> tuple[Image8, Image8]:
-        """Return the small images of both as they would be at the longer exposure, shapes (h, w).
+    def __call__(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> tuple[Image, Image]:
+        """Return the small images of both as they would be at the longer exposure, 8 bit, shapes (h, w).
 
-        Parameters
-        ----------
-        frame0, frame1
-            The frames.
-        stated_log_ratio
-            ln of the exposure of the second over that of the first, NaN where it is unknown.
+        The ratio is ln of the exposure of the second over that of the first, NaN where it is unknown.
         """
         log_ratio = stated_log_ratio
-        relied_on = self._trusts_stated or self._plainly_agrees(frame0, frame1, stated_log_ratio)
-        if np.isnan(stated_log_ratio) or not relied_on:
+        if np.isnan(stated_log_ratio) or not (
+            self._trusts_stated
+            or abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < _PLAIN_AGREEMENT
+        ):
             shown, sure = self.log_ratio(frame0, frame1)
             contradicted = sure and abs(stated_log_ratio - shown) > _LARGEST_DISAGREEMENT
             log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
@@ -105,9 +88,6 @@ class ExposureNormalizer:
         middle = np.median(difference)
         return float(middle), robust_scale(difference - middle) < _LARGEST_SPREAD
 
-    def _plainly_agrees(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> bool:
-        return abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < _PLAIN_AGREEMENT
-
     def _log_ratio_of_quantiles(self, frame0: ReducedFrame, frame1: ReducedFrame) -> float:
         """Return the same for frames that hardly overlap: the median over quantiles of grey exposed in both."""
         grey0, grey1 = frame0.grey_quantiles, frame1.grey_quantiles
@@ -119,10 +99,9 @@ class ExposureNormalizer:
         log_irradiance = np.interp(grey * 255, np.arange(256), self._log_irradiance).astype(np.float32)
         if self._vignette is None:
             return log_irradiance
-        lift = np.log(self._lift_of(grey.shape, size))
-        return np.asarray(log_irradiance + _DISPLAY_GAMMA * lift, dtype=np.float32)
+        return np.asarray(log_irradiance + _DISPLAY_GAMMA * np.log(self._lift_of(grey.shape, size)), dtype=np.float32)
 
-    def _brightened(self, frame: ReducedFrame, log_gain: float) -> Image8:
+    def _brightened(self, frame: ReducedFrame, log_gain: float) -> Image:
         table = (self._root * (np.exp(log_gain / _DISPLAY_GAMMA) * 255)).astype(np.float32)
         if self._vignette is None:
             # A table of bytes has to be clipped here; below, the conversion to bytes clips.

@@ -20,27 +20,17 @@ from ospc.recording.frame import Frame
 
 @dataclass(frozen=True)
 class Features:
-    """Feature points of one frame; nothing else of its image is kept.
-
-    Attributes
-    ----------
-    frame
-        Number of the frame.
-    exposure_ms
-        Its exposure as stated.
-    points
-        Pixel coordinates (x, y), shape (n, 2).
-    grey
-        Grey levels in [0, 1] at the nearest pixels, shape (n,).
-    descriptors
-        One row a point, shape (n, d); uint8, or float32 for SURF.
-    """
+    """Feature points of one frame; nothing else of its image is kept."""
 
     frame: int
     exposure_ms: float
+    """Its exposure as stated."""
     points: FloatArray
+    """Pixel coordinates (x, y), shape (n, 2)."""
     grey: FloatArray
+    """Grey levels in [0, 1] at the nearest pixels, shape (n,)."""
     descriptors: npt.NDArray[Any]
+    """One row a point, shape (n, d); uint8, or float32 for SURF."""
 
 
 class FeatureExtractor(Protocol):
@@ -56,39 +46,31 @@ class FeatureExtractor(Protocol):
         ...
 
 
-class OpenCvExtractor:
-    """A detector of OpenCV's."""
-
+class _OpenCvExtractor:
     norm: int
-    _detector: Any
-    _none: npt.NDArray[np.uint8]
+    _create: Any
+
+    def __init__(self, max_features: int) -> None:
+        self._detector = self._create(nfeatures=max_features)
 
     def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
         """Return points, shape (n, 2), and descriptors, shape (n, d), as uint8; SIFT's values are whole numbers."""
         keypoints, descriptors = self._detector.detectAndCompute(image, None)
         if descriptors is None:
-            return np.empty((0, 2)), self._none
+            return np.empty((0, 2)), np.empty((0, self._detector.descriptorSize()), np.uint8)
         return cv2.KeyPoint_convert(keypoints).astype(np.float64).reshape(-1, 2), descriptors.astype(np.uint8)
 
 
-class SiftExtractor(OpenCvExtractor):
+class SiftExtractor(_OpenCvExtractor):
     """Scale-invariant features (Lowe 2004); keeps the ``max_features`` strongest."""
 
-    norm = cv2.NORM_L2
-    _none = np.empty((0, 128), np.uint8)
-
-    def __init__(self, max_features: int) -> None:
-        self._detector = cv2.SIFT_create(nfeatures=max_features)
+    norm, _create = cv2.NORM_L2, staticmethod(cv2.SIFT_create)
 
 
-class OrbExtractor(OpenCvExtractor):
+class OrbExtractor(_OpenCvExtractor):
     """Oriented FAST and rotated BRIEF (Rublee et al. 2011); keeps the ``max_features`` strongest."""
 
-    norm = cv2.NORM_HAMMING
-    _none = np.empty((0, 32), np.uint8)
-
-    def __init__(self, max_features: int) -> None:
-        self._detector = cv2.ORB_create(nfeatures=max_features)
+    norm, _create = cv2.NORM_HAMMING, staticmethod(cv2.ORB_create)
 
 
 class SurfExtractor:
@@ -107,8 +89,7 @@ class SurfExtractor:
             from mahotas.features import surf
         except ImportError:
             raise MissingExtraError("SURF", "surf") from None
-        self._surf = surf.surf
-        self._max_features = max_features
+        self._surf, self._max_features = surf.surf, max_features
 
     def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
         """Return points, shape (n, 2), and descriptors, shape (n, 64)."""
@@ -160,21 +141,10 @@ def extract(frame: Frame, extractor: FeatureExtractor) -> Features:
 
 
 def match(features0: Features, features1: Features, norm: int, ratio: float) -> tuple[IntArray, IntArray]:
-    """Return the indices of matching features: nearest neighbours that pass Lowe's ratio test.
+    """Return the indices of matching features, shape (n,) each: nearest neighbours that pass Lowe's ratio test.
 
-    Parameters
-    ----------
-    features0, features1
-        Features of the two frames.
-    norm
-        OpenCV's norm for the descriptors.
-    ratio
-        Largest accepted ratio of the nearest to the second nearest distance.
-
-    Returns
-    -------
-    tuple of IntArray
-        Indices into the first and into the second, shape (n,) each; no feature of the second is used twice.
+    No feature of the second is used twice. ``norm`` is OpenCV's norm for the descriptors, ``ratio`` the largest
+    accepted ratio of the nearest to the second nearest distance.
     """
     none = np.empty(0, np.int64)
     if len(features0.points) < 2 or len(features1.points) < 2:

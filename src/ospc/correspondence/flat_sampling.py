@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 
-import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
 from ospc.correspondence.registration import Registration, displacement_at
-from ospc.correspondence.thumbnail_registration import MIN_OVERLAP
+from ospc.correspondence.thumbnail_registration import MIN_OVERLAP, values_at
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
 
@@ -35,44 +34,29 @@ _MIN_PART_PLACES = 8
 
 @dataclass(frozen=True)
 class Keyframe(ReducedFrame):
-    """A frame that later ones are compared with, as far as they need it: with a tenth of the memory.
-
-    Attributes
-    ----------
-    places
-        Places (x, y) of the grid on which scene points are chosen, in reduced pixels, shape (n, 2).
-    grey, variance, gradient, clipped
-        The values of the frame there, shape (n,).
-    """
+    """A frame that later ones are compared with, as far as they need it: with a tenth of the memory."""
 
     places: FloatArray
+    """Places (x, y) of the grid on which scene points are chosen, in reduced pixels, shape (n, 2)."""
     grey: Float32Array
     variance: Float32Array
     gradient: Float32Array
     clipped: BoolArray
+    """The values of the frame there, shape (n,)."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """What comparing two frames gave.
-
-    Attributes
-    ----------
-    observations
-        Two observations for each scene point.
-    overlap
-        Share of the places on the grid that the registration found again; 0 where the views have too little in
-        common.
-    radial_motion
-        Root mean square of R₀ − R₁ of the places found again.
-    motion_px
-        Median displacement in pixels of the frame, at places with enough structure; NaN where there are none.
-    """
+    """What comparing two frames gave."""
 
     observations: Observations
+    """Two observations for each scene point."""
     overlap: float
+    """Share of the places on the grid that were found again; 0 where the views have too little in common."""
     radial_motion: float
+    """Root mean square of R₀ − R₁ of the places found again."""
     motion_px: float
+    """Median displacement in pixels of the frame, at places with enough structure; NaN where there are none."""
 
 
 NOTHING_FOUND = Samples(
@@ -90,94 +74,80 @@ class FlatSampler:
 
     Any registration is wrong by a fraction of a pixel; where the image is flat that does no harm. Corners would bias
     the result: they are extreme grey values, and any error leads to a less extreme one.
-
-    Attributes
-    ----------
-    spacing_px
-        Distance between the places of the grid, in reduced pixels.
-    margin_px
-        Places nearer to the border are not used.
-    max_gradient
-        Largest grey gradient, in full scale per reduced pixel, of a flat place.
-    max_forward_backward_error_px
-        Largest distance between a place and where going there and back ends, in reduced pixels.
-    max_points
-        Most scene points taken from one pair, spread evenly over mean grey level and radius.
     """
 
     spacing_px: int = 8
+    """Distance between the places of the grid, in reduced pixels."""
     margin_px: int = 8
+    """Places nearer to the border are not used."""
     max_gradient: float = 0.006
+    """Largest grey gradient, in full scale per reduced pixel, of a flat place."""
     max_forward_backward_error_px: float = 2.0
+    """Largest distance between a place and where going there and back ends, in reduced pixels."""
     max_points: int = 400
+    """Most scene points taken from one pair, spread evenly over mean grey level and radius."""
 
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return what later frames need of a frame: its small images, and its values on the grid."""
-        width, height = frame.reduced_size
-        columns, rows = (slice(self.margin_px, side - self.margin_px, self.spacing_px) for side in (width, height))
+        columns, rows = (slice(self.margin_px, side - self.margin_px, self.spacing_px) for side in frame.reduced_size)
         return Keyframe(
-            frame.number,
-            frame.size,
-            frame.reduction,
-            frame.small,
-            frame.thumbnail,
-            _grid((width, height), self.spacing_px, self.margin_px),
-            frame.grey[rows, columns].ravel(),
-            frame.variance[rows, columns].ravel(),
-            frame.gradient[rows, columns].ravel(),
-            frame.clipped[rows, columns].ravel(),
+            **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
+            places=_grid(frame.reduced_size, self.spacing_px, self.margin_px),
+            grey=frame.grey[rows, columns].ravel(),
+            variance=frame.variance[rows, columns].ravel(),
+            gradient=frame.gradient[rows, columns].ravel(),
+            clipped=frame.clipped[rows, columns].ravel(),
         )
 
     def __call__(
         self, keyframe: Keyframe, frame: PreprocessedFrame, registration: Registration, group: int
     ) -> Samples:
-        """Compare two frames.
-
-        Parameters
-        ----------
-        keyframe
-            The first, as :meth:`keyframe` returns it.
-        frame
-            The second.
-        registration
-            Displacements from the first to the second.
-        group
-            Number of the pair.
-        """
+        """Compare two frames, the first as :meth:`keyframe` returns it; ``group`` is the number of the pair."""
         places0 = keyframe.places
         scale = keyframe.reduced_size[0] / registration.forward.shape[1]
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement
-        found = (forward_backward_error < self.max_forward_backward_error_px) & self._inside(frame, places1)
+        far = np.array(frame.reduced_size) - 1 - self.margin_px
+        inside = np.all((places1 >= self.margin_px) & (places1 <= far), axis=1)
+        found = (forward_backward_error < self.max_forward_backward_error_px) & inside
         if not found.size or found.mean() < MIN_OVERLAP:
             return NOTHING_FOUND
         gradient0 = keyframe.gradient.astype(np.float64)
-        flat = found & (gradient0 < self.max_gradient) & ~keyframe.clipped & self._usable(frame, places1)
+        flat = found & (gradient0 < self.max_gradient) & (_at(frame.gradient, places1) < self.max_gradient)
+        exposed = ~keyframe.clipped & (_at(frame.clipped.view(np.uint8).astype(np.float32), places1) == 0)
         position0, position1 = (
             normalised(one.to_frame(places), one.size) for one, places in ((keyframe, places0), (frame, places1))
         )
         radial = np.linalg.norm(position0[found], axis=1) - np.linalg.norm(position1[found], axis=1)
         motion = _typical_motion(places0[found], displacement[found], gradient0[found])
-        index = np.flatnonzero(flat)
+        index = np.flatnonzero(flat & exposed)
         # By the mean of both frames: a choice by one grey level would be a choice by its noise.
         grey = np.sqrt(np.clip(keyframe.grey[index] * _at(frame.grey, places1[index]), 0, 1))
         chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
-        first = _End.of_keyframe(keyframe, chosen, position0[chosen])
-        second = _End.of_frame(frame, places1[chosen], position1[chosen])
-        return Samples(
-            _interleaved((first, second), group),
-            float(found.mean()),
-            float(np.sqrt(np.mean(radial**2))),
-            motion * keyframe.reduction,
+        places0, places1 = places0[chosen], places1[chosen]
+        observations = Observations.alternating(
+            {
+                "grey": keyframe.grey[chosen],
+                "grey_variance": keyframe.variance[chosen],
+                "position": position0[chosen],
+                "gradient": keyframe.gradient[chosen],
+                "frame_moments": keyframe.moments,
+                "surround_moments": _surroundings(keyframe, places0),
+                "frame": keyframe.number,
+            },
+            {
+                "grey": _at(frame.grey, places1),
+                "grey_variance": _at(frame.variance, places1),
+                "position": position1[chosen],
+                "gradient": _at(frame.gradient, places1),
+                "frame_moments": frame.moments,
+                "surround_moments": _surroundings(frame, places1),
+                "frame": frame.number,
+            },
+            np.full(len(chosen), group),
         )
-
-    def _inside(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
-        far = np.array(frame.reduced_size) - 1 - self.margin_px
-        return np.asarray(np.all((places >= self.margin_px) & (places <= far), axis=1))
-
-    def _usable(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
-        clipped = _at(frame.clipped.view(np.uint8).astype(np.float32), places)
-        return np.asarray((_at(frame.gradient, places) < self.max_gradient) & (clipped == 0))
+        radial_motion = float(np.sqrt(np.mean(radial**2)))
+        return Samples(observations, float(found.mean()), radial_motion, motion * keyframe.reduction)
 
     def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
         """Return which places to take: as many as allowed, evenly over cells of grey level and radius."""
@@ -221,35 +191,10 @@ def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: Floa
 
 
 def _at(image: Float32Array, places: FloatArray) -> FloatArray:
-    flat = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
-    if len(flat) == 0:
+    """Return the values of an image at places (x, y), interpolated, shape (n, 2) -> (n,)."""
+    if len(places) == 0:
         return np.empty(0)
-    values = cv2.remap(image, flat, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(values, dtype=np.float64).reshape(-1)
-
-
-@dataclass(frozen=True)
-class _End:
-    """What one of the two frames shows of n scene points; arrays of shape (n,) or (n, columns)."""
-
-    frame: ReducedFrame
-    grey: FloatArray
-    variance: FloatArray
-    gradient: FloatArray
-    position: FloatArray
-    surround_moments: FloatArray
-
-    @classmethod
-    def of_keyframe(cls, keyframe: Keyframe, chosen: IntArray, position: FloatArray) -> _End:
-        values = (keyframe.grey, keyframe.variance, keyframe.gradient)
-        grey, variance, gradient = (value[chosen].astype(np.float64) for value in values)
-        surround_moments = _surroundings(keyframe, keyframe.places[chosen])
-        return cls(keyframe, grey, variance, gradient, position, surround_moments)
-
-    @classmethod
-    def of_frame(cls, frame: PreprocessedFrame, places: FloatArray, position: FloatArray) -> _End:
-        grey, variance, gradient = (_at(image, places) for image in (frame.grey, frame.variance, frame.gradient))
-        return cls(frame, grey, variance, gradient, position, _surroundings(frame, places))
+    return values_at(image, places.astype(np.float32).reshape(-1, 1, 2)).astype(np.float64).reshape(-1)
 
 
 def _surroundings(frame: ReducedFrame, places: FloatArray) -> FloatArray:
@@ -258,23 +203,3 @@ def _surroundings(frame: ReducedFrame, places: FloatArray) -> FloatArray:
     scale = np.array(coarse.shape[1::-1]) / np.array(frame.reduced_size)
     there = (places + 0.5) * scale - 0.5
     return np.stack([_at(np.ascontiguousarray(moment), there) for moment in np.moveaxis(coarse, -1, 0)], axis=1)
-
-
-def _interleaved(ends: tuple[_End, _End], group: int) -> Observations:
-    """Return the two observations of each point one after the other."""
-    n = len(ends[0].grey)
-
-    def alternate(columns: list[FloatArray]) -> FloatArray:
-        return np.stack(columns, axis=1).reshape(2 * n, *columns[0].shape[1:])
-
-    return Observations(
-        grey=alternate([end.grey for end in ends]),
-        grey_variance=alternate([end.variance for end in ends]),
-        position=alternate([end.position for end in ends]),
-        gradient=alternate([end.gradient for end in ends]),
-        frame_moments=np.tile([end.frame.moments for end in ends], (n, 1)),
-        surround_moments=alternate([end.surround_moments for end in ends]),
-        frame=np.tile([end.frame.number for end in ends], n).astype(np.int64),
-        point=np.repeat(np.arange(n), 2),
-        group=np.full(2 * n, group, np.int64),
-    )

@@ -12,30 +12,20 @@ class FrameSampler:
 
     Pauses between processed frames grow with their number. In between, short runs of consecutive frames are compared:
     they tell whether exposures still belong to their frames, and cost little.
-
-    Attributes
-    ----------
-    frames_per_slowdown
-        After so many processed frames, one more frame is skipped between two of them.
-    dense_frames
-        Beyond so many processed frames, pauses grow faster: with the fourth power of their number.
-    longest_pause_frames
-        Most frames skipped between two processed ones.
-    comparison_period_frames, comparison_run_frames
-        Of each period, the first so many frames are compared.
-    processed
-        Frames processed so far.
-    number
-        Number of the next frame.
     """
 
     frames_per_slowdown: int
+    """After so many processed frames, one more frame is skipped between two of them."""
     dense_frames: int
+    """Beyond so many processed frames, pauses grow faster: with the fourth power of their number."""
     longest_pause_frames: int
+    """Most frames skipped between two processed ones."""
     comparison_period_frames: int
     comparison_run_frames: int
+    """Of each period, the first so many frames are compared."""
     processed: int = 0
     number: int = 0
+    """Number of the next frame."""
     _pause: int = 0
     _restarted_after: int = 0
 
@@ -67,13 +57,7 @@ class FrameSampler:
         self._pause = max(self._pause - 1, 0)
 
     def advance(self, longest_pause: int = sys.maxsize) -> None:
-        """Go on by one frame, which was processed if it was to be.
-
-        Parameters
-        ----------
-        longest_pause
-            Most frames that may be skipped now.
-        """
+        """Go on by one frame, which was processed if it was to be; no more than ``longest_pause`` are skipped now."""
         self.number += 1
         if self._pause == 0:
             self._pause = self._next_pause()

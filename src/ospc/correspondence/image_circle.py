@@ -45,32 +45,17 @@ class ImageCircle:
 
     A place that a dark part of the scene covers is lit sooner or later; one outside the image circle never is. What
     stays dark and reaches the corners is taken for the surround of a fisheye's image.
-
-    Attributes
-    ----------
-    brightest
-        Largest grey level of each place in the size at which frames are registered, 8 bit, shape (h, w); None before
-        the first look.
-    looks
-        Number of frames looked at.
-    allowed
-        Where pixels may be used, in the same size; None for everywhere.
     """
 
     brightest: npt.NDArray[np.uint8] | None = None
+    """Largest grey level of each place in the size at which frames are registered, 8 bit, shape (h, w)."""
     looks: int = 0
+    """Number of frames looked at."""
     allowed: BoolArray | None = None
+    """Where pixels may be used, in the same size; None for everywhere."""
 
     def observe(self, frame: PreprocessedFrame, mask: BoolArray | None) -> None:
-        """Look at a frame.
-
-        Parameters
-        ----------
-        frame
-            The frame prepared for comparison.
-        mask
-            Where its pixels may be used, shape (height, width); None for everywhere.
-        """
+        """Look at a frame; the mask says where its pixels may be used, shape (height, width), None for everywhere."""
         self.looks += 1
         # Nobody else changes the small image of a frame, so that it need not be copied.
         self.brightest = frame.small if self.brightest is None else np.maximum(self.brightest, frame.small)
@@ -111,15 +96,10 @@ class ImageCircle:
         return reached if 0 < reached < _WHOLE else 1.0
 
     def sees(self, position: FloatArray) -> BoolArray | None:
-        """Return which positions, in half diagonals from the centre, shape (n, 2), are not in the surround.
-
-        None where there is no surround.
-        """
+        """Return which positions, in half diagonals, (n, 2) -> (n,), are not in the surround; None without one."""
         surround = self.surround()
         if surround is None:
             return None
-        height, width = surround.shape
-        half = np.hypot(width - 1, height - 1) / 2
-        place = np.rint(position * half + [(width - 1) / 2, (height - 1) / 2]).astype(np.int64)
-        x, y = np.clip(place, 0, [width - 1, height - 1]).T
+        last = np.array(surround.shape[::-1]) - 1
+        x, y = np.clip(np.rint(position * np.hypot(*last) / 2 + last / 2).astype(np.int64), 0, last).T
         return np.asarray(~surround[y, x])

@@ -54,26 +54,19 @@ class _Kept:
 
 @dataclass(frozen=True)
 class KeyframeSelectorState:
-    """What :class:`KeyframeSelector` knows, with keyframes named by their numbers instead of held.
-
-    Attributes
-    ----------
-    frames, uses
-        Of every keyframe: its number, and how often it was selected, shape (kept,) each.
-    log_exposure
-        ln of its exposure when it was added, shape (kept,).
-    selections
-        Selections made so far.
-    seen
-        Of each class of age: the number of comparisons, the sum of their overlap, the number that found the view
-        again, and the sum of their radial motion, the latest counting most, shape (4, 26).
-    """
+    """What :class:`KeyframeSelector` knows, with keyframes named by their numbers instead of held."""
 
     frames: IntArray
+    """Number of every keyframe, shape (kept,)."""
     uses: IntArray
+    """How often it was selected, shape (kept,)."""
     log_exposure: FloatArray
+    """ln of its exposure when it was added, shape (kept,)."""
     selections: int
+    """Selections made so far."""
     seen: FloatArray
+    """Of each class of age: the number of comparisons, the sum of their overlap, the number that found the view
+    again, and the sum of their radial motion, the latest counting most, shape (4, 26)."""
 
 
 @dataclass
@@ -83,17 +76,12 @@ class KeyframeSelector:
     The worth of a comparison is predicted before it is made: exposures are given, and overlap and radial motion at
     each age are learned from the comparisons made so far. One selection in three goes for what serves the response
     (change of exposure), the others for what serves the vignette (radial motion).
-
-    Attributes
-    ----------
-    capacity
-        Most keyframes kept.
-    max_log_ratio
-        Changes of exposure beyond this, in ln, add nothing: most places are then clipped in one of the two.
     """
 
     capacity: int = 20
+    """Most keyframes kept."""
     max_log_ratio: float = 1.2
+    """Changes of exposure beyond this, in ln, add nothing: most places are then clipped in one of the two."""
     _kept: list[_Kept] = field(default_factory=list, repr=False)
     _selections: int = field(default=0, repr=False)
     _seen: FloatArray = field(default_factory=lambda: np.zeros((4, AGES)), repr=False)
@@ -103,13 +91,13 @@ class KeyframeSelector:
         if not self._kept:
             return None
         self._selections += 1
-        change = np.array([min(abs(kept.log_exposure - log_exposure), self.max_log_ratio) for kept in self._kept])
+        known = self.state()
+        change = np.minimum(np.abs(known.log_exposure - log_exposure), self.max_log_ratio)
         overlap, motion = self._expected()
-        age = _age_class(number - np.array([kept.frame.number for kept in self._kept]))
+        age = _age_class(number - known.frames)
         for_response = self._selections % _RESPONSE_TURN == 0
         gain = change**2 if for_response else motion[age] ** 2 + _RESPONSE_SHARE * change**2
-        uses = np.array([kept.uses for kept in self._kept])
-        worth = (gain + _LEAST_WORTH) * overlap[age] ** _OVERLAP_POWER / (1 + uses)
+        worth = (gain + _LEAST_WORTH) * overlap[age] ** _OVERLAP_POWER / (1 + known.uses)
         best = self._kept[int(np.argmax(worth))]
         best.uses += 1
         return best.frame
@@ -161,8 +149,7 @@ class KeyframeSelector:
         lengths = {len(state.frames), len(state.uses), len(state.log_exposure)}
         if state.seen.shape != self._seen.shape or len(lengths) != 1:
             raise ValueError("the state of the keyframe selection has tables of the wrong length")
-        self._kept, self._selections = [], state.selections
-        self._seen = state.seen.copy()
+        self._kept, self._selections, self._seen = [], state.selections, state.seen.copy()
 
     def recall(self, frame: Keyframe, state: KeyframeSelectorState) -> None:
         """Keep a frame again that was a keyframe when the state was taken; any other is ignored."""

@@ -51,13 +51,7 @@ _LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) 
 
 @dataclass
 class NoiseEstimator:
-    """Collects the variance of blocks after filtering out their structure; the lowest ones are due to noise alone.
-
-    Attributes
-    ----------
-    max_grey
-        Largest grey value of the images.
-    """
+    """Collects the variance of blocks after filtering out their structure; the lowest ones are due to noise alone."""
 
     max_grey: int
     _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(BINS)], repr=False)

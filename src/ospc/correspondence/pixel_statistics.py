@@ -76,49 +76,33 @@ _MAX_COUNTED_BITS = 12
 
 @dataclass(frozen=True, eq=False)
 class PixelReport(ByValue):
-    """Grey values of the frames observed.
-
-    Attributes
-    ----------
-    grey_share
-        Share of the pixels of each frame in 32 equal ranges of grey, shape (frames, 32).
-    log_exposure
-        ln of the exposure in milliseconds of these frames, shape (frames,).
-    radius_share
-        Share of the places of each frame that are well exposed, in 10 equal ranges of R from 0 to 1 (the corner),
-        shape (frames, 10); NaN where there are no places.
-    saturated_share, black_share
-        Share of all pixels at the upper and the lower end.
-    lowest_grey, highest_grey
-        Extreme grey values, of a full scale of ``max_grey``.
-    max_grey
-        Largest grey value the sensor delivers.
-    empty_low_bits
-        Lowest bits that are zero in every grey value.
-    missing_levels_share
-        Share of the grey values between the extremes that never occur; of 8-bit images only, else 0.
-    piled_low, piled_high
-        Whether many pixels share the lowest or highest value though it is not the end of the scale.
-    lit
-        Small image of the places that show the scene, shape (h, w).
-    surround
-        Kind of the black surround: ``"none"``, ``"disc"`` (fisheye, all corners black) or ``"border"``.
-    """
+    """Grey values of the frames observed."""
 
     grey_share: FloatArray
+    """Share of the pixels of each frame in 32 equal ranges of grey, shape (frames, 32)."""
     log_exposure: FloatArray
+    """ln of the exposure in milliseconds of these frames, shape (frames,)."""
     radius_share: FloatArray
+    """Share of the places of each frame that are well exposed, in 10 equal ranges of R from 0 to 1 (the corner),
+    shape (frames, 10); NaN where there are no places."""
     saturated_share: float
     black_share: float
+    """Share of all pixels at the upper and the lower end."""
     lowest_grey: int
     highest_grey: int
     max_grey: int
+    """Extreme grey values, and the largest that the sensor delivers."""
     empty_low_bits: int
+    """Lowest bits that are zero in every grey value."""
     missing_levels_share: float
+    """Share of the grey values between the extremes that never occur; of 8-bit images only, else 0."""
     piled_low: bool
     piled_high: bool
+    """Whether many pixels share the lowest or highest value though it is not the end of the scale."""
     lit: BoolArray
+    """Small image of the places that show the scene, shape (h, w)."""
     surround: str
+    """Kind of the black surround: ``"none"``, ``"disc"`` (fisheye, all corners black) or ``"border"``."""
 
     @property
     def covered_grey(self) -> BoolArray:
@@ -216,11 +200,8 @@ class PixelStatistics:
             return False, False
         counts, last = self._histogram, len(self._histogram) - 1
         low, high = np.flatnonzero(counts)[[0, -1]].tolist()
-        enough = _PILE_SHARE * counts.sum()
-        return (
-            bool(low > _PILE_MARGIN * last and counts[low] > enough),
-            bool(high < (1 - _PILE_MARGIN) * last and counts[high] > enough),
-        )
+        many = counts > _PILE_SHARE * counts.sum()
+        return bool(low > _PILE_MARGIN * last and many[low]), bool(high < (1 - _PILE_MARGIN) * last and many[high])
 
     def report(self) -> PixelReport | None:
         """Return what was gathered; None if no frame was."""
@@ -266,8 +247,8 @@ def _radius_cells(size: ImageSize) -> IntArray:
 
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
     """Return how often each grey value occurs; of more than 12 bits, each value of the upper 12."""
-    shift, levels = max(0, max_grey.bit_length() - _MAX_COUNTED_BITS), level_count(max_grey)
-    values = image >> shift if shift else image
+    levels = level_count(max_grey)
+    values = image >> max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)
     if levels <= np.iinfo(image.dtype).max:
         values = np.minimum(values, levels - 1)
     return np.bincount(values.ravel(), minlength=levels).astype(np.int64)

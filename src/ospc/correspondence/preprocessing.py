@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
-from ospc.correspondence.thumbnail import Thumbnail, thumbnail_of
+from ospc.correspondence.thumbnail import Thumbnail, gradient_magnitude, thumbnail_of
 from ospc.observations import MOMENTS
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
@@ -32,27 +32,16 @@ _MIN_FURTHER_VARIANCE_PX2 = 0.25
 
 @dataclass(frozen=True)
 class ReducedFrame:
-    """The small images of a frame, by which it is registered.
-
-    Attributes
-    ----------
-    number
-        Number of the frame.
-    size
-        Width and height of the frame in pixels.
-    reduction
-        Pixels of the frame, along each side, per pixel of the reduced size, at which grey levels are read.
-    small
-        Grey levels at the size at which frames are registered, 8 bit, shape (h', w').
-    thumbnail
-        A still smaller image, for the comparison of brightness with the neighbouring frames.
-    """
+    """The small images of a frame, by which it is registered."""
 
     number: int
     size: ImageSize
     reduction: int
+    """Pixels of the frame, along each side, per pixel of the reduced size, at which grey levels are read."""
     small: npt.NDArray[np.uint8]
+    """Grey levels at the size at which frames are registered, 8 bit, shape (h', w')."""
     thumbnail: Thumbnail
+    """A still smaller image, for the comparison of brightness with the neighbouring frames."""
 
     @property
     def reduced_size(self) -> ImageSize:
@@ -93,65 +82,41 @@ class ReducedFrame:
 
 @dataclass(frozen=True)
 class PreprocessedFrame(ReducedFrame):
-    """A frame with everything that is read from it.
-
-    Attributes
-    ----------
-    grey
-        Grey levels in [0, 1], smoothed, shape (h, w).
-    variance
-        Variance of the pixels that each of these is a mean over, noise included, shape (h, w).
-    gradient
-        Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w).
-    clipped
-        Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w).
-    """
+    """A frame with everything that is read from it."""
 
     grey: Float32Array
+    """Grey levels in [0, 1], smoothed, shape (h, w)."""
     variance: Float32Array
+    """Variance of the pixels that each of these is a mean over, noise included, shape (h, w)."""
     gradient: Float32Array
+    """Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w)."""
     clipped: BoolArray
+    """Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w)."""
 
 
 @dataclass(frozen=True)
 class Preprocessor:
-    """Prepares frames.
-
-    Attributes
-    ----------
-    longest_side
-        Reduced frames are at most this long; 800 keeps 640×480 as it is and halves 1280×1024.
-    smoothing_px
-        Standard deviation of the smoothing of the grey levels, in reduced pixels.
-    flatness_px
-        Standard deviation of the smoothing before gradients are taken, in reduced pixels: how far around a place
-        the image has to be flat.
-    registration_side
-        Frames are registered at the first half, quarter, … of the reduced size at most this long.
-    clip_margin_px
-        Half the side of the square around a place in which clipped pixels are counted.
-    max_clipped_share
-        Largest share of them in an exposed place.
-    """
+    """Prepares frames; a frame whose image cannot be read raises a FrameError."""
 
     longest_side: int = 800
+    """Reduced frames are at most this long; 800 keeps 640×480 as it is and halves 1280×1024."""
     smoothing_px: float = 1.5
+    """Standard deviation of the smoothing of the grey levels, in reduced pixels."""
     flatness_px: float = 2.5
+    """Standard deviation of the smoothing before gradients are taken, in reduced pixels: how far around a place the
+    image has to be flat."""
     registration_side: int = 400
+    """Frames are registered at the first half, quarter, … of the reduced size at most this long."""
     clip_margin_px: int = 3
+    """Half the side of the square around a place in which clipped pixels are counted."""
     max_clipped_share: float = 0.25
+    """Largest share of them in an exposed place."""
 
     def __call__(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> PreprocessedFrame:
-        """Prepare a frame, given where black and white are as far as is known.
-
-        Raises
-        ------
-        FrameError
-            If its image cannot be read.
-        """
+        """Prepare a frame, given where black and white are as far as is known."""
         image, white = frame.image, frame.max_grey
-        height, width = image.shape
-        reduction = self._reduction((width, height))
+        size = image.shape[1], image.shape[0]
+        reduction = self._reduction(size)
         reduced = _reduced(image, reduction)
         # In place: each of these images takes a megabyte or more.
         grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px)
@@ -163,35 +128,24 @@ class Preprocessor:
         np.maximum(variance, 0, out=variance)
         # Variances of smoothings add up, so that the one for gradients continues from that of the grey levels.
         further = max(self.flatness_px**2 - self.smoothing_px**2, _MIN_FURTHER_VARIANCE_PX2)
-        flatter = cv2.GaussianBlur(grey, (0, 0), np.sqrt(further))
-        gradient = cv2.magnitude(
-            cv2.Sobel(flatter, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8),
-            cv2.Sobel(flatter, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8),
-        )
+        small = _reduced(reduced, self._further_reduction(max(reduced.shape)))
         return PreprocessedFrame(
             frame.index,
-            (width, height),
+            size,
             reduction,
-            self._small(reduced, white),
-            thumbnail_of(frame.index, reduced, white, frame.mask, (width, height)),
-            np.asarray(grey, dtype=np.float32),
-            np.asarray(variance, dtype=np.float32),
-            np.asarray(gradient, dtype=np.float32),
-            self._clipped_nearby(image, white, reduction, grey_range) | self._masked_nearby(frame.mask, reduction),
+            cv2.convertScaleAbs(small, alpha=255.0 / white),
+            thumbnail_of(frame.index, reduced, white, frame.mask, size),
+            grey,
+            variance,
+            gradient_magnitude(grey, float(np.sqrt(further))),
+            self._clipped_nearby(frame, reduction, grey_range),
         )
 
     def thumbnail(self, frame: Frame) -> Thumbnail:
-        """Reduce a frame to its thumbnail only.
-
-        Raises
-        ------
-        FrameError
-            If its image cannot be read.
-        """
-        image = frame.image
-        height, width = image.shape
-        reduced = _reduced(image, self._reduction((width, height)))
-        return thumbnail_of(frame.index, reduced, frame.max_grey, frame.mask, (width, height))
+        """Reduce a frame to its thumbnail only."""
+        size = frame.image.shape[1], frame.image.shape[0]
+        reduced = _reduced(frame.image, self._reduction(size))
+        return thumbnail_of(frame.index, reduced, frame.max_grey, frame.mask, size)
 
     def small_size(self, size: ImageSize) -> ImageSize:
         """Return width and height at which frames of a size are registered."""
@@ -205,34 +159,29 @@ class Preprocessor:
     def _further_reduction(self, longest: int) -> int:
         return int(2 ** max(0, int(np.ceil(np.log2(longest / self.registration_side)))))
 
-    def _clipped_nearby(self, image: Image, white: int, reduction: int, grey_range: GreyRange) -> BoolArray:
+    def _clipped_nearby(self, frame: Frame, reduction: int, grey_range: GreyRange) -> BoolArray:
         # Near the ends noise alone clips single pixels, whose effect on the mean is corrected later. A larger share
         # of clipped pixels has other causes, such as a lamp.
+        white, side = frame.max_grey, 2 * self.clip_margin_px + 1
         low, high = (round(level * white) for level in (grey_range.black, grey_range.white))
-        exposed = cv2.inRange(image, low + white // 255 + 1, high - white // 255 - 1)
-        height, width = (side // reduction for side in image.shape)
-        cut = exposed[: height * reduction, : width * reduction]
-        side = 2 * self.clip_margin_px + 1
+        exposed = cv2.inRange(frame.image, low + white // 255 + 1, high - white // 255 - 1)
         # All in bytes, for speed: the shares need no better resolution.
-        share = cv2.blur(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), (side, side))
-        return np.asarray(share < 255 * (1 - self.max_clipped_share))
-
-    def _masked_nearby(self, mask: BoolArray | None, reduction: int) -> BoolArray | np.bool_:
-        if mask is None:
-            return np.False_
-        side = 2 * self.clip_margin_px + 1
-        return np.asarray(cv2.blur(_reduced((~mask).view(np.uint8), reduction), (side, side)) > 0)
-
-    def _small(self, reduced: Float32Array, white: int) -> npt.NDArray[np.uint8]:
-        small = _reduced(reduced, self._further_reduction(max(reduced.shape)))
-        return np.asarray(cv2.convertScaleAbs(small, alpha=255.0 / white), dtype=np.uint8)
+        share = cv2.blur(_means(exposed, reduction), (side, side))
+        clipped = np.asarray(share < 255 * (1 - self.max_clipped_share))
+        if frame.mask is None:
+            return clipped
+        masked = cv2.blur(_reduced((~frame.mask).view(np.uint8), reduction), (side, side))
+        return np.asarray(clipped | (masked > 0))
 
 
 def _reduced(image: Image, factor: int) -> Float32Array:
-    """Return the means over squares of ``factor`` pixels a side, as float32; a remainder at the edge is cut off."""
-    values = image.astype(np.float32, copy=False)
+    return np.asarray(_means(image.astype(np.float32, copy=False), factor), dtype=np.float32)
+
+
+def _means(image: Image, factor: int) -> Image:
+    """Return the means over squares of ``factor`` pixels a side; a remainder at the edge is cut off."""
     if factor == 1:
-        return values
+        return image
     height, width = (side // factor for side in image.shape)
-    cut = values[: height * factor, : width * factor]
-    return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), dtype=np.float32)
+    cut = image[: height * factor, : width * factor]
+    return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA))

@@ -5,9 +5,11 @@ To register frames in another way, write a class that satisfies :class:`Registra
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ParamSpec, Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -15,8 +17,14 @@ import numpy as np
 from ospc.arrays import Float32Array, FloatArray
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.preprocessing import ReducedFrame
-from ospc.correspondence.second_thread import SecondThread
-from ospc.correspondence.thumbnail_registration import MIN_OVERLAP, optical_flow, pixel_places, values_at
+from ospc.correspondence.thumbnail_registration import (
+    MIN_OVERLAP,
+    OUTSIDE_PX,
+    forward_backward_error,
+    optical_flow,
+    pixel_places,
+    values_at,
+)
 from ospc.errors import SettingError
 
 _GRADIENT_STEPS, _PATCH_STRIDE_PX = 8, 5
@@ -34,24 +42,35 @@ easily reaches."""
 _FEWEST_SUPPORTS = 16
 """Fewest places that must support a homography: one through four places fits them whatever their errors."""
 
-_OUTSIDE_PX = 1e4
-"""Displacement on the way back from outside the image: so far that no place comes back from there."""
+_Arguments = ParamSpec("_Arguments")
+_Result = TypeVar("_Result")
+
+
+class SecondThread:
+    """Runs functions that release the interpreter lock, one after the other, in a thread of its own."""
+
+    def __init__(self) -> None:
+        self._process = 0
+        self._executor: ThreadPoolExecutor | None = None
+
+    def submit(
+        self, function: Callable[_Arguments, _Result], *args: _Arguments.args, **kwargs: _Arguments.kwargs
+    ) -> Future[_Result]:
+        """Call a function in the thread."""
+        # A fork copies the executor but not its thread: work given to it would wait for ever.
+        if self._executor is None or self._process != os.getpid():
+            self._process, self._executor = os.getpid(), ThreadPoolExecutor(1, "ospc-second")
+        return self._executor.submit(function, *args, **kwargs)
 
 
 @dataclass(frozen=True)
 class Registration:
-    """Displacements between two views.
-
-    Attributes
-    ----------
-    forward
-        Displacement (x, y) from each place of the first to the second, in small pixels, shape (h, w, 2).
-    forward_backward_error
-        How far going there and back ends from where it began, in the same pixels, shape (h, w).
-    """
+    """Displacements between two views."""
 
     forward: Float32Array
+    """Displacement (x, y) from each place of the first to the second, in small pixels, shape (h, w, 2)."""
     forward_backward_error: Float32Array
+    """How far going there and back ends from where it began, in the same pixels, shape (h, w)."""
 
 
 class Registrar(Protocol):
@@ -64,21 +83,10 @@ class Registrar(Protocol):
         normalize: ExposureNormalizer,
         stated_log_ratio: float = np.nan,
     ) -> Registration:
-        """Register two frames.
+        """Return the displacements between two frames; where a place is lost, its error is large.
 
-        Parameters
-        ----------
-        frame0, frame1
-            The frames.
-        normalize
-            Gives both small images, shape (h, w), as they would be at the same exposure.
-        stated_log_ratio
-            ln of the exposure of the second over that of the first, NaN where it is unknown.
-
-        Returns
-        -------
-        Registration
-            Displacements in pixels of these small images. Where a place is lost, its error is large.
+        They are in pixels of the small images, shape (h, w), that ``normalize`` returns as they would be at the same
+        exposure. The ratio is ln of the exposure of the second over that of the first, NaN where it is unknown.
         """
         ...
 
@@ -89,13 +97,8 @@ class DenseRegistration:
     Its smoothness holds displacements back where they grow from place to place, as when the camera moves forward or
     turns. So a coarse search comes first, and the second image is warped by the homography that explains most of it:
     what is left to find is small and nearly constant. The way back only shows where the way there is wrong by pixels:
-    it is computed more coarsely.
-
-    Parameters
-    ----------
-    second
-        Where the way back is computed while this thread computes the way there; None for one after the other. The
-        result is the same.
+    it is computed more coarsely, in ``second`` while this thread computes the way there, if there is a second thread.
+    The result is the same.
     """
 
     def __init__(self, second: SecondThread | None = None) -> None:
@@ -110,7 +113,7 @@ class DenseRegistration:
         normalize: ExposureNormalizer,
         stated_log_ratio: float = np.nan,
     ) -> Registration:
-        """Register two frames in both directions; the ratio is as :class:`ExposureNormalizer` takes it."""
+        """Register two frames in both directions; see :class:`Registrar`."""
         image0, image1 = normalize(frame0, frame1, stated_log_ratio)
         homography = _homography(self._first.calc(image0, image1, None))
         size = image0.shape[::-1]
@@ -122,10 +125,10 @@ class DenseRegistration:
             returning = self._second.submit(self._back.calc, warped, image0, None)
             forward = self._there.calc(image0, warped, None)
             backward = returning.result()
-        error = _forward_backward_error(forward, backward)
+        error = forward_backward_error(forward, backward)
         there = cv2.perspectiveTransform(pixel_places(size) + forward, homography)
         # The warped image goes on beyond the second one, by its border: whatever is found there has left the view.
-        error[cv2.inRange(there, (0, 0, 0, 0), (size[0] - 1, size[1] - 1, 0, 0)) == 0] = _OUTSIDE_PX
+        error[cv2.inRange(there, (0, 0, 0, 0), (size[0] - 1, size[1] - 1, 0, 0)) == 0] = OUTSIDE_PX
         return Registration(there - pixel_places(size), error)
 
 
@@ -134,14 +137,7 @@ REGISTRARS: dict[str, Callable[[SecondThread], Registrar]] = {"dense": DenseRegi
 
 
 def make_registrar(name: str, second: SecondThread) -> Registrar:
-    """Return the way of registration of a name in :data:`REGISTRARS`.
-
-    Parameters
-    ----------
-    name
-        Its name.
-    second
-        A second thread that it may give work to.
+    """Return the way of registration of a name in :data:`REGISTRARS`, which may give work to a second thread.
 
     Raises
     ------
@@ -174,30 +170,15 @@ def _homography(displacement: Float32Array) -> FloatArray:
     return np.eye(3) if found is None or np.count_nonzero(supports) < fewest else np.asarray(found)
 
 
-def _forward_backward_error(forward: Float32Array, backward: Float32Array) -> Float32Array:
-    height, width = forward.shape[:2]
-    there = pixel_places((width, height)) + forward
-    away = (_OUTSIDE_PX, _OUTSIDE_PX, 0.0, 0.0)
-    back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
-    back += forward
-    return np.asarray(cv2.magnitude(*cv2.split(back)), dtype=np.float32)
-
-
 def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Return displacement, (n, 2), and forward-backward error, (n,), at places of the reduced image, in its pixels.
+    """Return displacement, (n, 2), and forward-backward error, (n,), at places (x, y) of the reduced image, (n, 2).
 
-    Parameters
-    ----------
-    registration
-        Registration of the small images.
-    points
-        Places (x, y) of the reduced image, shape (n, 2).
-    scale
-        Size of the reduced over that of the small image.
+    Both are in its pixels; ``scale`` is its size over that of the small image that was registered.
     """
     if len(points) == 0:
         return np.empty((0, 2)), np.empty(0)
     small = ((points + 0.5) / scale - 0.5).astype(np.float32).reshape(-1, 1, 2)
-    forward = cv2.remap(registration.forward, small, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    error = values_at(registration.forward_backward_error, small)
+    forward, error = (
+        values_at(image, small) for image in (registration.forward, registration.forward_backward_error)
+    )
     return forward.reshape(-1, 2).astype(np.float64) * scale, error.reshape(-1).astype(np.float64) * scale

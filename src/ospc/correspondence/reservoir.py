@@ -18,14 +18,10 @@ class Reservoir:
     """Keeps every scene point until there are too many, then half of them, and so on; old and new ones alike.
 
     Groups that are added later have higher numbers.
-
-    Attributes
-    ----------
-    capacity
-        Most scene points kept.
     """
 
     capacity: int
+    """Most scene points kept."""
     _parts: list[Observations] = field(default_factory=list, repr=False)
     _halvings: int = 0
     points: int = 0
@@ -51,12 +47,7 @@ class Reservoir:
     def split(self, frame: int) -> tuple[Reservoir, int]:
         """Move the groups whose frames all have this number or a higher one to a new reservoir.
 
-        Groups across that frame are dropped. Groups in the new reservoir are numbered from 0.
-
-        Returns
-        -------
-        tuple of Reservoir and int
-            The new reservoir, and the number of its groups.
+        Return it and the number of its groups, which are numbered from 0 there. Groups across that frame are dropped.
         """
         moved = Reservoir(self.capacity)
         if not self._parts:
@@ -73,22 +64,14 @@ class Reservoir:
         return moved, len(groups)
 
     def all(self) -> Observations:
-        """Return all that is kept.
-
-        Raises
-        ------
-        ValueError
-            If nothing was ever added.
-        """
+        """Return all that is kept; raise a ValueError if nothing was ever added."""
         if not self._parts:
             raise ValueError("nothing was added")
         return concatenate(self._parts)
 
     def some(self, points: int) -> Observations:
         """Return at most about so many scene points, spread evenly over all that are kept."""
-        everything = self.all()
-        step = max(1, -(-self.points // points))
-        return everything.of_points(slice(None, None, step))
+        return self.all().of_points(slice(None, None, max(1, -(-self.points // points))))
 
     def _append(self, part: Observations) -> None:
         if len(part):

@@ -19,21 +19,14 @@ informative."""
 
 @dataclass
 class StaticSeries:
-    """Keeps the grey values of a fixed choice of pixels, for a bounded number of frames.
-
-    Attributes
-    ----------
-    pixels
-        Number of pixels kept: four times the points, so that dark and bright ones are among them.
-    points
-        Number of them, spread evenly over their brightness, that are given to the estimators.
-    frames
-        Most frames kept; beyond, every second is dropped and only every second further one is taken.
-    """
+    """Keeps the grey values of a fixed choice of pixels, for a bounded number of frames."""
 
     pixels: int = 12_000
+    """Number of pixels kept: four times the points, so that dark and bright ones are among them."""
     points: int = 3_000
+    """Number of them, spread evenly over their brightness, that are given to the estimators."""
     frames: int = 256
+    """Most frames kept; beyond, every second is dropped and only every second further one is taken."""
     _places: IntArray | None = field(default=None, repr=False)
     _size: tuple[int, int] = (0, 0)
     _grey: list[Image] = field(default_factory=list, repr=False)
@@ -71,10 +64,7 @@ class StaticSeries:
     def observations(self) -> Observations:
         """Return the series as scene points that each frame sees; a group is a frame.
 
-        Raises
-        ------
-        ValueError
-            If no frame was observed.
+        Raise a ValueError if no frame was observed.
         """
         if self._places is None:
             raise ValueError("no frame was observed")

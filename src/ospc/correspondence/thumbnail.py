@@ -30,52 +30,28 @@ _CLIP_MARGIN_PX = 2
 
 @dataclass(frozen=True)
 class Thumbnail:
-    """A small image of a frame.
-
-    Attributes
-    ----------
-    frame
-        Number of the frame.
-    grey
-        Grey levels in [0, 1], lightly smoothed, shape (h, w).
-    gradient
-        Magnitude of the gradient of the grey levels, per thumbnail pixel, shape (h, w).
-    exposed
-        Whether neither the place nor anything near it is black, white or masked, shape (h, w).
-    equalized
-        The image with its histogram made flat, 8 bit, shape (h, w): nearly the same at every exposure.
-    """
+    """A small image of a frame."""
 
     frame: int
+    """Number of the frame."""
     grey: Float32Array
+    """Grey levels in [0, 1], lightly smoothed, shape (h, w)."""
     gradient: Float32Array
+    """Magnitude of the gradient of the grey levels, per thumbnail pixel, shape (h, w)."""
     exposed: BoolArray
+    """Whether neither the place nor anything near it is black, white or masked, shape (h, w)."""
     equalized: npt.NDArray[np.uint8]
+    """The image with its histogram made flat, 8 bit, shape (h, w): nearly the same at every exposure."""
 
 
 def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | None, size: ImageSize) -> Thumbnail:
-    """Reduce a frame.
+    """Reduce a frame of a size to a thumbnail.
 
-    Parameters
-    ----------
-    frame
-        Its number.
-    image
-        Grey values at any size, shape (height, width).
-    white
-        Largest grey value.
-    mask
-        Where pixels may be used, of any size; None for everywhere.
-    size
-        Width and height of the frame in pixels.
+    Its grey values up to ``white``, and the mask that says where pixels may be used, None for everywhere, may have
+    been reduced to any size before.
     """
     small = _reduced(image, size, white)
     grey = cv2.GaussianBlur(small, (0, 0), _SMOOTHING_PX)
-    smoother = cv2.GaussianBlur(grey, (0, 0), _GRADIENT_SMOOTHING_PX)
-    gradient = cv2.magnitude(
-        cv2.Sobel(smoother, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8),
-        cv2.Sobel(smoother, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8),
-    )
     clipped = ((small < _DARK) | (small > _BRIGHT)).view(np.uint8)
     if mask is not None:
         clipped |= _reduced(mask.astype(np.float32), size, 1) < 1
@@ -83,13 +59,15 @@ def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | 
     near = cv2.dilate(clipped, np.ones((side, side), np.uint8))
     # The square root leaves dark images more than a handful of levels to equalize.
     levels = cv2.convertScaleAbs(np.sqrt(small), alpha=255.0)
-    return Thumbnail(
-        frame,
-        np.asarray(grey, dtype=np.float32),
-        np.asarray(gradient, dtype=np.float32),
-        np.asarray(near == 0),
-        np.asarray(cv2.equalizeHist(levels), dtype=np.uint8),
-    )
+    gradient = gradient_magnitude(grey, _GRADIENT_SMOOTHING_PX)
+    return Thumbnail(frame, grey, gradient, near == 0, cv2.equalizeHist(levels))
+
+
+def gradient_magnitude(image: Float32Array, smoothing_px: float) -> Float32Array:
+    """Return the magnitude of an image's gradient per pixel, after smoothing by this standard deviation."""
+    smooth = cv2.GaussianBlur(image, (0, 0), smoothing_px)
+    along_x, along_y = (cv2.Sobel(smooth, cv2.CV_32F, dx, 1 - dx, ksize=3, scale=1 / 8) for dx in (1, 0))
+    return np.asarray(cv2.magnitude(along_x, along_y), dtype=np.float32)
 
 
 def thumbnail_size(size: ImageSize) -> ImageSize:

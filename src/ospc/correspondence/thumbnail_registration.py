@@ -1,4 +1,4 @@
-"""Dense registration of thumbnails, whatever the exposures and the response are."""
+"""Dense registration of thumbnails, whatever the exposures and the response are; and what all dense search shares."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from ospc.arrays import BoolArray, Float32Array, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import pixel_grid
 
+MIN_OVERLAP = 0.25
+"""Smallest share of the places of one view that must be found in the other. Where less is, most of it is found by
+chance: it is alike in grey level whatever the exposures. Such pairs were wrong by a factor of two on average, those
+above by half a per cent."""
+
+OUTSIDE_PX = 1e4
+"""Displacement on the way back from outside the image: so far that no place comes back from there."""
+
 _MARGIN_PX = 2
 """Places nearer to the border of the second thumbnail are not used, in its pixels."""
 
 _MAX_FORWARD_BACKWARD_ERROR_PX = 1.0
 """Largest distance between a place and where registration there and back ends, in thumbnail pixels."""
-
-MIN_OVERLAP = 0.25
-"""Smallest share of the places of one view that must be found in the other. Where less is, most of it is found by
-chance: it is alike in grey level whatever the exposures. Such pairs were wrong by a factor of two on average, those
-above by half a per cent."""
 
 _SMALLEST_SIDE_PX = 32
 """Dense inverse search needs a few patches along each side; smaller images are taken to stand still."""
@@ -28,9 +31,6 @@ _SMALLEST_SIDE_PX = 32
 _EXPOSED_SHARE = 0.99
 """Interpolated share of exposed pixels from which a place counts as exposed: all its neighbours are, but for
 rounding."""
-
-_OUTSIDE_PX = 1e3
-"""Displacement on the way back from outside the image: so far that no place comes back from there."""
 
 _GRADIENT_WEIGHT = 20.0
 """Weight of the constancy of the gradient in the variational refinement, against smoothness of the displacements:
@@ -56,16 +56,13 @@ class ThumbnailRegistration:
         forward = self._there.calc(first.equalized, second.equalized, None)
         backward = self._back.calc(second.equalized, first.equalized, None)
         there = places + forward
-        away = (_OUTSIDE_PX, _OUTSIDE_PX, 0.0, 0.0)
-        back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
         low, high = (_MARGIN_PX, _MARGIN_PX, 0, 0), (width - 1 - _MARGIN_PX, height - 1 - _MARGIN_PX, 0, 0)
         inside = cv2.inRange(there, low, high) > 0
-        error = cv2.magnitude(*cv2.split(forward + back))
-        return there, np.asarray(inside & (error < _MAX_FORWARD_BACKWARD_ERROR_PX))
+        return there, inside & (forward_backward_error(forward, backward) < _MAX_FORWARD_BACKWARD_ERROR_PX)
 
 
 def values_at(image: Float32Array, places: Float32Array) -> Float32Array:
-    """Return the values of an image, (h, w), at places (x, y), (..., 2), interpolated."""
+    """Return the values of an image, (h, w) or (h, w, n), at places (x, y), (..., 2), interpolated."""
     values = cv2.remap(image, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, dtype=np.float32)
 
@@ -99,3 +96,11 @@ def optical_flow(preset: int, finest_scale: int) -> cv2.DISOpticalFlow:
     flow.setVariationalRefinementDelta(0.0)
     flow.setVariationalRefinementGamma(_GRADIENT_WEIGHT)
     return flow
+
+
+def forward_backward_error(forward: Float32Array, backward: Float32Array) -> Float32Array:
+    """Return how far going there and back ends from where it began, in pixels, shape (h, w)."""
+    there = pixel_places(forward.shape[1::-1]) + forward
+    away = (OUTSIDE_PX, OUTSIDE_PX, 0.0, 0.0)
+    back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
+    return np.asarray(cv2.magnitude(*cv2.split(forward + back)), dtype=np.float32)

@@ -13,9 +13,8 @@ from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
-from ospc.correspondence.registration import make_registrar
+from ospc.correspondence.registration import SecondThread, make_registrar
 from ospc.correspondence.reservoir import Reservoir
-from ospc.correspondence.second_thread import SecondThread
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
