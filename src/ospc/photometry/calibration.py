@@ -46,12 +46,10 @@ class Calibration(ByValue):
 
     Attributes
     ----------
-    size
-        Width and height in pixels of the images it is for.
-    response
-        The camera response; None if it is not identifiable.
-    vignette
-        The vignette; None if it is not identifiable.
+    size, max_grey
+        Width and height in pixels of the images it is for, and their largest grey value: 255 for 8 bit.
+    response, vignette
+        None if they are not identifiable.
     verdicts
         For ``"response"``, ``"vignette"`` and ``"exposures"``: identifiable, marginal or not, why, and what to
         record instead.
@@ -63,8 +61,6 @@ class Calibration(ByValue):
         Re-estimated exposure ratios against the metadata.
     covariance
         For each estimated part, its parameter names and covariance matrix.
-    max_grey
-        Largest grey value of the images: 255 for 8 bit.
     converged
         Whether response and vignette are identifiable and nothing warns about the exposures; with preset "paper",
         whether two estimates of each were accepted.
@@ -72,12 +68,8 @@ class Calibration(ByValue):
         Whether the run was interrupted before the end of the recording.
     counts
         Numbers of frames, skipped frames, pairs and samples used.
-    settings
-        All settings of the method.
-    source
-        Identification of the input.
-    versions
-        Versions of the software used.
+    settings, source, versions
+        All settings of the method, identification of the input, and versions of the software used.
     advice
         What would reduce the uncertainty, most helpful first.
     notes
@@ -182,24 +174,15 @@ class Calibration(ByValue):
     ) -> npt.NDArray[Any]:
         """Return the irradiance e·L = g(M)/V(x) of an image, or the radiance L where its exposure is given.
 
-        Apply it before any undistortion or scaling. Details:
-        :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`.
+        Apply it before any undistortion or scaling. Parameters and errors are those of
+        :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`, and:
 
         Parameters
         ----------
-        image, exposure_ms, dtype, white, mark_saturated
-            As there.
         max_grey
             Largest grey value of the image, if it differs from that of the calibration.
         assume_missing
             Whether an unknown response or vignette is taken to be the identity instead of refused.
-
-        Raises
-        ------
-        NotObservableError
-            If response or vignette is unknown.
-        SettingError, FrameError, ExposureError
-            As there.
         """
         corrector = self._corrector(max_grey, assume_missing)
         return corrector.correct(image, exposure_ms, dtype=dtype, white=white, mark_saturated=mark_saturated)
@@ -211,24 +194,16 @@ class Calibration(ByValue):
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float, *, max_grey: int | None = None) -> Image:
         """Return what the camera would have recorded of the same scene at another exposure.
 
-        As :meth:`Corrector.warp_exposure <ospc.photometry.correction.Corrector.warp_exposure>`.
-
-        Raises
-        ------
-        NotObservableError
-            If the response is unknown.
-        FrameError, ExposureError
-            As there.
+        As :meth:`Corrector.warp_exposure <ospc.photometry.correction.Corrector.warp_exposure>`, with its errors.
         """
         return self._corrector(max_grey, assume_missing=False).warp_exposure(image, from_ms, to_ms)
 
     def _corrector(self, max_grey: int | None, assume_missing: bool) -> Corrector:
         from ospc.photometry.correction import Corrector  # loads OpenCV, which a calibration does not need otherwise
 
-        grey = self.max_grey if max_grey is None else max_grey
-        key = (grey, assume_missing)
+        key = (self.max_grey if max_grey is None else max_grey, assume_missing)
         if key not in self._correctors:
-            self._correctors[key] = Corrector(self.response, self.vignette, grey, assume_missing)
+            self._correctors[key] = Corrector(self.response, self.vignette, *key)
         return self._correctors[key]
 
     @cached_property
@@ -276,13 +251,16 @@ class Calibration(ByValue):
         if place.is_dir():
             place = place / "calibration.json"
         try:
-            content = json.loads(_text_of(place), parse_constant=_finite, parse_float=_finite)
+            if place.stat().st_size > _MAX_BYTES:
+                raise ValueError(f"larger than {_MAX_BYTES // 10**6} MB")
+            text = place.read_text(encoding="utf-8")
+            content = json.loads(text, parse_constant=_finite, parse_float=_finite)
         except FileNotFoundError:
             raise FormatError(f"{place}: there is no such calibration; give calibration.json or its folder") from None
         except (OSError, ValueError, RecursionError) as error:
             raise FormatError(f"{place}: not readable as a calibration ({error})") from None
-        if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-            found = content.get("schema") if isinstance(content, dict) else None
+        found = content.get("schema") if isinstance(content, dict) else None
+        if found != SCHEMA:
             raise FormatError(
                 f"{place}: not a calibration this version reads (schema {found!r}, expected {SCHEMA!r})"
             )
@@ -305,12 +283,6 @@ class Calibration(ByValue):
         from ospc.photometry.calibration_content import to_dict
 
         return to_dict(self)
-
-
-def _text_of(place: Path) -> str:
-    if place.stat().st_size > _MAX_BYTES:
-        raise ValueError(f"larger than {_MAX_BYTES // 10**6} MB")
-    return place.read_text(encoding="utf-8")
 
 
 def _finite(text: str) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -45,76 +46,47 @@ _PROBES_PER_SIDE = 33
 between."""
 
 
+_WRITTEN = (
+    *("size", "max_grey", "partial", "converged", "exponent_sigma", "rests_on", "verdicts", "response", "vignette"),
+    *("noise", "exposure_ratios", "covariance", "coverage", "counts", "effects", "advice", "notes", "warnings"),
+    *("settings", "source", "versions"),
+)
+"""Names of what is written, in this order."""
+
+
 def to_dict(calibration: Calibration) -> dict[str, Any]:
     """Return the content of a calibration; see :meth:`Calibration.as_dict`."""
-    ratios = calibration.exposure_ratios
-    return {
-        "schema": SCHEMA,
-        "size": list(calibration.size),
-        "max_grey": calibration.max_grey,
-        "partial": calibration.partial,
-        "converged": calibration.converged,
-        "exponent_sigma": calibration.exponent_sigma,
-        "rests_on": calibration.rests_on,
-        "verdicts": {name: vars(verdict) for name, verdict in calibration.verdicts.items()},
-        "response": _response_as_dict(calibration.response),
-        "vignette": _vignette_as_dict(calibration.vignette, calibration.vignette_sigma),
-        "noise": None if calibration.noise is None else vars(calibration.noise),
-        "exposure_ratios": {
-            "frames": ratios.frames.tolist(),
-            "metadata": ratios.metadata.tolist(),
-            "estimated": ratios.estimated.tolist(),
-            "samples": ratios.samples.tolist(),
-            "log_sigma": None if ratios.log_sigma is None else ratios.log_sigma.tolist(),
-            "bias": None if not ratios.metadata.size else ratios.bias,
-        },
-        "covariance": calibration.covariance,
-        "coverage": None if calibration.coverage is None else calibration.coverage.as_dict(),
-        "counts": calibration.counts,
-        "effects": [vars(effect) for effect in calibration.effects],
-        "advice": list(calibration.advice),
-        "notes": list(calibration.notes),
-        "warnings": list(calibration.warnings),
-        "settings": calibration.settings,
-        "source": calibration.source,
-        "versions": calibration.versions,
-    }
+    content = {"schema": SCHEMA, **{name: _plain(getattr(calibration, name)) for name in _WRITTEN}}
+    ratios, vignette = calibration.exposure_ratios, calibration.vignette
+    content["exposure_ratios"]["bias"] = ratios.bias if ratios.metadata.size else None
+    if vignette is not None:
+        content["vignette"] = {
+            "model": vignette.as_dict(),
+            "profile_radius": PROFILE_RADII.tolist(),
+            "profile": diagonal_profile(vignette, PROFILE_RADII).tolist(),
+            "profile_sigma": _plain(calibration.vignette_sigma),
+        }
+    return content
 
 
-def _response_as_dict(response: Response | None) -> dict[str, Any] | None:
-    if response is None:
-        return None
-    return {
-        "inverse_table": response.inverse_table.tolist(),
-        "log_sigma": None if response.log_sigma is None else response.log_sigma.tolist(),
-        "scale_sigma": response.scale_sigma,
-        "support": list(response.support),
-        "model": response.model,
-    }
-
-
-def _vignette_as_dict(vignette: Vignette | None, sigma: FloatArray | None) -> dict[str, Any] | None:
-    if vignette is None:
-        return None
-    return {
-        "model": vignette.as_dict(),
-        "profile_radius": PROFILE_RADII.tolist(),
-        "profile": diagonal_profile(vignette, PROFILE_RADII).tolist(),
-        "profile_sigma": None if sigma is None else sigma.tolist(),
-    }
+def _plain(value: Any) -> Any:
+    """Return a value of a calibration in lists and dictionaries."""
+    if isinstance(value, Coverage):
+        return value.as_dict()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value):
+        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value)}
+    if isinstance(value, dict):
+        return {name: _plain(held) for name, held in value.items()}
+    return [_plain(held) for held in value] if isinstance(value, tuple | list) else value
 
 
 def from_dict(content: dict[str, Any], place: Path) -> Calibration:
     """Return the calibration whose content :func:`to_dict` returned.
 
-    Everything is checked here, so that a damaged or hostile file fails when it is loaded and not when it is used.
-
-    Parameters
-    ----------
-    content
-        The content.
-    place
-        The file it was read from; the map of a raster vignette is beside it.
+    Everything is checked here, so that a damaged or hostile file fails when it is loaded and not when it is used. The
+    map of a raster vignette is beside ``place``, the file that the content was read from.
 
     Raises
     ------
@@ -139,7 +111,7 @@ def from_dict(content: dict[str, Any], place: Path) -> Calibration:
         max_grey=_integer(content["max_grey"], "max_grey", 1, LARGEST_GREY),
         converged=bool(content["converged"]),
         partial=bool(content["partial"]),
-        exponent_sigma=float(_array(content.get("exponent_sigma", 0.0), "exponent_sigma", ())),
+        exponent_sigma=_number({"exponent_sigma": 0.0} | content, "exponent_sigma"),
         rests_on=_text(content.get("rests_on", "")),
         counts={name: _integer(count, name, 0) for name, count in content["counts"].items()},
         settings=dict(content["settings"].items()),
@@ -157,15 +129,12 @@ def _response_from_dict(content: dict[str, Any]) -> Response:
     table = _array(content["inverse_table"], "inverse_table", (None,))
     if table.size > LARGEST_GREY + 1:
         raise FormatError(f"inverse_table has {table.size} values, more than there are grey levels")
-    log_sigma, scale_sigma = (
-        None if content[name] is None else _array(content[name], name, shape)
-        for name, shape in (("log_sigma", table.shape), ("scale_sigma", ()))
-    )
+    log_sigma = None if content["log_sigma"] is None else _array(content["log_sigma"], "log_sigma", table.shape)
+    scale_sigma = None if content["scale_sigma"] is None else _number(content, "scale_sigma")
     low, high = _array(content["support"], "support", (2,), high=1.0).tolist()
     if low > high:
         raise FormatError(f"support ends at {high}, before it begins at {low}")
-    scale = None if scale_sigma is None else float(scale_sigma)
-    return Response(table, log_sigma, scale, (low, high), dict(content["model"].items()))
+    return Response(table, log_sigma, scale_sigma, (low, high), dict(content["model"].items()))
 
 
 def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> Vignette:
@@ -187,7 +156,7 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
                 f"non_radial has {counted(len(non_radial), 'value')} instead of {len(NON_RADIAL)} or none"
             )
         x, y = _signed(model["centre"], "centre", (2,)).tolist()
-        limit = float(_array(model["limit"], "limit", ())) if "limit" in model else math.inf
+        limit = _number(model, "limit") if "limit" in model else math.inf
         vignette = LogVignette(size, coefficients, (x, y), non_radial, limit)
     else:
         raise FormatError(f"unknown vignette model {model['name']!r}")
@@ -207,7 +176,7 @@ def _verdict(content: dict[str, str]) -> Verdict:
 
 
 def _effect(content: dict[str, Any]) -> EffectEstimate:
-    value, sigma = (float(_signed(content[name], name, ())) for name in ("value", "sigma"))
+    value, sigma = (_number(content, name, low=-_LARGEST) for name in ("value", "sigma"))
     return EffectEstimate(
         _text(content["name"]), value, sigma, bool(content["corrected"]), bool(content["contradicts"])
     )
@@ -218,8 +187,7 @@ def _noise(content: dict[str, Any]) -> NoiseModel:
     table = _array(content["table"], "noise table", (None,), high=1.0)
     if table.size > LARGEST_GREY + 1:
         raise FormatError(f"the noise table has {table.size} values, more than there are grey levels")
-    read = float(_array(content["read_variance"], "read_variance", (), high=1.0))
-    shot = float(_array(content["shot_variance"], "shot_variance", (), high=1.0))
+    read, shot = (_number(content, name, high=1.0) for name in ("read_variance", "shot_variance"))
     return NoiseModel(read, shot, tuple(table.tolist()))
 
 
@@ -256,6 +224,10 @@ def _array(
     if not np.all((array >= low) & (array <= high)):
         raise FormatError(f"{name} has values that are not between {low:g} and {high:g}")
     return array
+
+
+def _number(content: dict[str, Any], name: str, low: float = 0.0, high: float = _LARGEST) -> float:
+    return float(_array(content[name], name, (), low, high))
 
 
 def _signed(values: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray:

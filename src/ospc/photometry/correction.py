@@ -7,7 +7,7 @@ where the vignette is different.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -46,25 +46,17 @@ class Corrector:
 
     Make one for each camera. An image then costs one table look-up and one multiplication per pixel. Several threads
     may share one.
-
-    Attributes
-    ----------
-    response
-        The response, or three responses for the channels of colour images, in the order of the images. None if
-        unknown.
-    vignette
-        The vignette; None if unknown.
-    max_grey
-        Largest grey value of the images; pixels that reach it are saturated.
-    assume_missing
-        Whether an unknown part is taken to be the identity (g(M) = M, V = 1) instead of refused. :attr:`assumed` then
-        names it; say so wherever the result is used.
     """
 
     response: Response | Sequence[Response] | None
+    """The response, or three for the channels of colour images, in the order of the images. None if unknown."""
     vignette: Vignette | None
+    """The vignette; None if unknown."""
     max_grey: int = 255
+    """Largest grey value of the images; pixels that reach it are saturated."""
     assume_missing: bool = False
+    """Whether an unknown part is taken to be the identity (g(M) = M, V = 1) instead of refused. :attr:`assumed` then
+    names it; say so wherever the result is used."""
 
     def __post_init__(self) -> None:
         """Check the bit depth and the number of responses."""
@@ -113,8 +105,8 @@ class Corrector:
         Returns
         -------
         numpy.ndarray
-            e·L, or L per millisecond, with the shape of the image and of type ``dtype``. The unit is the irradiance
-            that saturates the camera where V = 1. Where V is below :data:`LEAST_ATTENUATION` the result is NaN, or 0.
+            e·L, or L per millisecond, with the shape of the image. The unit is the irradiance that saturates the
+            camera where V = 1. Where V is below :data:`LEAST_ATTENUATION` the result is NaN, or 0.
 
         Raises
         ------
@@ -158,23 +150,9 @@ class Corrector:
     ) -> Image:
         """Return the grey levels that the camera would have recorded without its vignette: f(g(M)/V).
 
-        Parameters
-        ----------
-        image, exposure_ms, white, mark_saturated
-            As for :meth:`correct`.
-        dtype
-            uint8 or uint16; the largest grey level of the camera becomes the largest value.
-
-        Returns
-        -------
-        numpy.ndarray
-            With the shape of the image. Where V = 1, the image is as it was. Where V is below
-            :data:`LEAST_ATTENUATION` it is 0.
-
-        Raises
-        ------
-        NotObservableError, SettingError, FrameError, ExposureError
-            As for :meth:`correct`.
+        Parameters and errors are those of :meth:`correct`, but ``dtype`` is uint8 or uint16: the largest grey level
+        of the camera becomes the largest value. Where V = 1, the image is as it was. Where V is below
+        :data:`LEAST_ATTENUATION` it is 0.
         """
         kind = np.dtype(dtype)
         if kind not in _OUTPUT_TYPES[1:]:
@@ -194,46 +172,21 @@ class Corrector:
         return look_up(roots, np.rint(np.stack(greys, axis=-1) * np.iinfo(kind).max).astype(kind))
 
     def saturated(self, image: Image) -> BoolArray:
-        """Return which pixels have the largest grey value: only a lower bound of their irradiance is known.
-
-        Raises
-        ------
-        FrameError
-            If the image is not one of that bit depth.
-        """
+        """Return which pixels have the largest grey value: only a lower bound of their irradiance is known."""
         return np.asarray(self._checked(image) >= self.max_grey)
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float) -> Image:
         """Return what the camera would have recorded of the same scene at another exposure: f(g(M) · to / from).
 
-        The vignette cancels and need not be known.
-
-        Parameters
-        ----------
-        image
-            As for :meth:`correct`, taken with the exposure ``from_ms``.
-        from_ms, to_ms
-            Exposures in milliseconds times linear gain.
-
-        Returns
-        -------
-        numpy.ndarray
-            The image, same shape and type. Pixels that saturate at the new exposure have the largest grey value.
-            Those that were saturated before keep it, since their irradiance is unknown. :meth:`saturated` finds both.
-
-        Raises
-        ------
-        NotObservableError
-            If the response is unknown.
-        FrameError, ExposureError
-            As for :meth:`correct`.
+        The vignette cancels and need not be known; otherwise errors are those of :meth:`correct`. Exposures are in
+        milliseconds times linear gain. Pixels that saturate at the new exposure have the largest grey value. Those
+        that were saturated before keep it, since their irradiance is unknown. :meth:`saturated` finds both.
         """
         pixels = self._checked(image)
         self._require("response")
         ratio = _checked_exposure(to_ms) / _checked_exposure(from_ms)
-        columns = [
-            np.interp(inverse * ratio, inverse, grey) for grey, inverse in (self._curve(r) for r in self._responses)
-        ]
+        levels = np.linspace(0.0, 1.0, self.max_grey + 1)
+        columns = [np.interp(inverse * ratio, inverse, levels) for inverse in self._inverse_columns.T]
         warped = np.rint(np.stack(columns, axis=-1) * self.max_grey)
         return look_up(pixels, self._filled(warped, self.max_grey, pixels).astype(pixels.dtype))
 
@@ -241,22 +194,18 @@ class Corrector:
     def _responses(self) -> tuple[Response | None, ...]:
         return tuple(self.response) if isinstance(self.response, Sequence) else (self.response,)
 
-    def _curve(self, response: Response | None) -> tuple[FloatArray, FloatArray]:
-        """Return the grey levels of the images and g at these levels, each of shape (max_grey + 1,)."""
-        levels = np.linspace(0.0, 1.0, self.max_grey + 1)
-        return levels, levels if response is None else response.inverse(levels)
-
     @cached_property
     def _inverse_columns(self) -> FloatArray:
         """Values of g at all grey levels, shape (max_grey + 1, channels or 1)."""
-        return np.stack([self._curve(response)[1] for response in self._responses], axis=-1)
+        levels = np.linspace(0.0, 1.0, self.max_grey + 1)
+        return np.stack([levels if r is None else r.inverse(levels) for r in self._responses], axis=-1)
 
     def _filled(self, columns: FloatArray, saturated: float, pixels: Image) -> FloatArray:
         """Return tables with an entry for every value of the pixels' type, so that no index is out of bounds."""
         greys = np.iinfo(pixels.dtype).max + 1
-        return np.concatenate(
-            [columns[: self.max_grey], np.full((greys - self.max_grey, columns.shape[1]), saturated)]
-        )
+        filled = np.full((greys, columns.shape[1]), saturated)
+        filled[: self.max_grey] = columns[: self.max_grey]
+        return filled
 
     def _inverse_vignette(self, pixels: Image) -> Float32Array | None:
         """Return 1/V for every value of an image; None if V is assumed to be 1."""
@@ -332,10 +281,8 @@ def _checked_white(white: float) -> float:
 
 def look_up(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
     """Return the table entry of every pixel; ``tables`` has shape (greys of the type, channels or 1)."""
-    look_up: Callable[[Image, npt.NDArray[np.generic]], npt.NDArray[np.generic]] = (
-        cv2.LUT if pixels.dtype == np.uint8 or _opencv_reads_16_bit_tables() else _look_up_16_bit
-    )
-    return np.asarray(look_up(pixels, np.ascontiguousarray(tables[None])))
+    read = cv2.LUT if pixels.dtype == np.uint8 or _opencv_reads_16_bit_tables() else _look_up_16_bit
+    return np.asarray(read(pixels, np.ascontiguousarray(tables[None])))
 
 
 @cache

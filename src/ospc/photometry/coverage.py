@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.by_value import ByValue
@@ -19,6 +18,8 @@ QUANTILES = (0.16, 0.5, 0.84)
 _FEW_OBSERVATIONS = 30
 """A class of grey levels or radii with fewer observations counts as not covered: one per cent of a usual class."""
 
+_RESIDUALS = ("residual_by_grey", "residual_by_radius", "residual_by_place")
+
 _MAX_CLASSES = 128
 """Most classes along any axis of a table that is read: bounds the memory a damaged file can ask for."""
 
@@ -28,31 +29,22 @@ class Coverage(ByValue):
     """Counts and residuals of observations; an observation is one scene point in one frame.
 
     A residual is ln(g(M) / (e·V)) of an observation minus its mean over the point: 0.01 is one per cent of the
-    radiance.
-
-    Attributes
-    ----------
-    exposure_edges_ms
-        Limits of the classes of exposure, shape (exposures + 1,).
-    grey_exposure
-        Number of observations by class of exposure and by grey level, the latter in equal classes from 0 to 1, shape
-        (exposures, greys).
-    radius_radius
-        Number of observations by the radius of the point in the first and in the second frame, in equal classes from
-        the centre to the corner, shape (radii, radii).
-    residual_by_grey, residual_by_radius
-        :data:`QUANTILES` of the residuals in each class, shapes (greys, 3) and (radii, 3); NaN where there are too
-        few. None without a calibration to compute residuals with.
-    residual_by_place
-        Median residual in equal cells of the image, shape (rows, columns); NaN where there are too few.
+    radiance. Residuals are NaN where there are too few, and None without a calibration to compute them with.
     """
 
     exposure_edges_ms: FloatArray
+    """Limits of the classes of exposure, shape (exposures + 1,)."""
     grey_exposure: IntArray
+    """Number of observations by class of exposure and by grey level, the latter in equal classes from 0 to 1, shape
+    (exposures, greys)."""
     radius_radius: IntArray
+    """Number of observations by the radius of the point in the first and in the second frame, in equal classes from
+    the centre to the corner, shape (radii, radii)."""
     residual_by_grey: FloatArray | None = None
     residual_by_radius: FloatArray | None = None
+    """:data:`QUANTILES` of the residuals in each class, shapes (greys, 3) and (radii, 3)."""
     residual_by_place: FloatArray | None = None
+    """Median residual in equal cells of the image, shape (rows, columns)."""
 
     @property
     def by_grey(self) -> IntArray:
@@ -66,30 +58,21 @@ class Coverage(ByValue):
 
     def gaps(self, max_grey: int) -> tuple[str, ...]:
         """Return what the observations do not cover and how to record it, a phrase each."""
-        found = []
-        greys = [f"{a * max_grey:.0f}–{b * max_grey:.0f}" for a, b in _uncovered(self.by_grey)]
-        if greys:
-            found.append(
-                f"few observations have grey levels {', '.join(greys)}: film even surfaces that bright, at several "
-                f"exposures"
-            )
-        radii = [f"{a:.2f}–{b:.2f}" for a, b in _uncovered(self.by_radius)]
-        if radii:
-            found.append(
-                f"few observations lie at radii {', '.join(radii)} (1 = corner): let even surfaces pass there"
-            )
-        return tuple(found)
+        greys = ", ".join(f"{a * max_grey:.0f}–{b * max_grey:.0f}" for a, b in _uncovered(self.by_grey))
+        radii = ", ".join(f"{a:.2f}–{b:.2f}" for a, b in _uncovered(self.by_radius))
+        film_greys = (
+            f"few observations have grey levels {greys}: film even surfaces that bright, at several exposures"
+        )
+        film_radii = f"few observations lie at radii {radii} (1 = corner): let even surfaces pass there"
+        return tuple(advice for advice, ranges in ((film_greys, greys), (film_radii, radii)) if ranges)
 
     def as_dict(self) -> dict[str, Any]:
         """Return all tables as JSON-compatible values; NaN becomes None."""
+        counted = ("exposure_edges_ms", "grey_exposure", "radius_radius")
         return {
-            "exposure_edges_ms": self.exposure_edges_ms.tolist(),
-            "grey_exposure": self.grey_exposure.tolist(),
-            "radius_radius": self.radius_radius.tolist(),
+            **{name: getattr(self, name).tolist() for name in counted},
             "residual_quantiles": list(QUANTILES),
-            "residual_by_grey": _listed(self.residual_by_grey),
-            "residual_by_radius": _listed(self.residual_by_radius),
-            "residual_by_place": _listed(self.residual_by_place),
+            **{name: _listed(getattr(self, name)) for name in _RESIDUALS},
         }
 
     @classmethod
@@ -105,15 +88,16 @@ class Coverage(ByValue):
         grey_exposure = np.array(content["grey_exposure"], dtype=np.int64)
         radius_radius = np.array(content["radius_radius"], dtype=np.int64)
         by_grey, by_radius, by_place = (
-            None if content[name] is None else np.array(content[name], dtype=np.float64)
-            for name in ("residual_by_grey", "residual_by_radius", "residual_by_place")
+            None if content[name] is None else np.array(content[name], dtype=np.float64) for name in _RESIDUALS
         )
         if grey_exposure.ndim != 2 or radius_radius.ndim != 2 or edges.shape != (len(grey_exposure) + 1,):
             raise FormatError("the tables of the coverage do not fit together")
         greys, radii = grey_exposure.shape[1], len(radius_radius)
-        _check_shape(radius_radius, (radii, radii))
-        _check_shape(by_grey, (greys, len(QUANTILES)))
-        _check_shape(by_radius, (radii, len(QUANTILES)))
+        quantiles = len(QUANTILES)
+        shapes = ((radii, radii), (greys, quantiles), (radii, quantiles))
+        for table, shape in zip((radius_radius, by_grey, by_radius), shapes, strict=True):
+            if table is not None and table.shape != shape:
+                raise FormatError(f"a table of the coverage has shape {table.shape} instead of {shape}")
         if not np.all(np.isfinite(edges)) or grey_exposure.min(initial=0) < 0 or radius_radius.min(initial=0) < 0:
             raise FormatError("the tables of the coverage hold negative counts or infinite exposures")
         if max(*grey_exposure.shape, radii) > _MAX_CLASSES or (by_place is not None and by_place.ndim != 2):
@@ -123,8 +107,7 @@ class Coverage(ByValue):
 
 def _uncovered(counts: IntArray) -> list[tuple[float, float]]:
     """Return the ranges with few observations, in shares of the whole range."""
-    few = np.concatenate([[False], counts < _FEW_OBSERVATIONS, [False]])
-    edges = np.flatnonzero(np.diff(few.astype(int))) / len(counts)
+    edges = np.flatnonzero(np.diff(counts < _FEW_OBSERVATIONS, prepend=False, append=False)) / len(counts)
     return [(float(low), float(high)) for low, high in edges.reshape(-1, 2)]
 
 
@@ -132,8 +115,3 @@ def _listed(values: FloatArray | None) -> list[Any] | None:
     if values is None:
         return None
     return [[round(cell, 6) if math.isfinite(cell) else None for cell in row] for row in values.tolist()]
-
-
-def _check_shape(values: npt.NDArray[Any] | None, shape: tuple[int, ...]) -> None:
-    if values is not None and values.shape != shape:
-        raise FormatError(f"a table of the coverage has shape {values.shape} instead of {shape}")

@@ -10,23 +10,14 @@ LATE_EXPOSURES = "late exposures"
 
 @dataclass(frozen=True)
 class EffectEstimate:
-    """The estimate of one effect.
-
-    Attributes
-    ----------
-    name
-        What it is called.
-    value, sigma
-        Its size and the standard deviation of that, in the unit that :doc:`/theory/effects` gives.
-    corrected
-        Whether response and vignette are those without it. Otherwise it cannot be distinguished from zero, and its
-        standard deviation is part of theirs.
-    contradicts
-        Whether it is something that no camera with one response and one vignette does.
-    """
+    """The estimate of one effect."""
 
     name: str
     value: float
     sigma: float
+    """Its size and the standard deviation of that, in the unit that :doc:`/theory/effects` gives."""
     corrected: bool = False
+    """Whether response and vignette are those without it. Otherwise it cannot be distinguished from zero, and its
+    standard deviation is part of theirs."""
     contradicts: bool = False
+    """Whether it is something that no camera with one response and one vignette does."""

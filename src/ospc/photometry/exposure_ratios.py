@@ -5,36 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.by_value import ByValue
 from ospc.robust import weighted_median
 
 
 @dataclass(frozen=True, eq=False)
 class ExposureRatios(ByValue):
-    """Exposure ratios of pairs of frames, estimated (paper, eq. mean) and from the metadata.
+    """Exposure ratios of pairs of frames, estimated (paper, eq. mean) and from the metadata."""
 
-    Attributes
-    ----------
-    frames
-        Indices of the two frames of each pair, shape (pairs, 2).
-    metadata
-        k = e₀/e₁ from the exposures of the recording, shape (pairs,).
-    estimated
-        k from grey values, response and vignette, shape (pairs,).
-    samples
-        Number of correspondences behind each estimate, shape (pairs,).
-    log_sigma
-        Standard deviation of ln of each estimate, shape (pairs,); None where the method does not tell.
-    """
-
-    frames: npt.NDArray[np.int64]
+    frames: IntArray
+    """Indices of the two frames of each pair, shape (pairs, 2)."""
     metadata: FloatArray
+    """k = e₀/e₁ from the exposures of the recording, shape (pairs,)."""
     estimated: FloatArray
-    samples: npt.NDArray[np.int64]
+    """k from grey values, response and vignette, shape (pairs,)."""
+    samples: IntArray
+    """Number of correspondences behind each estimate, shape (pairs,)."""
     log_sigma: FloatArray | None = None
+    """Standard deviation of ln of each estimate, shape (pairs,); None where the method does not tell."""
 
     @classmethod
     def none(cls) -> ExposureRatios:

@@ -35,19 +35,9 @@ def half_diagonal(size: ImageSize) -> float:
 
 
 def normalised(points: FloatArray, size: ImageSize) -> FloatArray:
-    """Return points relative to the image centre in units of the half diagonal.
+    """Return pixel coordinates (x, y) relative to the image centre in units of the half diagonal, shapes (..., 2).
 
-    Parameters
-    ----------
-    points
-        Pixel coordinates (x, y), shape (..., 2); the first pixel's centre is (0, 0).
-    size
-        Width and height in pixels.
-
-    Returns
-    -------
-    FloatArray
-        Shape (..., 2); the norm of a row is the paper's radius R, 1 at the corner.
+    The first pixel's centre is (0, 0). The norm of what is returned is the paper's radius R, 1 at the corner.
     """
     centre = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
     return np.asarray((np.asarray(points, dtype=np.float64) - centre) / half_diagonal(size), dtype=np.float64)
@@ -56,13 +46,8 @@ def normalised(points: FloatArray, size: ImageSize) -> FloatArray:
 def image_of(function: Callable[[FloatArray, FloatArray], FloatArray], size: ImageSize) -> Float32Array:
     """Return the value of a function at every pixel, shape (height, width).
 
-    Parameters
-    ----------
-    function
-        Takes places relative to the image centre, in half diagonals: x of shape (width,) and y of shape (rows, 1) for
-        some rows at a time; its values have shape (rows, width).
-    size
-        Width and height in pixels.
+    It takes places relative to the image centre, in half diagonals: x of shape (width,) and y of shape (rows, 1) for
+    some rows at a time; its values have shape (rows, width).
     """
     width, height = size
     # x is the same in every column and y in every row: a row and a column broadcast to all pixels.

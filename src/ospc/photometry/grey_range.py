@@ -16,13 +16,7 @@ _NOISE_LEVELS = 256
 
 @dataclass(frozen=True)
 class GreyRange:
-    """Where black and white are.
-
-    Attributes
-    ----------
-    black, white
-        Grey levels in [0, 1] at which values pile up; 0 and 1 where they are the ends of the scale.
-    """
+    """Grey levels in [0, 1] at which values pile up; 0 and 1 where they are the ends of the scale."""
 
     black: float = 0.0
     white: float = 1.0

@@ -21,20 +21,14 @@ class NoiseModel:
 
     Without a table it is affine in the grey level, ``var(M) = read_variance + shot_variance · M``. With a response
     that is not linear the noise is not affine either; ``table`` then holds the measured variances.
-
-    Attributes
-    ----------
-    read_variance
-        Variance at black, in units of full scale squared.
-    shot_variance
-        Growth of the variance from black to white, in the same units.
-    table
-        Variances at equidistant grey levels from 0 to 1, which replace the affine law; empty if there are none.
     """
 
     read_variance: float
+    """Variance at black, in units of full scale squared."""
     shot_variance: float
+    """Growth of the variance from black to white, in the same units."""
     table: tuple[float, ...] = ()
+    """Variances at equidistant grey levels from 0 to 1, which replace the affine law; empty if there are none."""
 
     def __post_init__(self) -> None:
         """Freeze the table."""

@@ -37,10 +37,9 @@ class Response(ByValue):
     ----------
     inverse_table
         g at the grey levels i/(n-1), shape (n,), strictly increasing from 0 to 1.
-    log_sigma
-        Standard deviation of ln g(M)/g(reference_grey) at the same levels, shape (n,); None if unknown.
-    scale_sigma
-        Standard deviation of ln g(reference_grey), given g(1) = 1; None if unknown.
+    log_sigma, scale_sigma
+        Standard deviations of ln g(M)/g(reference_grey) at the same levels, shape (n,), and of ln g(reference_grey),
+        given g(1) = 1; None if unknown.
     support
         Lowest and highest grey level, in [0, 1], that were measured. Outside, the curve follows the prior.
     model

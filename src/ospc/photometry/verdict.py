@@ -10,21 +10,14 @@ State = Literal["identifiable", "marginal", "not identifiable"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How well a recording determines one quantity.
-
-    Attributes
-    ----------
-    state
-        Whether the recording determines the quantity.
-    reason
-        Why, in one sentence with the numbers behind it.
-    remedy
-        What to record instead or in addition; empty if nothing is missing.
-    """
+    """How well a recording determines one quantity."""
 
     state: State
+    """Whether the recording determines it."""
     reason: str
+    """Why, in one sentence with the numbers behind it."""
     remedy: str = ""
+    """What to record instead or in addition; empty if nothing is missing."""
 
     @property
     def known(self) -> bool:

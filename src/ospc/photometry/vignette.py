@@ -50,47 +50,50 @@ class Vignette(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class PolynomialVignette:
-    """V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶ about the image centre (paper, eq. radial).
-
-    Attributes
-    ----------
-    size
-        Width and height in pixels.
-    coefficients
-        (v₁, v₂, v₃), for R in units of the half diagonal.
-    """
+class _Model:
+    """A vignette that is a function of the place relative to the image centre, in half diagonals."""
 
     size: ImageSize
-    coefficients: tuple[float, ...]
+
+    def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        raise NotImplementedError
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
         """Return the attenuation at pixel coordinates, shape (..., 2) -> (...)."""
-        offsets = normalised(np.asarray(points, dtype=np.float64), self.size)
-        return self.profile(np.sqrt(np.sum(offsets**2, axis=-1)))
+        return self.at_normalised(normalised(np.asarray(points, dtype=np.float64), self.size))
+
+    def at_normalised(self, position: FloatArray) -> FloatArray:
+        """Return the attenuation at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
+        return self._values(position[..., 0], position[..., 1])
+
+    def image(self) -> Float32Array:
+        """Return the attenuation of every pixel, shape (height, width)."""
+        return image_of(self._values, self.size)
+
+
+@dataclass(frozen=True)
+class PolynomialVignette(_Model):
+    """V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶ about the image centre, R in half diagonals (paper, eq. radial)."""
+
+    size: ImageSize
+    coefficients: tuple[float, ...]
 
     def profile(self, radius: npt.ArrayLike) -> FloatArray:
         """Return V at radii in units of the half diagonal."""
         squared = np.asarray(radius, dtype=np.float64) ** 2
         return np.asarray(np.polynomial.polynomial.polyval(squared, [1.0, *self.coefficients]), dtype=np.float64)
 
-    def image(self) -> Float32Array:
-        """Return the attenuation of every pixel, shape (height, width)."""
-        return image_of(lambda x, y: self.profile(np.sqrt(x**2 + y**2)), self.size)
+    def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        return self.profile(np.sqrt(x**2 + y**2))
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
         return {"name": "polynomial", "size": list(self.size), "coefficients": list(self.coefficients)}
 
 
-LARGEST_LOG = 50.0
+_LARGEST_LOG = 50.0
 """Largest |ln V| that is evaluated, so that the exponential stays finite: a fit to wrong exposures may reach any
 value."""
-
-
-def _exp(log_v: FloatArray) -> FloatArray:
-    return np.asarray(np.exp(np.clip(log_v, -LARGEST_LOG, LARGEST_LOG)))
 
 
 NON_RADIAL = ("x", "y", "xy", "x2-y2", "xR2", "yR2")
@@ -104,7 +107,7 @@ def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
 
 
 @dataclass(frozen=True)
-class LogVignette:
+class LogVignette(_Model):
     """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre.
 
     Attributes
@@ -128,20 +131,15 @@ class LogVignette:
     non_radial: tuple[float, ...] = ()
     limit: float = math.inf
 
-    def at(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the attenuation at pixel coordinates, shape (..., 2) -> (...)."""
-        return self.at_normalised(normalised(np.asarray(points, dtype=np.float64), self.size))
-
-    def at_normalised(self, position: FloatArray) -> FloatArray:
-        """Return the attenuation at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
-        return _exp(self.log_at_normalised(position))
-
     def log_at_normalised(self, position: FloatArray) -> FloatArray:
         """Return ln V at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
-        return self._log_at_offsets(position[..., 0] - self.centre[0], position[..., 1] - self.centre[1])
+        return self._log_values(position[..., 0], position[..., 1])
 
-    def _log_at_offsets(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return ln V at places relative to the vignette's own centre, of any shapes that go together."""
+    def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(np.clip(self._log_values(x, y), -_LARGEST_LOG, _LARGEST_LOG)))
+
+    def _log_values(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        x, y = x - self.centre[0], y - self.centre[1]
         squared = x**2 + y**2
         if squared.size and squared.max() > self.limit**2:
             inwards = np.minimum(1.0, self.limit / np.sqrt(np.maximum(squared, 1e-300)))
@@ -155,11 +153,6 @@ class LogVignette:
         """Return the radial part of V at distances from its centre in half diagonals."""
         squared = np.asarray(radius, dtype=np.float64) ** 2
         return np.asarray(np.exp(np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])))
-
-    def image(self) -> Float32Array:
-        """Return the attenuation of every pixel, shape (height, width)."""
-        centre_x, centre_y = self.centre
-        return image_of(lambda x, y: _exp(self._log_at_offsets(x - centre_x, y - centre_y)), self.size)
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
@@ -255,17 +248,7 @@ class RasterVignette(ByValue):
 def diagonal_profile(vignette: Vignette, radii: FloatArray) -> FloatArray:
     """Return V along the half diagonals, as the mean of the four and relative to V at the image centre.
 
-    Parameters
-    ----------
-    vignette
-        The vignette.
-    radii
-        Distances from the image centre in half diagonals, from 0 to 1 at the corners, shape (radii,).
-
-    Returns
-    -------
-    FloatArray
-        Shape (radii,).
+    ``radii`` are distances from the image centre in half diagonals, shape (radii,) -> (radii,).
     """
     to_corner = (np.array(vignette.size, dtype=np.float64) - 1) / 2
     directions = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * to_corner
