@@ -108,28 +108,19 @@ def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
 
 @dataclass(frozen=True)
 class LogVignette(_Model):
-    """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre.
-
-    Attributes
-    ----------
-    size
-        Width and height in pixels.
-    coefficients
-        (a₁, a₂, …), radius in units of the half diagonal, measured from ``centre``.
-    centre
-        Centre of the fall-off relative to the image centre, in half diagonals.
-    non_radial
-        Coefficients of the terms :data:`NON_RADIAL`, in this order; empty for none.
-    limit
-        Distance from ``centre``, in half diagonals, beyond which V is unknown, as outside a fisheye's image circle:
-        it keeps its value at this distance.
-    """
+    """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre."""
 
     size: ImageSize
+    """Width and height in pixels."""
     coefficients: tuple[float, ...]
+    """(a₁, a₂, …), radius in units of the half diagonal, measured from ``centre``."""
     centre: tuple[float, float] = (0.0, 0.0)
+    """Centre of the fall-off relative to the image centre, in half diagonals."""
     non_radial: tuple[float, ...] = ()
+    """Coefficients of the terms :data:`NON_RADIAL`, in this order; empty for none."""
     limit: float = math.inf
+    """Distance from ``centre``, in half diagonals, beyond which V is unknown, as outside a fisheye's image circle: it
+    keeps its value at this distance."""
 
     def log_at_normalised(self, position: FloatArray) -> FloatArray:
         """Return ln V at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
@@ -168,18 +159,12 @@ class LogVignette(_Model):
 
 @dataclass(frozen=True, eq=False)
 class RasterVignette(ByValue):
-    """A measured vignette with one value for each pixel.
-
-    Attributes
-    ----------
-    values
-        Attenuation, shape (height, width), in (0, 1]; divided by its maximum on construction.
-    source
-        Where it came from, as JSON-compatible values.
-    """
+    """A measured vignette with one value for each pixel."""
 
     values: Float32Array
+    """Attenuation, shape (height, width), in (0, 1]; divided by its maximum on construction."""
     source: dict[str, Any] = field(default_factory=dict)
+    """Where it came from, as JSON-compatible values."""
 
     def __post_init__(self) -> None:
         """Normalise and freeze the values."""

@@ -32,8 +32,7 @@ _FILES = (
 def write_truth(folder: Path, truth: Truth) -> None:
     """Write times.txt, camera.txt, groundtruthSync.txt and the true pcalib.txt, vignette.png and truth.json."""
     width, height = truth.settings.size
-    focal = f"{truth.settings.focal_px:.9g}"
-    size = f"{width} {height}"
+    focal, size = f"{truth.settings.focal_px:.9g}", f"{width} {height}"
     times = enumerate(zip(truth.stamps_s, truth.metadata_exposures_ms, strict=True))
     rows = np.column_stack([truth.stamps_s, truth.trajectory])
     texts = {
@@ -49,14 +48,12 @@ def write_truth(folder: Path, truth: Truth) -> None:
 
 
 def remove_recording(folder: Path) -> None:
-    """Remove an earlier simulated recording, and nothing but what :func:`~ospc.simulation.camera.simulate` writes.
-
-    Nothing happens if its folder is missing or empty.
+    """Remove an earlier simulated recording; nothing happens if its folder is missing or empty.
 
     Raises
     ------
     SettingError
-        If the folder holds anything else; then nothing is removed.
+        If the folder holds anything but what :func:`simulate` writes; then nothing is removed.
     """
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
@@ -88,10 +85,8 @@ class Sensor:
     """
 
     def __init__(self, response: Response, settings: SimulationSettings) -> None:
-        self._response = response
-        self._max_grey = settings.max_grey
+        self._response, self._max_grey, self._seed = response, settings.max_grey, settings.seed
         self._full_well, self._read_noise = settings.sensor
-        self._seed = settings.seed
         # Tabulated over the square root of the irradiance: as a function of it, no usual response is steep.
         root = np.linspace(0.0, 1.0, _TABLE)
         self._grey = np.rint(response(root**2) * self._max_grey).astype(
@@ -161,8 +156,6 @@ def simulate(
     ----------
     out
         Folder to create. It must be empty or missing, unless it holds an earlier simulated recording to overwrite.
-    settings
-        What to simulate.
     overwrite
         Whether to remove an earlier simulated recording; nothing else is ever removed.
     progress
@@ -219,17 +212,15 @@ def _irradiances(scene: Scene, known: Truth) -> Iterator[Float32Array]:
     exposed: Float32Array | None = None
     for index in range(settings.frames):
         if exposed is None or not settings.still:
-            exposed = _exposed(scene, settings, motion, float(known.stamps_s[index]), float(known.times_ms[index]))
+            exposed = _exposed(scene, known, motion, index)
         factor = known.exposures_ms[index] * known.light[index]
         yield exposed * attenuation * np.float32(factor)
 
 
-def _exposed(
-    scene: Scene, settings: SimulationSettings, motion: Motion, stamp_s: float, time_ms: float
-) -> Float32Array:
+def _exposed(scene: Scene, known: Truth, motion: Motion, index: int) -> Float32Array:
     """Return the radiance at every pixel, averaged over instants of the exposure for motion blur."""
-    count = settings.motion_blur_samples
-    instants = stamp_s + ((np.arange(count) + 0.5) / count - 0.5) * time_ms / 1000
+    settings, count = known.settings, known.settings.motion_blur_samples
+    instants = known.stamps_s[index] + ((np.arange(count) + 0.5) / count - 0.5) * known.times_ms[index] / 1000
     total = radiance(scene, view_at(settings, motion, instants[0]), instants[0])
     for instant in instants[1:]:
         total += radiance(scene, view_at(settings, motion, instant), instant)

@@ -55,18 +55,12 @@ _AXES = ("x", "y", "z", "yaw", "pitch", "roll")
 
 @dataclass(frozen=True)
 class Poses:
-    """Camera poses at several instants.
-
-    Attributes
-    ----------
-    position_m
-        Position of the camera in the world, shape (n, 3).
-    rotation
-        Matrices that turn camera into world directions, shape (n, 3, 3).
-    """
+    """Camera poses at several instants."""
 
     position_m: FloatArray
+    """Position of the camera in the world, shape (n, 3)."""
     rotation: FloatArray
+    """Matrices that turn camera into world directions, shape (n, 3, 3)."""
 
     def as_trajectory(self) -> FloatArray:
         """Return rows (tx, ty, tz, qx, qy, qz, qw), camera to world, shape (n, 7)."""
@@ -77,20 +71,14 @@ class Poses:
 
 @dataclass(frozen=True)
 class Motion:
-    """A sum of oscillations with random phases for each coordinate of the pose.
-
-    Attributes
-    ----------
-    amplitude, period_s, phase
-        Shape (6, k): x, y, z in metres; yaw, pitch, roll in radians; rows are padded with amplitude 0.
-    moving
-        Whether the pose changes with time.
-    """
+    """A sum of oscillations with random phases for each coordinate of the pose."""
 
     amplitude: FloatArray
     period_s: FloatArray
     phase: FloatArray
+    """Shape (6, k): x, y, z in metres; yaw, pitch, roll in radians; rows are padded with amplitude 0."""
     moving: bool
+    """Whether the pose changes with time."""
 
     @classmethod
     def of(cls, settings: SimulationSettings) -> Motion:

@@ -36,24 +36,16 @@ _CELL_PX = 32
 
 @dataclass(frozen=True)
 class View:
-    """A pinhole camera and its pose.
-
-    Attributes
-    ----------
-    size
-        Width and height of its image in pixels.
-    focal_px
-        Focal length; the principal point is the image centre, where the centre of the first pixel is (0, 0).
-    position_m
-        World position, shape (3,).
-    rotation
-        Camera-to-world rotation, shape (3, 3).
-    """
+    """A pinhole camera and its pose."""
 
     size: ImageSize
+    """Width and height of its image in pixels."""
     focal_px: float
+    """Focal length; the principal point is the image centre, where the centre of the first pixel is (0, 0)."""
     position_m: FloatArray
+    """World position, shape (3,)."""
     rotation: FloatArray
+    """Camera-to-world rotation, shape (3, 3)."""
 
     def homography(self, place: Rectangle) -> FloatArray:
         """Return the map of metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
@@ -154,9 +146,7 @@ def _drawn(face: Face, view: View) -> Iterable[_Piece]:
     if x1 <= x0 or y1 <= y0:
         return
     shape = (int(y1 - y0), int(x1 - x0))
-    to_metres = np.asarray(
-        np.linalg.inv(to_image) @ np.array([[1.0, 0, x0], [0, 1, y0], [0, 0, 1]]), dtype=np.float64
-    )
+    to_metres = np.linalg.inv(to_image) @ np.array([[1.0, 0, x0], [0, 1, y0], [0, 0, 1]])
     colour = _sampled(face, to_metres, shape, outline - (x0, y0))
     yield (slice(y0, y1), slice(x0, x1)), colour, _coverage(face.place.size_m, to_metres, shape)
 
@@ -207,8 +197,7 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
     rows, columns = max(2, -(-height // _CELL_PX)), max(2, -(-width // _CELL_PX))
     x = (np.arange(columns) + 0.5) * width / columns - 0.5
     y = (np.arange(rows) + 0.5) * height / rows - 0.5
-    cells = np.empty((rows, columns, 2))
-    cells[:, :, 0], cells[:, :, 1] = x, y[:, None]
+    cells = np.stack(np.meshgrid(x, y), axis=-1)
     texel_m = face.place.size_m[0] / face.mips[0].shape[1]
     detail = _detail(to_metres, np.concatenate([outline, cells.reshape(-1, 2)]), texel_m)
     detail = np.minimum(np.maximum(detail, 0), len(face.mips) - 1)
@@ -262,13 +251,6 @@ def _warped(
     across, down = mip.shape[1] / face.place.size_m[0], mip.shape[0] / face.place.size_m[1]
     to_elements = np.array([[across, 0, -0.5], [0, down, -0.5], [0, 0, 1.0]]) @ to_metres
     to_elements = to_elements @ np.array([[1.0, 0, first[0]], [0, 1, first[1]], [0, 0, 1]])
-    return np.asarray(
-        cv2.warpPerspective(
-            mip,
-            to_elements,
-            (shape[1], shape[0]),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        ),
-        dtype=np.float32,
-    )
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    warped = cv2.warpPerspective(mip, to_elements, shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(warped, dtype=np.float32)

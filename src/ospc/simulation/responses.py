@@ -15,14 +15,18 @@ from ospc.photometry.geometry import half_diagonal, normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
 from ospc.simulation.settings import SimulationSettings
+from ospc.simulation.texture import srgb_decoded
 
 LEVELS = 255 * 8 + 1
 """Length of the tables: every 8-bit grey value, and so every knot given as one, falls on an entry."""
 
+_GREY = np.linspace(0.0, 1.0, LEVELS)
+"""Grey levels of the entries."""
+
 
 def linear() -> Response:
     """Return the response of a linear sensor, g(M) = M."""
-    return Response(_grey(), model={"name": "linear"})
+    return Response(_GREY, model={"name": "linear"})
 
 
 def gamma22() -> Response:
@@ -32,13 +36,12 @@ def gamma22() -> Response:
 
 def srgb() -> Response:
     """Return the transfer function of sRGB (IEC 61966-2-1)."""
-    grey = _grey()
-    return Response(np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4), model={"name": "srgb"})
+    return Response(srgb_decoded(_GREY), model={"name": "srgb"})
 
 
 def logarithmic(steepness: float = 50.0) -> Response:
     """Return f(I) = ln(1 + aI) / ln(1 + a), logarithmic compression."""
-    inverse = np.expm1(_grey() * math.log1p(steepness)) / steepness
+    inverse = np.expm1(_GREY * math.log1p(steepness)) / steepness
     return Response.from_values(inverse, model={"name": "log", "steepness": steepness})
 
 
@@ -48,9 +51,8 @@ def filmic(exponent: float = 1.25, half: float = 0.18) -> Response:
     This is the function of Naka and Rushton (1966), scaled to reach 1. Its inverse is
     g(M) = (cM / (1 + c − M))^(1/p).
     """
-    grey = _grey()
     constant = half**exponent
-    inverse = (constant * grey / (1 + constant - grey)) ** (1 / exponent)
+    inverse = (constant * _GREY / (1 + constant - _GREY)) ** (1 / exponent)
     return Response.from_values(inverse, model={"name": "filmic", "exponent": exponent, "half": half})
 
 
@@ -59,7 +61,7 @@ def tum_narrow() -> Response:
 
     These are the knees of the camera of the TUM monocular dataset.
     """
-    inverse = np.interp(_grey() * 255, [0, 88, 188, 255], [0, 0.068, 0.464, 1])
+    inverse = np.interp(_GREY * 255, [0, 88, 188, 255], [0, 0.068, 0.464, 1])
     return Response(inverse, model={"name": "tum_narrow"})
 
 
@@ -93,17 +95,8 @@ def make_response(choice: str | Path | Response) -> Response:
     return read_pcalib(choice)
 
 
-def _grey() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.linspace(0.0, 1.0, LEVELS)
-
-
 VIGNETTES = ("none", "polynomial", "cos4", "decentred")
 """The vignettes by name."""
-
-
-def none(size: ImageSize) -> PolynomialVignette:
-    """Return V = 1 everywhere."""
-    return PolynomialVignette(size, (0.0, 0.0, 0.0))
 
 
 def cos4(size: ImageSize, focal_px: float) -> RasterVignette:
@@ -137,7 +130,7 @@ def make_vignette(settings: SimulationSettings) -> Vignette:
     if not isinstance(choice, str | Path):
         made: Vignette = choice
     elif choice == "none":
-        made = none(settings.size)
+        made = PolynomialVignette(settings.size, (0.0, 0.0, 0.0))
     elif choice == "polynomial":
         made = PolynomialVignette(settings.size, tuple(settings.vignette_coefficients))
     elif choice == "cos4":

@@ -72,27 +72,18 @@ class Patch:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything in front of the camera.
-
-    Attributes
-    ----------
-    walls
-        The inside of a convex room: a wall in every direction, none in front of another.
-    pictures
-        Flat on the walls.
-    solids
-        Boxes in front of the walls. The radical plane of the bounding spheres of any two separates them.
-    patches
-        Moving patches between camera and boxes, the outermost first.
-    scale
-        Factor from the radiance of the faces to saturations per millisecond.
-    """
+    """Everything in front of the camera."""
 
     walls: tuple[Face, ...]
+    """The inside of a convex room: a wall in every direction, none in front of another."""
     pictures: tuple[Face, ...]
+    """Flat on the walls."""
     solids: tuple[Solid, ...]
+    """Boxes in front of the walls. The radical plane of the bounding spheres of any two separates them."""
     patches: tuple[Patch, ...]
+    """Moving patches between camera and boxes, the outermost first."""
     scale: float
+    """Factor from the radiance of the faces to saturations per millisecond."""
 
     @cached_property
     def corners_m(self) -> FloatArray:

@@ -8,7 +8,7 @@ from importlib.resources import files
 import cv2
 import numpy as np
 
-from ospc.arrays import Float32Array
+from ospc.arrays import Float32Array, FloatArray
 
 TEXEL_M = 0.004
 """Edge of a texel in metres: the footprint of a pixel of a 640-pixel-wide camera at about 1.7 m."""
@@ -34,11 +34,15 @@ def photograph(name: str) -> Float32Array:
     """Return one of the package's photographs as linear reflectance in (0, 1), read-only."""
     content = (files("ospc.simulation") / "textures" / f"{name}.png").read_bytes()
     coded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
-    grey = np.asarray(coded, dtype=np.float64) / 255
-    linear = np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
+    linear = srgb_decoded(np.asarray(coded, dtype=np.float64) / 255)
     result = (_DARKEST + (_BRIGHTEST - _DARKEST) * linear).astype(np.float32)
     result.setflags(write=False)
     return result
+
+
+def srgb_decoded(grey: FloatArray) -> FloatArray:
+    """Return the light that grey levels of sRGB stand for (IEC 61966-2-1)."""
+    return np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
 
 
 def single(name: str, size_m: tuple[float, float], border_m: float = 0.0) -> Float32Array:
@@ -144,10 +148,8 @@ def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: in
             y, x = rng.integers(0, edge - piece + 1, 2)
             cut = np.rot90(source[y : y + piece, x : x + piece], int(rng.integers(4)))
             dy, dx = rng.integers(0, step // 2 + 1, 2)
-            place = (
-                slice(row * step + dy, row * step + dy + piece),
-                slice(column * step + dx, column * step + dx + piece),
-            )
+            top, left = row * step + dy, column * step + dx
+            place = (slice(top, top + piece), slice(left, left + piece))
             total[place] += window * cut
             squares[place] += squared_window
     kept = (slice(piece, piece + size[1]), slice(piece, piece + size[0]))

@@ -30,42 +30,25 @@ _WRITTEN_BY_FRAME = ("stamps_s", "times_ms", "gains", "exposures_ms", "metadata_
 
 @dataclass(frozen=True)
 class Truth:
-    """The truth of a simulated recording.
-
-    Attributes
-    ----------
-    settings
-        Settings of the simulation.
-    response
-        The camera response.
-    vignette
-        The vignette.
-    stamps_s
-        Time stamps, at the middle of the exposures, shape (frames,).
-    times_ms
-        True exposure times, shape (frames,).
-    gains
-        True linear gains, shape (frames,).
-    exposures_ms
-        True exposures, time times gain, shape (frames,).
-    metadata_exposures_ms
-        Exposures in the metadata, shape (frames,).
-    light
-        Factor of flicker on all radiance, mean over each exposure, shape (frames,).
-    trajectory
-        Rows (tx, ty, tz, qx, qy, qz, qw), camera to world, metres, shape (frames, 7).
-    """
+    """The truth of a simulated recording."""
 
     settings: SimulationSettings
     response: Response
     vignette: Vignette
     stamps_s: FloatArray
+    """Time stamps, at the middle of the exposures, shape (frames,)."""
     times_ms: FloatArray
+    """True exposure times, shape (frames,)."""
     gains: FloatArray
+    """True linear gains, shape (frames,)."""
     exposures_ms: FloatArray
+    """True exposures, time times gain, shape (frames,)."""
     metadata_exposures_ms: FloatArray
+    """Exposures in the metadata, shape (frames,)."""
     light: FloatArray
+    """Factor of flicker on all radiance, mean over each exposure, shape (frames,)."""
     trajectory: FloatArray
+    """Rows (tx, ty, tz, qx, qy, qz, qw), camera to world, metres, shape (frames, 7)."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of ``truth.json`` as JSON-compatible values."""
@@ -131,11 +114,10 @@ def view_at(settings: SimulationSettings, motion: Motion, time_s: float, width: 
 
 
 def _programmed(settings: SimulationSettings) -> FloatArray:
-    if settings.exposure == "constant":
-        return np.full(settings.frames, settings.exposure_ms)
     if settings.exposure == "sweep":
         return np.geomspace(settings.exposure_min_ms, settings.exposure_max_ms, settings.frames)
-    return np.resize(np.array(settings.exposures_ms, dtype=np.float64), settings.frames)
+    listed = (settings.exposure_ms,) if settings.exposure == "constant" else settings.exposures_ms
+    return np.resize(np.array(listed, dtype=np.float64), settings.frames)
 
 
 def _metadata(settings: SimulationSettings, exposures_ms: FloatArray) -> FloatArray:
@@ -154,35 +136,33 @@ def _auto_exposure(
     """
     motion = Motion.of(settings)
     width = min(_METER_SIZE, settings.size[0])
+    low = float(np.log(settings.exposure_min_ms * settings.gain))
+    high = float(np.log(settings.exposure_max_ms * settings.gain_max))
 
     def meter(stamp_s: float) -> FloatArray:
         small = radiance(scene, view_at(settings, motion, stamp_s, width), stamp_s)
         return small * _thumbnail(vignette, (small.shape[1], small.shape[0]))
 
-    low = float(np.log(settings.exposure_min_ms * settings.gain))
-    high = float(np.log(settings.exposure_max_ms * settings.gain_max))
+    def controlled(log_e: float, light: FloatArray) -> float:
+        """Step by a share of the deviation of the mean grey level, limited."""
+        grey = max(float(np.mean(response(light * np.exp(log_e)))), _DARKEST_METERED)
+        wanted = settings.auto_gain * np.log(settings.auto_target / grey)
+        return min(max(log_e + float(np.clip(wanted, -settings.auto_rate, settings.auto_rate)), low), high)
+
     log_e = float(np.clip(np.log(settings.reference_exposure_ms * settings.gain), low, high))
     metered = meter(float(stamps_s[0]))
     for _ in range(_SETTLING_STEPS):
-        log_e = min(max(log_e + _step(settings, response, metered * np.exp(log_e)), low), high)
+        log_e = controlled(log_e, metered)
     result = np.empty(settings.frames)
     for i, stamp in enumerate(stamps_s):
         result[i] = log_e
         if i > 0 and not settings.still:
             metered = meter(float(stamp))
         time_ms = min(np.exp(log_e) / settings.gain, settings.exposure_max_ms)
-        light = float(flicker(settings, stamp, np.asarray(time_ms)))
-        log_e = min(max(log_e + _step(settings, response, metered * light * np.exp(log_e)), low), high)
+        log_e = controlled(log_e, metered * float(flicker(settings, stamp, np.asarray(time_ms))))
     exposures = np.exp(result)
     times = np.minimum(exposures / settings.gain, settings.exposure_max_ms)
     return times, exposures / times
-
-
-def _step(settings: SimulationSettings, response: Response, irradiance: FloatArray) -> float:
-    """Return the step of the control in ln exposure: a share of the deviation of the mean grey level, limited."""
-    grey = max(float(np.mean(response(irradiance))), _DARKEST_METERED)
-    wanted = settings.auto_gain * np.log(settings.auto_target / grey)
-    return float(np.clip(wanted, -settings.auto_rate, settings.auto_rate))
 
 
 def _thumbnail(vignette: Vignette, size: tuple[int, int]) -> FloatArray:
