@@ -27,7 +27,7 @@ value of 8 bits."""
 _WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
 """Further dimensions of the fields that have some."""
 
-_GIVEN = ("grey", "grey_variance", "position", "gradient", "frame_moments", "surround_moments", "frame")
+_OF_A_FRAME = ("grey", "grey_variance", "position", "gradient", "frame_moments", "surround_moments", "frame")
 
 _ROUNDING = 0.02
 """Share of the half diagonal by which a place may lie beyond the corner: half a pixel and rounding."""
@@ -124,7 +124,7 @@ class Observations(ByValue):
             (grey0, grey_variance0, position0, gradient0, frame_moments0, surround_moments0, frame0),
             (grey1, grey_variance1, position1, gradient1, frame_moments1, surround_moments1, frame1),
         )
-        first, second = (dict(zip(_GIVEN, values, strict=True)) for values in given)
+        first, second = (dict(zip(_OF_A_FRAME, values, strict=True)) for values in given)
         found = cls.alternating(first, second, np.zeros(n))
         pairs = found.frame.reshape(n, 2)
         group = np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1) if n else found.group
@@ -136,15 +136,10 @@ class Observations(ByValue):
     def alternating(
         cls, first: Mapping[str, npt.ArrayLike], second: Mapping[str, npt.ArrayLike], group: npt.ArrayLike
     ) -> Observations:
-        """Return the observations of points seen in two frames, from all fields but two of one and of the other.
+        """Return the observations of points seen in two frames, from the fields of their first and second ones.
 
-        Fields have a value for each point or one for all; ``group`` is the number of the pair of each point, shape
-        (points,). What is in them is not checked.
-
-        Raises
-        ------
-        SettingError
-            If shapes do not fit.
+        A field has a value for each point or one for all; ``group`` is the pair of each, shape (points,). Only shapes
+        are checked: a SettingError says which do not fit.
         """
         n = np.size(first["grey"])
 
@@ -160,7 +155,7 @@ class Observations(ByValue):
                 ) from None
             return ends.reshape(2 * n, *width)
 
-        values = {name: both(name) for name in _GIVEN}
+        values = {name: both(name) for name in _OF_A_FRAME}
         frame = values.pop("frame").astype(np.int64)
         point, pair = np.repeat(np.arange(n), 2), np.repeat(np.asarray(group, dtype=np.int64), 2)
         return cls(**values, frame=frame, point=point, group=pair)

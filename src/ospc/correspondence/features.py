@@ -74,13 +74,7 @@ class OrbExtractor(_OpenCvExtractor):
 
 
 class SurfExtractor:
-    """Speeded-up robust features (Bay et al. 2006) by the package mahotas; keeps the ``max_features`` strongest.
-
-    Raises
-    ------
-    MissingExtraError
-        If mahotas is not installed.
-    """
+    """Speeded-up robust features (Bay et al. 2006) by the package mahotas; keeps the ``max_features`` strongest."""
 
     norm = cv2.NORM_L2
 

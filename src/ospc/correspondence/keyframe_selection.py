@@ -139,13 +139,7 @@ class KeyframeSelector:
         )
 
     def restore(self, state: KeyframeSelectorState) -> None:
-        """Go on from a state, without the images of the keyframes.
-
-        Raises
-        ------
-        ValueError
-            If its arrays do not fit each other.
-        """
+        """Go on from a state, without the images of the keyframes; raise a ValueError if its arrays do not fit."""
         lengths = {len(state.frames), len(state.uses), len(state.log_exposure)}
         if state.seen.shape != self._seen.shape or len(lengths) != 1:
             raise ValueError("the state of the keyframe selection has tables of the wrong length")

@@ -153,14 +153,9 @@ class Calibration(ByValue):
         """Return the irradiance e·L = g(M)/V(x) of an image, or the radiance L where its exposure is given.
 
         Apply it before any undistortion or scaling. Parameters and errors are those of
-        :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`, and:
-
-        Parameters
-        ----------
-        max_grey
-            Largest grey value of the image, if it differs from that of the calibration.
-        assume_missing
-            Whether an unknown response or vignette is taken to be the identity instead of refused.
+        :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`. ``max_grey`` is the largest grey
+        value of the image, if it differs from that of the calibration; ``assume_missing`` takes an unknown response
+        or vignette to be the identity instead of refusing.
         """
         corrector = self._corrector(max_grey, assume_missing)
         return corrector.correct(image, exposure_ms, dtype=dtype, white=white, mark_saturated=mark_saturated)
@@ -211,12 +206,7 @@ class Calibration(ByValue):
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
-        """Read a calibration that :meth:`save` wrote.
-
-        Parameters
-        ----------
-        path
-            The JSON file, or the folder that holds ``calibration.json``.
+        """Read a calibration that :meth:`save` wrote: a JSON file, or a folder that holds ``calibration.json``.
 
         Raises
         ------

@@ -77,13 +77,7 @@ class Coverage(ByValue):
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Coverage:
-        """Return the tables from the output of :meth:`as_dict`.
-
-        Raises
-        ------
-        FormatError
-            If the shapes of the tables do not fit together.
-        """
+        """Return the tables from the output of :meth:`as_dict`; raise a FormatError if they do not fit together."""
         edges = np.array(content["exposure_edges_ms"], dtype=np.float64)
         grey_exposure = np.array(content["grey_exposure"], dtype=np.int64)
         radius_radius = np.array(content["radius_radius"], dtype=np.int64)

@@ -209,13 +209,7 @@ class RasterVignette(ByValue):
 
     @classmethod
     def read_map(cls, path: str | Path, size: ImageSize, source: dict[str, Any]) -> RasterVignette:
-        """Read a map that :meth:`write_map` wrote.
-
-        Raises
-        ------
-        FormatError
-            If the file cannot be read or is not a map of that size.
-        """
+        """Read a map that :meth:`write_map` wrote; raise a FormatError if it is none of that size."""
         try:
             with zipfile.ZipFile(path) as archive:
                 stored = archive.getinfo(_MAP_NAME)

@@ -98,8 +98,7 @@ class Sensor:
 
         The index of the frame seeds the noise; e includes the linear gain.
         """
-        noisy = self._with_noise(irradiance, frame, gain)
-        np.clip(noisy, 0, 1, out=noisy)
+        noisy = np.clip(self._with_noise(irradiance, frame, gain), 0, 1)
         if self._max_grey > 255:
             return np.rint(self._response(noisy) * self._max_grey).astype(np.uint16)
         index = np.sqrt(noisy) * np.float32(_TABLE - 1) + np.float32(0.5)
@@ -107,7 +106,7 @@ class Sensor:
 
     def _with_noise(self, irradiance: Float32Array, frame: int, gain: float) -> Float32Array:
         if math.isinf(self._full_well):
-            return irradiance.copy()
+            return irradiance
         rng = np.random.default_rng([self._seed, 3, frame])
         noise = rng.standard_normal(irradiance.shape, dtype=np.float32)
         electrons = np.maximum(irradiance, 0) * np.float32(self._full_well / gain)
@@ -164,9 +163,9 @@ def simulate(
     Raises
     ------
     SettingError
-        If the folder is not empty or cannot be written.
-    OspcError
-        As :func:`~ospc.simulation.truth.truth`.
+        If the folder is not empty or cannot be written, or there is no such response or vignette.
+    FormatError
+        If the file of a response or vignette cannot be read.
     """
     place = Path(out)
     if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):

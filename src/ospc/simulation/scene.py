@@ -38,6 +38,15 @@ _WINDOW_M = (1.5, 1.1)
 _DOOR_M = (0.95, 2.05)
 """Width and height of the doorway, in metres."""
 
+_COATS = (
+    (tiled, "brick", 2.0, 1.2, 0.28),
+    (strewn, "gravel", 2.6, 0.35, 0.45),
+    (tiled, "brick", 1.5, 0.9, 0.12),
+    (strewn, "grass", 1.7, 0.35, 0.5),
+)
+"""Wall coverings with the edge in metres, contrast and level of their texture: pale bricks, plaster, dark bricks,
+rough wallpaper."""
+
 _PICTURES = ("camera", "coffee", "chelsea")
 
 
@@ -151,24 +160,15 @@ def _walls(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Face, ...
     ceiling = Rectangle(np.array([-length, -width, height]), x, y, extent)
     ground = str(rng.choice(["gravel", "grass"]))
     faces = [
-        lit(floor, strewn(ground, extent, rng, piece_m=1.9, contrast=0.8, level=0.16), lamps),
-        lit(ceiling, strewn("gravel", extent, rng, piece_m=2.4, contrast=0.15, level=0.65), lamps),
+        lit(floor, strewn(ground, extent, rng, edge_m=1.9, contrast=0.8, level=0.16), lamps),
+        lit(ceiling, strewn("gravel", extent, rng, edge_m=2.4, contrast=0.15, level=0.65), lamps),
     ]
-    for side, coat in enumerate(rng.permutation(4)):
+    for side, coat in enumerate(rng.permutation(len(_COATS)).tolist()):
         wall = _wall(side)
-        faces.append(lit(wall, _coat(int(coat), wall.size_m, rng), lamps))
+        cover, name, edge_m, contrast, level = _COATS[coat]
+        coating = cover(name, wall.size_m, rng, edge_m=edge_m, contrast=contrast, level=level)
+        faces.append(lit(wall, coating, lamps))
     return tuple(faces)
-
-
-def _coat(kind: int, size_m: tuple[float, float], rng: np.random.Generator) -> Float32Array:
-    """Return one of four wall coverings: pale bricks, plaster, dark bricks, rough wallpaper."""
-    if kind == 0:
-        return tiled("brick", size_m, rng, tile_m=2.0, contrast=1.2, level=0.28)
-    if kind == 1:
-        return strewn("gravel", size_m, rng, piece_m=2.6, contrast=0.35, level=0.45)
-    if kind == 2:
-        return tiled("brick", size_m, rng, tile_m=1.5, contrast=0.9, level=0.12)
-    return strewn("grass", size_m, rng, piece_m=1.7, contrast=0.35, level=0.5)
 
 
 def _pictures(rng: np.random.Generator, lamps: tuple[Lamp, ...], window_side: int) -> tuple[Face, ...]:
@@ -227,9 +227,9 @@ def _box_coat(name: str, size_m: tuple[float, float], rng: np.random.Generator, 
     if name in _PICTURES:
         return single(name, size_m)
     if name == "brick":
-        return tiled(name, size_m, rng, tile_m=1.0, contrast=0.9, level=level)
+        return tiled(name, size_m, rng, edge_m=1.0, contrast=0.9, level=level)
     if name:
-        return strewn(name, size_m, rng, piece_m=1.0, contrast=0.8, level=level)
+        return strewn(name, size_m, rng, edge_m=1.0, contrast=0.8, level=level)
     return painted(size_m, rng, level)
 
 

@@ -60,21 +60,15 @@ def single(name: str, size_m: tuple[float, float], border_m: float = 0.0) -> Flo
 
 
 def tiled(
-    name: str,
-    size_m: tuple[float, float],
-    rng: np.random.Generator,
-    *,
-    tile_m: float,
-    contrast: float,
-    level: float,
+    name: str, size_m: tuple[float, float], rng: np.random.Generator, *, edge_m: float, contrast: float, level: float
 ) -> Float32Array:
     """Cover an area with mirrored copies of a photograph, for patterns that repeat in reality too.
 
-    Grain and stains that do not repeat are added. ``tile_m`` is the edge of one copy, ``contrast`` a factor on the
+    Grain and stains that do not repeat are added. ``edge_m`` is the edge of one copy, ``contrast`` a factor on the
     logarithm of the reflectance relative to its mean, and ``level`` the geometric mean of the reflectance.
     """
     width, height = _texels(size_m)
-    edge = max(16, round(tile_m / TEXEL_M))
+    edge = max(16, round(edge_m / TEXEL_M))
     tile = _log_contrast(_resized(photograph(name), (edge, edge)))
     pair = np.hstack([tile, tile[:, ::-1]])
     block = np.vstack([pair, pair[::-1]])
@@ -85,19 +79,13 @@ def tiled(
 
 
 def strewn(
-    name: str,
-    size_m: tuple[float, float],
-    rng: np.random.Generator,
-    *,
-    piece_m: float,
-    contrast: float,
-    level: float,
+    name: str, size_m: tuple[float, float], rng: np.random.Generator, *, edge_m: float, contrast: float, level: float
 ) -> Float32Array:
     """Cover an area with overlapping random pieces of a photograph of loose material, so that nothing repeats.
 
-    Parameters are those of :func:`tiled`; ``piece_m`` is the edge of the whole photograph.
+    Parameters are those of :func:`tiled`; ``edge_m`` is the edge of the whole photograph.
     """
-    covered = np.float32(contrast) * _strewn(name, _texels(size_m), rng, max(32, round(piece_m / TEXEL_M)))
+    covered = np.float32(contrast) * _strewn(name, _texels(size_m), rng, max(32, round(edge_m / TEXEL_M)))
     return _coated(covered, level, rng, _STAINED)
 
 
@@ -107,19 +95,15 @@ def painted(size_m: tuple[float, float], rng: np.random.Generator, level: float)
     return _coated(np.zeros((height, width), np.float32), level, rng, _PAINT_STAINED)
 
 
-def stains(size: tuple[int, int], rng: np.random.Generator, strength: float) -> Float32Array:
-    """Return a smooth positive field with geometric mean about 1, shape (height, width)."""
-    field = np.zeros((size[1], size[0]), np.float32)
-    for cell_m, weight in _STAINS:
-        rows, columns = (max(2, round(n * TEXEL_M / cell_m)) for n in (size[1], size[0]))
-        coarse = rng.standard_normal((rows, columns)).astype(np.float32)
-        field += np.float32(weight) * cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
-    return np.asarray(np.exp(np.float32(strength) * field), dtype=np.float32)
-
-
 def _coated(log_contrast: Float32Array, level: float, rng: np.random.Generator, stained: float) -> Float32Array:
-    size = (log_contrast.shape[1], log_contrast.shape[0])
-    reflectance = np.float32(level) * np.exp(log_contrast) * stains(size, rng, stained)
+    """Return reflectance of a level, with smooth stains whose geometric mean is about 1, shape (height, width)."""
+    height, width = log_contrast.shape
+    stains = np.zeros((height, width), np.float32)
+    for cell_m, weight in _STAINS:
+        rows, columns = (max(2, round(side * TEXEL_M / cell_m)) for side in (height, width))
+        coarse = rng.standard_normal((rows, columns)).astype(np.float32)
+        stains += np.float32(weight) * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+    reflectance = np.float32(level) * np.exp(log_contrast) * np.exp(np.float32(stained) * stains)
     return np.asarray(np.clip(reflectance, _DARKEST, _BRIGHTEST), dtype=np.float32)
 
 
