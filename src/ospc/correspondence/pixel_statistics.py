@@ -148,8 +148,7 @@ class PixelStatistics:
         cell = _radius_cells((small.grey.shape[1], small.grey.shape[0]))
         places = np.bincount(cell, minlength=RADIUS_CELLS)
         exposed = np.bincount(cell[small.exposed.ravel()], minlength=RADIUS_CELLS)
-        with np.errstate(invalid="ignore"):
-            self._radius_share.append(exposed / places)
+        self._radius_share.append(np.divide(exposed, places, out=np.full(RADIUS_CELLS, np.nan), where=places > 0))
         self._log_exposure.append(float(np.log(frame.exposure_ms)))
         self._brightest = small.grey if self._brightest is None else np.maximum(self._brightest, small.grey)
         if len(self._grey_share) > MOST_FRAMES:
@@ -196,8 +195,7 @@ class PixelStatistics:
     @property
     def _piles(self) -> tuple[bool, bool]:
         """Whether many pixels share the lowest and the highest grey value though it is not the end of the scale."""
-        if self._histogram is None:
-            return False, False
+        assert self._histogram is not None
         counts, last = self._histogram, len(self._histogram) - 1
         low, high = np.flatnonzero(counts)[[0, -1]].tolist()
         many = counts > _PILE_SHARE * counts.sum()

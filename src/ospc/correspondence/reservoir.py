@@ -91,9 +91,6 @@ def _halved(part: Observations, halving: int) -> Observations:
     """Return about half of the points of each group, drawn anew, but reproducibly, at every halving."""
     if not len(part):
         return part
-    groups, counts = np.unique(part.group[part.starts], return_counts=True)
-    drawn = [
-        np.random.default_rng([group, halving]).random(count)
-        for group, count in zip(groups.tolist(), counts.tolist(), strict=True)
-    ]
+    groups = np.unique(part.group[part.starts], return_counts=True)
+    drawn = [np.random.default_rng([group, halving]).random(count) for group, count in zip(*groups, strict=True)]
     return part.of_points(np.concatenate(drawn) < 0.5)

@@ -86,14 +86,9 @@ def from_dict(content: dict[str, Any], place: Path) -> Calibration:
     """Return the calibration whose content :func:`to_dict` returned.
 
     Everything is checked here, so that a damaged or hostile file fails when it is loaded and not when it is used. The
-    map of a raster vignette is beside ``place``, the file that the content was read from.
-
-    Raises
-    ------
-    FormatError
-        If the map cannot be read, or an array has the wrong shape or impossible values.
-    LookupError, TypeError, ValueError, AttributeError, ArithmeticError
-        If it is not such content.
+    map of a raster vignette is beside ``place``, the file that the content was read from. A map that cannot be read,
+    and impossible values, are a FormatError; what is not such content at all, a LookupError, TypeError, ValueError,
+    AttributeError or ArithmeticError.
     """
     size = _size(content["size"])
     response, vignette, noise = content["response"], content["vignette"], content["noise"]

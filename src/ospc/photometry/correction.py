@@ -90,8 +90,8 @@ class Corrector:
         image
             Shape (height, width) or (height, width, 3); uint16, or uint8 if ``max_grey`` is at most 255.
         exposure_ms
-            Exposure time in milliseconds times linear gain. If given, the result is divided by it, which makes images
-            of different exposures comparable.
+            Exposure time times linear gain. If given, the result is divided by it, which makes images of different
+            exposures comparable.
         dtype
             float32, or uint8 or uint16 for viewers and programs that read nothing else. The scale stays linear, so
             8 bits lose the darkest grey levels of a camera with a gamma curve.
@@ -112,12 +112,8 @@ class Corrector:
         ------
         NotObservableError
             If response or vignette is unknown.
-        SettingError
-            If the size of the image is not that of the vignette, or an option has an invalid value.
-        FrameError
-            If the image is not one of that bit depth.
-        ExposureError
-            If the exposure is not a positive number.
+        SettingError, FrameError, ExposureError
+            If an option, or the size of the image, is wrong; the type or bit depth of the image; or the exposure.
         """
         pixels = self._checked(image)
         self._require("response", "vignette")

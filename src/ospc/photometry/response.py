@@ -68,14 +68,9 @@ class Response(ByValue):
 
     @classmethod
     def from_values(cls, values: npt.ArrayLike, **attributes: Any) -> Response:
-        """Make a response from values of g in any scale.
+        """Make a response from values of g at equidistant grey levels in any scale, shape (n,).
 
-        Parameters
-        ----------
-        values
-            Shape (n,), strictly increasing, at equidistant grey levels; shifted and scaled to run from 0 to 1.
-        attributes
-            Further attributes of the class.
+        They are shifted and scaled to run from 0 to 1. Further attributes are those of the class.
 
         Raises
         ------

@@ -29,7 +29,7 @@ _FILES = (
 )  # fmt: skip
 
 
-def write_truth(folder: Path, truth: Truth) -> None:
+def _write_truth(folder: Path, truth: Truth) -> None:
     """Write times.txt, camera.txt, groundtruthSync.txt and the true pcalib.txt, vignette.png and truth.json."""
     width, height = truth.settings.size
     focal, size = f"{truth.settings.focal_px:.9g}", f"{width} {height}"
@@ -98,20 +98,17 @@ class Sensor:
 
         The index of the frame seeds the noise; e includes the linear gain.
         """
-        noisy = np.clip(self._with_noise(irradiance, frame, gain), 0, 1)
+        if math.isfinite(self._full_well):
+            rng = np.random.default_rng([self._seed, 3, frame])
+            noise = rng.standard_normal(irradiance.shape, dtype=np.float32)
+            electrons = np.maximum(irradiance, 0) * np.float32(self._full_well / gain)
+            noise *= np.sqrt(electrons + np.float32(self._read_noise**2)) * np.float32(gain / self._full_well)
+            irradiance = irradiance + noise
+        exposed = np.clip(irradiance, 0, 1)
         if self._max_grey > 255:
-            return np.rint(self._response(noisy) * self._max_grey).astype(np.uint16)
-        index = np.sqrt(noisy) * np.float32(_TABLE - 1) + np.float32(0.5)
+            return np.rint(self._response(exposed) * self._max_grey).astype(np.uint16)
+        index = np.sqrt(exposed) * np.float32(_TABLE - 1) + np.float32(0.5)
         return np.take(self._grey, index.astype(np.uint16))
-
-    def _with_noise(self, irradiance: Float32Array, frame: int, gain: float) -> Float32Array:
-        if math.isinf(self._full_well):
-            return irradiance
-        rng = np.random.default_rng([self._seed, 3, frame])
-        noise = rng.standard_normal(irradiance.shape, dtype=np.float32)
-        electrons = np.maximum(irradiance, 0) * np.float32(self._full_well / gain)
-        noise *= np.sqrt(electrons + np.float32(self._read_noise**2)) * np.float32(gain / self._full_well)
-        return irradiance + noise
 
 
 _DEFAULT = SimulationSettings()
@@ -176,7 +173,7 @@ def simulate(
         if overwrite:
             remove_recording(place)
         place.mkdir(parents=True, exist_ok=True)
-        write_truth(place, known)
+        _write_truth(place, known)
         with NumberedImages(place, settings.frames, archive=settings.archive) as images:
             for index, image in enumerate(_images(scene, known)):
                 name, quality = f"image {index}", settings.jpg_quality

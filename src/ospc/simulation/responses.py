@@ -77,15 +77,7 @@ RESPONSES: dict[str, Callable[[], Response]] = {
 
 
 def make_response(choice: str | Path | Response) -> Response:
-    """Return the response of a name or of a file, or the response itself.
-
-    Raises
-    ------
-    SettingError
-        If it is neither the name of a response nor a file.
-    FormatError
-        If the file is not a pcalib.txt.
-    """
+    """Return the response of a name or of a pcalib.txt, or the response itself; an unknown name is a SettingError."""
     if isinstance(choice, Response):
         return choice
     if str(choice) in RESPONSES:
@@ -117,14 +109,9 @@ def decentred(size: ImageSize, coefficients: tuple[float, ...], centre: tuple[fl
 
 
 def make_vignette(settings: SimulationSettings) -> Vignette:
-    """Return the vignette of the settings: by name, from a file, or as given.
+    """Return the vignette of the settings: by name, from a vignette.png, or as given.
 
-    Raises
-    ------
-    SettingError
-        If it is neither a name nor a file, is not positive everywhere, or its size is not that of the images.
-    FormatError
-        If the file is not a grey PNG.
+    Raise a SettingError if it is none of these, not positive everywhere, or of another size than the images.
     """
     choice = settings.vignette
     if not isinstance(choice, str | Path):
