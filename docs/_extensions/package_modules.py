@@ -44,6 +44,12 @@ def _escape_bars(_app: Sphinx, _what: str, _name: str, _obj: object, _options: o
     lines[:] = [line if "``" in line else line.replace("|", "\\|") for line in lines]
 
 
+def _keep_whole(_app: Sphinx, what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
+    """Begin the docstrings of values with an empty comment: else Napoleon takes all before a colon for a type."""
+    if what in {"attribute", "data", "property"}:
+        lines[:0] = ["..", ""]
+
+
 def _skip_field(_app: Sphinx, _what: str, _name: str, member: object, *_: object) -> bool | None:
     """Skip the fields of named tuples: the docstrings of their classes have them."""
     return True if type(member).__name__ == "_tuplegetter" else None
@@ -53,6 +59,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Add the directive."""
     app.setup_extension("sphinx.ext.autodoc")
     app.add_directive("package-modules", PackageModules)
+    app.connect("autodoc-process-docstring", _keep_whole, priority=400)
     app.connect("autodoc-process-docstring", _escape_bars)
     app.connect("autodoc-skip-member", _skip_field)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -46,7 +46,9 @@ class FeatureExtractor(Protocol):
         ...
 
 
-class _OpenCvExtractor:
+class OpenCvExtractor:
+    """A detector of OpenCV's."""
+
     norm: int
     _create: Any
 
@@ -61,13 +63,13 @@ class _OpenCvExtractor:
         return cv2.KeyPoint_convert(keypoints).astype(np.float64).reshape(-1, 2), descriptors.astype(np.uint8)
 
 
-class SiftExtractor(_OpenCvExtractor):
+class SiftExtractor(OpenCvExtractor):
     """Scale-invariant features (Lowe 2004); keeps the ``max_features`` strongest."""
 
     norm, _create = cv2.NORM_L2, staticmethod(cv2.SIFT_create)
 
 
-class OrbExtractor(_OpenCvExtractor):
+class OrbExtractor(OpenCvExtractor):
     """Oriented FAST and rotated BRIEF (Rublee et al. 2011); keeps the ``max_features`` strongest."""
 
     norm, _create = cv2.NORM_HAMMING, staticmethod(cv2.ORB_create)

@@ -50,7 +50,7 @@ class Vignette(Protocol):
         ...
 
 
-class _Model:
+class VignetteModel:
     """A vignette that is a function of the place relative to the image centre, in half diagonals."""
 
     size: ImageSize
@@ -72,7 +72,7 @@ class _Model:
 
 
 @dataclass(frozen=True)
-class PolynomialVignette(_Model):
+class PolynomialVignette(VignetteModel):
     """V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶ about the image centre, R in half diagonals (paper, eq. radial)."""
 
     size: ImageSize
@@ -107,7 +107,7 @@ def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
 
 
 @dataclass(frozen=True)
-class LogVignette(_Model):
+class LogVignette(VignetteModel):
     """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre."""
 
     size: ImageSize
