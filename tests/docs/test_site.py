@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -21,6 +22,15 @@ def test_site_builds_without_warnings(tmp_path: Path) -> None:
         text=True,
     )
     assert built.returncode == 0, built.stderr
+
+
+def test_what_stands_before_a_colon_is_not_taken_for_a_type(monkeypatch: pytest.MonkeyPatch) -> None:
+    napoleon = pytest.importorskip("sphinx.ext.napoleon", reason="needs the extra 'docs'")
+    monkeypatch.syspath_prepend(DOCS / "_extensions")
+    text = ["Longest side in pixels: 19 000 places."]
+    importlib.import_module("package_modules")._keep_whole(None, "attribute", "", None, None, text)
+    made = napoleon.NumpyDocstring(text, napoleon.Config(), what="attribute", name="SIDE").lines()
+    assert made[-1] == "Longest side in pixels: 19 000 places."
 
 
 FORMULA = re.compile(r"\$\$(.+?)\$\$|\$([^$\n]+?)\$", re.DOTALL)
