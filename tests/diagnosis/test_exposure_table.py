@@ -7,9 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from ospc.exposures.course import ExposureReport
-from ospc.exposures.lag_decision import exposure_cycle
-from ospc.exposures.table import ExposureTable, filled
+from ospc.exposures.table import ExposureReport, ExposureTable, exposure_cycle, filled
 
 MANY = 300_000
 

@@ -11,7 +11,7 @@ from ospc.calibrator import OnlineCalibrator, drive
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.diagnosis.report import RecordingReport, Timing, motion, timing
 from ospc.errors import RecordingError, counted
-from ospc.exposures.course import BrightnessReport
+from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings, LagChoice
 from ospc.exposures.lag import MAX_LAG
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone

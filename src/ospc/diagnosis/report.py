@@ -12,9 +12,9 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.exposures.brightness import GREY_BINS, BrightnessChange
-from ospc.exposures.course import ExposureReport
 from ospc.exposures.findings import ExposureFindings
-from ospc.exposures.lag_estimate import LagEstimate
+from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.table import ExposureReport
 from ospc.exposures.tone_mapping import LocalTone
 from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Verdict

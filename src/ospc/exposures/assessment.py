@@ -12,7 +12,7 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.errors import OspcError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.evidence import ComparedAhead, EvidenceState, ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, checked_lag_choice, leaves_frames
+from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, checked_lag_choice
 from ospc.exposures.lag_change import LagChange, lag_change
 from ospc.exposures.table import ExposureTable
 
@@ -40,22 +40,11 @@ MIN_RECENT_CHANGE_LOG = 0.02
 class AssessmentState:
     """All that an :class:`ExposureAssessment` knows.
 
-    Attributes
-    ----------
-    log_exposure
-        ln of the exposures as written, shape (frames,).
-    lag_frames
-        The lag they are corrected by during the run.
-    trusted
-        Whether the images were found to agree with them.
-    evidence
-        Changes of brightness; None before the first usable frame.
-    next_assessment
-        Changes of brightness at which the exposures are assessed next.
-    known_lag
-        The lag that was certain at the latest assessment, in frames; None where none was.
-    suspected_lag
-        By how many frames later than known the latest look found exposures written; 0 where it found no change.
+    ``log_exposure`` is ln of the exposures as written, shape (frames,), corrected by ``lag_frames`` during the run,
+    and ``trusted`` where the images were found to agree with them. ``evidence`` is None before the first usable
+    frame; with so many changes of brightness as ``next_assessment`` says, exposures are assessed next. ``known_lag``
+    was certain at the latest assessment, None where none was, and by ``suspected_lag`` frames later than that the
+    latest look found exposures written.
     """
 
     log_exposure: FloatArray
@@ -70,22 +59,9 @@ class AssessmentState:
 class ExposureAssessment:
     """Keeps the exposures of a run, and judges them by the changes of brightness.
 
-    Parameters
-    ----------
-    choice
-        What to do about a lag.
-
-    Raises
-    ------
-    SettingError
-        If the choice is not a :data:`~ospc.exposures.findings.LagChoice`.
-
-    Attributes
-    ----------
-    table
-        The exposures written beside the frames so far.
-    evidence
-        Changes of brightness between consecutive frames; None before the first usable frame.
+    ``choice`` says what to do about a lag; SettingError if it is not a :data:`~ospc.exposures.findings.LagChoice`.
+    ``table`` holds the exposures written beside the frames so far, and ``evidence`` the changes of brightness between
+    consecutive frames; it is None before the first usable frame.
     """
 
     def __init__(self, choice: LagChoice) -> None:
@@ -115,13 +91,7 @@ class ExposureAssessment:
         """Judge the exposures again if there is much more evidence than the last time."""
         if self.evidence is None or self.evidence.observed < self._next_assessment:
             return
-        if not leaves_frames(self.choice, len(self.table) - self._since):
-            return
-        self._next_assessment = int(ASSESSMENT_GROWTH * self.evidence.observed)
-        found = self.findings()
-        self.table.lag_frames = found.corrected_frames
-        self._known_lag = found.lag.correction(found.course.cycle_frames)
-        self.table.trusted = self._known_lag is not None and not found.warnings
+        """Return what the images say about the exposures so far; OspcError if no frame could be read."""
 
     def findings(self) -> ExposureFindings:
         """Return what the images say about the exposures so far.

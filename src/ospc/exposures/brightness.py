@@ -63,16 +63,10 @@ _DARKEST = 1e-3
 
 @dataclass(frozen=True)
 class PixelSamples:
-    """Some of the places that two frames share.
+    """Some of the places that two frames share, n of them.
 
-    Attributes
-    ----------
-    log_ratio
-        ln M₁/M₀, shape (n,).
-    log_grey
-        Mean of ln M₀ and ln M₁, shape (n,).
-    position0, position1
-        Places relative to the image centre in half diagonals, shape (n, 2).
+    ``log_ratio`` is ln M₁/M₀ and ``log_grey`` the mean of ln M₀ and ln M₁, shape (n,). Positions are relative to the
+    image centre in half diagonals, shape (n, 2).
     """
 
     log_ratio: FloatArray
@@ -137,13 +131,7 @@ class BrightnessChange:
 
 
 class BrightnessComparer:
-    """Compares the brightness of two frames by their thumbnails.
-
-    Parameters
-    ----------
-    size
-        Width and height of the frames in pixels.
-    """
+    """Compares the brightness of two frames, whose width and height are in pixels, by their thumbnails."""
 
     def __init__(self, size: ImageSize) -> None:
         self._size = size
@@ -221,6 +209,7 @@ def _binned(
 def _samples(
     first: Thumbnail, second: Thumbnail, places: Float32Array, there: Float32Array, size: ImageSize
 ) -> PixelSamples:
+    """Return some of the places, spread evenly."""
     step = max(1, len(places) // _SAMPLES)
     at0, at1 = places[step // 2 :: step], there[step // 2 :: step]
     if not len(at0):

@@ -26,18 +26,11 @@ registration, and a multiple of the middle change, since the slope of a response
 
 @dataclass(frozen=True)
 class BrightnessChanges:
-    """Changes of brightness between consecutive frames.
+    """Changes of brightness between n pairs of frames, most often consecutive ones.
 
-    Attributes
-    ----------
-    frame
-        Index of the first frame of each pair, shape (n,).
-    log_ratio, weight, moved
-        As of :class:`~ospc.exposures.brightness.BrightnessChange`, shapes (n, bins), (n, bins) and (n, bins, terms).
-    step
-        How many frames later the second frame of each pair is.
-    scatter
-        Standard deviation of the errors of single exposures, as changes of brightness, over the scale of the noise.
+    ``frame`` is the index of the first frame of each pair, shape (n,), and the second comes ``step`` frames later.
+    The other arrays are those of :class:`~ospc.exposures.brightness.BrightnessChange`, one row a pair. ``scatter`` is
+    the standard deviation of the errors of single exposures, as changes of brightness, over the scale of the noise.
     """
 
     frame: IntArray
@@ -75,19 +68,15 @@ class BrightnessChanges:
             moved=self.moved[mask],
         )
 
+    def within(self, frames: int, *lags: int) -> BrightnessChanges:
+        """Return the pairs that have an exposure at each of these lags, of so many frames."""
+        return self.where((self.frame + min(lags) >= 0) & (self.frame + self.step + max(lags) < frames))
+
     def whitened(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return values without the correlation that errors of single exposures have, and each pair's scale.
 
-        Parameters
-        ----------
-        values
-            Shape (n, columns).
-
-        Returns
-        -------
-        tuple of FloatArray
-            C^(−1/2) values within each run of consecutive pairs, C = 1 + scatter² · tridiag(−1, 2, −1), and the
-            diagonal of the Cholesky factor of C, shape (n,).
+        That is C^(−1/2) values within each run of consecutive pairs, C = 1 + scatter² · tridiag(−1, 2, −1), shape
+        (n, columns), and the diagonal of the Cholesky factor of C, shape (n,).
         """
         if self.scatter <= 0:
             return values, np.ones(len(values))

@@ -26,21 +26,10 @@ runs."""
 class EvidenceState:
     """What :class:`ExposureEvidence` has collected, n changes of brightness in b grey bins, as arrays.
 
-    Attributes
-    ----------
-    frame0, log_ratio, weight, moved, found, motion_px
-        As in :class:`~ospc.exposures.brightness.BrightnessChange`; shapes (n,), (n, b), (n, b), (n, b, 4), (n,) and
-        (n,).
-    previous
-        Number of the last frame processed, -1 before the first.
-    compared, repeated
-        Frames compared, and the numbers of those that repeat the one before.
-    observed
-        Changes of brightness of this epoch, kept or not.
-    samples
-        Number of place samples of each change, shape (n,).
-    place_log_ratio, place_log_grey, position0, position1
-        The place samples of all changes, shapes (m,), (m,), (m, 2) and (m, 2).
+    The first six are as in :class:`~ospc.exposures.brightness.BrightnessChange`; shapes (n,), (n, b), (n, b), (n, b,
+    4), (n,) and (n,). ``samples`` is the number of place samples of each change, shape (n,); then come those of all
+    changes, shapes (m,), (m,), (m, 2) and (m, 2). ``previous`` is the number of the last frame processed, -1 before
+    the first; the rest is as in the evidence.
     """
 
     frame0: IntArray
@@ -73,16 +62,8 @@ class ComparedAhead:
 class ExposureEvidence:
     """Collects the changes of brightness from each processed frame to the next; bounded in memory.
 
-    Attributes
-    ----------
-    size
-        Width and height of the frames in pixels.
-    compared
-        Number of frames compared with the one before.
-    repeated
-        Numbers of the first frames whose image is that of the frame before.
-    observed
-        Number of changes of brightness in this epoch, kept or not.
+    ``compared`` frames were compared with the one before, and ``repeated`` holds the numbers of the first ones whose
+    image is the same. ``observed`` counts the changes of brightness in this epoch, kept or not.
     """
 
     size: ImageSize
@@ -173,23 +154,13 @@ class ExposureEvidence:
     @classmethod
     def from_state(cls, size: ImageSize, state: EvidenceState) -> ExposureEvidence:
         """Go on from a state."""
+        columns = state.place_log_ratio, state.place_log_grey, state.position0, state.position1
         cuts = np.cumsum(state.samples)[:-1]
-        columns = (state.place_log_ratio, state.place_log_grey)
-        parts = [np.split(column, cuts) for column in (*columns, state.position0, state.position1)]
-        places = [PixelSamples(*part) for part in zip(*parts, strict=True)]
-        changes = [
-            BrightnessChange(
-                int(frame0),
-                int(frame0) + 1,
-                state.log_ratio[i],
-                state.weight[i],
-                state.moved[i],
-                float(state.found[i]),
-                float(state.motion_px[i]),
-                places[i],
-            )
-            for i, frame0 in enumerate(state.frame0)
-        ]
+        places = [PixelSamples(*part) for part in zip(*(np.split(column, cuts) for column in columns), strict=True)]
+        numbers, found, motion_px = (values.tolist() for values in (state.frame0, state.found, state.motion_px))
+        # Nothing at all is split into one part that is empty.
+        rows = zip(numbers, state.log_ratio, state.weight, state.moved, found, motion_px, places, strict=False)
+        changes = [BrightnessChange(frame0, frame0 + 1, *row) for frame0, *row in rows]
         return cls(size, changes, None, state.previous, state.compared, state.repeated, state.observed)
 
     def split(self, number: int) -> ExposureEvidence:

@@ -11,16 +11,11 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import SettingError, counted
 from ospc.exposures.brightness_changes import BrightnessChanges
-from ospc.exposures.course import (
-    DRIFT_FRAMES,
-    NOTABLE_RMS_LOG,
-    BrightnessReport,
-    ExposureReport,
-    brightness_report,
-)
+from ospc.exposures.brightness_report import DRIFT_FRAMES, NOTABLE_RMS_LOG, BrightnessReport, brightness_report
 from ospc.exposures.evidence import ExposureEvidence
-from ospc.exposures.lag import LagEstimate, estimate_lag
-from ospc.exposures.table import filled
+from ospc.exposures.lag import estimate_lag
+from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.table import ExposureReport, filled
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
 from ospc.photometry.verdict import Verdict
@@ -101,13 +96,7 @@ class ExposureFindings:
         return Verdict("marginal", f"{verdict.reason}, but {'; '.join(self.warnings)}", self.verdict.remedy)
 
     def doubted_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
-        """Return the findings, marginal if the fit shows that exposures are late or early nevertheless.
-
-        Parameters
-        ----------
-        effects
-            What the fit, with the exposures as corrected, says about effects.
-        """
+        """Return the findings, marginal if a fit with corrected exposures shows them late or early nevertheless."""
         lateness = next((effect for effect in effects if effect.name == LATE_EXPOSURES), None)
         if self.verdict.state != "identifiable" or lateness is None or lateness.corrected:
             return self
@@ -124,16 +113,8 @@ def assess_exposures(
 ) -> ExposureFindings:
     """Compare the changes of brightness with the exposures written.
 
-    Parameters
-    ----------
-    evidence
-        Changes of brightness between consecutive frames.
-    log_exposure
-        ln of the exposure written beside every frame, NaN where there is none, shape (frames,).
-    choice
-        What to do about a lag.
-    since
-        Number of the first frame that counts.
+    ``log_exposure`` is ln of the exposure written beside every frame, NaN where there is none, shape (frames,), and
+    ``since`` the number of the first frame that counts.
     """
     written = filled(log_exposure[since:])
     changes = BrightnessChanges.of(evidence.changes)
@@ -197,32 +178,21 @@ def lag_choice_for(kind: str, choice: LagChoice) -> LagChoice:
 
 
 def lag_choice(text: str) -> LagChoice:
-    """Return the choice that a text states: auto, never, or a number of frames.
-
-    Raises
-    ------
-    SettingError
-        If it is something else.
-    """
-    named = text.strip().lower()
-    if named == "auto":
-        return "auto"
-    if named == "never":
-        return "never"
-    try:
-        return int(named)
-    except ValueError:
-        raise SettingError(f"{text!r} is neither auto nor never nor a number of frames such as 2 or -1") from None
+    """Return the choice that a text states; SettingError unless that is auto, never, or a number of frames."""
+    match text.strip().lower():
+        case "auto" | "never" as named:
+            return named
+        case number:
+            try:
+                return int(number)
+            except ValueError:
+                raise SettingError(
+                    f"{text!r} is neither auto nor never nor a number of frames such as 2 or -1"
+                ) from None
 
 
 def checked_lag_choice(choice: LagChoice) -> LagChoice:
-    """Return the choice, with a number of frames as int.
-
-    Raises
-    ------
-    SettingError
-        If it is not a :data:`LagChoice`.
-    """
+    """Return the choice, with a number of frames as int; SettingError if it is not a :data:`LagChoice`."""
     match choice:
         case "auto" | "never" | "trusted":
             return choice
@@ -234,13 +204,7 @@ def checked_lag_choice(choice: LagChoice) -> LagChoice:
 
 
 def check_lag(choice: LagChoice, frames: int) -> None:
-    """Refuse a lag that leaves hardly any of the frames.
-
-    Raises
-    ------
-    SettingError
-        If fewer than two frames have an exposure of their own.
-    """
+    """Raise a SettingError if a lag leaves fewer than two frames with an exposure of their own."""
     if isinstance(choice, int) and not leaves_frames(choice, frames):
         raise SettingError(
             f"a lag of {counted(choice, 'frame')} leaves nothing of {counted(frames, 'frame')}; give a smaller one"
@@ -256,7 +220,7 @@ def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int) -
     """Assess the exposures as if they were written beside frames earlier by a lag; the lag found is the whole one."""
     check_lag(lag, len(written))
     first, last = max(0, -lag), len(written) - max(0, lag)
-    inside = changes.where((changes.frame >= first) & (changes.frame + 1 < last))
+    inside = changes.within(len(written), 0, lag)
     inside = replace(inside, frame=inside.frame - first)
     found = _assess(inside, written[first + lag : last + lag])
     left = found.lag.frames
@@ -319,10 +283,8 @@ def _verdicts(
         yield Verdict("not identifiable", silent, FIX_METADATA)
     figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
     if unlike and not lag.frames:
-        rest = _percent(brightness.unexplained_rms_log)
-        yield Verdict(
-            "marginal", f"exposures fit badly: only {figure}; the rest changes by {rest} a frame", FIX_METADATA
-        )
+        rest = f"the rest changes by {_percent(brightness.unexplained_rms_log)} a frame"
+        yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}", FIX_METADATA)
     if lag.frames is None:
         yield _unknown_lag(course, lag)
     if lag.frames:

@@ -76,33 +76,23 @@ class Flicker:
 
 
 def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
-    """Find the strongest periodic part of changes from frame to frame.
+    """Find the strongest periodic part of unexplained changes of ln brightness from frame to frame.
 
-    Parameters
-    ----------
-    frame
-        Index of the frame of each value, increasing; after a long gap the phase is fitted anew, shape (n,).
-    change
-        Unexplained change of ln brightness, shape (n,).
-
-    Returns
-    -------
-    Flicker or None
-        None where no frequency stands out (Fisher's test of the largest share of a periodogram), or only a slow one
-        with less than four periods in the time seen.
+    ``frame`` is the index of the frame of each, increasing; after a long gap the phase is fitted anew. Both have the
+    shape (n,). None where no frequency stands out (Fisher's test of the largest share of a periodogram), or only a
+    slow one with less than four periods in the time seen.
     """
-    runs = _runs(frame)
-    if not runs or max(run.stop - run.start for run in runs) < _MIN_VALUES:
+    if not in_long_runs(frame).any():
         return None
     value = change - np.median(change)
     limit = _CLIP_SIGMAS * (robust_scale(value) + _MIN_SCATTER_LOG)
     value = np.clip(value, -limit, limit)
-    line = _strongest([_on_grid(frame[run], value[run]) for run in runs], _FAST_PERIODS)
+    line = _strongest(frame, value, _FAST_PERIODS)
     fitted = value - without_waves(frame, value, [line])
     share = min(float(np.var(fitted)) / max(float(np.var(fast_part(frame, value))), 1e-12), 1.0)
     # Chance that the largest of so many independent lines of white noise has this share of the power.
     lines = len(value) // 2
-    chance = lines * (1 - min(share, _LARGEST_SHARE)) ** max(lines / len(runs) - 1, 1.0)
+    chance = lines * (1 - min(share, _LARGEST_SHARE)) ** max(lines / len(_runs(frame)) - 1, 1.0)
     amplitude = float(np.sqrt(2) * np.std(fitted))
     if amplitude < _MIN_AMPLITUDE or share < _MIN_SHARE or chance > _CHANCE:
         return None
@@ -112,23 +102,12 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
 def main_line(frame: IntArray, change: FloatArray) -> tuple[float, float] | None:
     """Return the strongest frequency of changes, in cycles per frame, and its share of their energy.
 
-    Parameters
-    ----------
-    frame
-        Index of the frame of each value, increasing, shape (n,).
-    change
-        The values, shape (n,).
-
-    Returns
-    -------
-    tuple of float or None
-        None where no run of frames is long enough. Frequencies with less than two periods in a run are ignored.
+    Frequencies with less than two periods in a run of frames are ignored; None where no run is long enough.
     """
-    runs = _runs(frame)
     energy = float(np.sum(change**2))
-    if not runs or max(run.stop - run.start for run in runs) < _MIN_VALUES or energy <= 0:
+    if energy <= 0 or not in_long_runs(frame).any():
         return None
-    line = _strongest([_on_grid(frame[run], change[run]) for run in runs], _LEAST_PERIODS)
+    line = _strongest(frame, change, _LEAST_PERIODS)
     left = without_waves(frame, change, [line])
     return line, 1 - float(np.sum(left**2)) / energy
 
@@ -162,15 +141,7 @@ def in_long_runs(frame: IntArray) -> BoolArray:
 
 
 def fast_part(frame: IntArray, change: FloatArray) -> FloatArray:
-    """Return changes without what is slower than a few periods in the time seen.
-
-    Parameters
-    ----------
-    frame
-        Index of the frame of each value, increasing, shape (n,).
-    change
-        The values, shape (n,).
-    """
+    """Return changes without what is slower than a few periods in the time seen, shape (n,)."""
     fast = np.zeros(len(change))
     for run in _runs(frame):
         grid = _on_grid(frame[run], change[run] - change[run].mean())
@@ -180,8 +151,9 @@ def fast_part(frame: IntArray, change: FloatArray) -> FloatArray:
     return fast
 
 
-def _strongest(grids: Sequence[FloatArray], periods: int) -> float:
+def _strongest(frame: IntArray, values: FloatArray, periods: int) -> float:
     """Return the strongest frequency with so many periods in the longest run at least, in cycles per frame."""
+    grids = [_on_grid(frame[run], values[run]) for run in _runs(frame)]
     longest = max(len(grid) for grid in grids)
     length = _OVERSAMPLING * longest
     power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))

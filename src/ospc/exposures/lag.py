@@ -6,14 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray
 from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.flicker import Flicker, find_flicker, in_long_runs, main_line, without_waves
-from ospc.exposures.lag_decision import MIN_LOG_CHANGE, Trial, decide, exposure_cycle
-from ospc.exposures.lag_estimate import SILENT, LagEstimate, LagState
-from ospc.exposures.lag_likelihood import LagFit, fit_exposures
-
-__all__ = ["MAX_LAG", "LagEstimate", "LagState", "estimate_lag"]
+from ospc.exposures.lag_decision import SILENT, LagEstimate, Trial, decide
+from ospc.exposures.lag_likelihood import fit_exposures
+from ospc.exposures.table import MIN_LOG_CHANGE, exposure_cycle
 
 MAX_LAG = 5
 """Largest lag tried, either way, in frames: one to three are common, and each more costs a fit and a rival."""
@@ -84,16 +82,16 @@ def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int
         Largest lag tried, either way.
     """
     lags = np.arange(-max_lag, max_lag + 1)
-    last = len(log_exposure) - 1
-    inner = seen.where((seen.frame - max_lag >= 0) & (seen.frame + 1 + max_lag <= last))
+    inner = seen.within(len(log_exposure), -max_lag, max_lag)
+    nothing = np.zeros(len(lags))
+    unknown = LagEstimate("constant exposure", None, (), lags, nothing, nothing, pairs=len(inner), frame=inner.frame)
     constant = float(np.ptp(log_exposure)) < MIN_LOG_CHANGE
     if len(inner.driven) < MIN_PAIRS:
-        return _unknown("constant exposure" if constant else "too few pairs", lags, inner)
+        return unknown if constant else replace(unknown, state="too few pairs")
     changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
     if constant or np.abs(changes).max() < _MIN_PAIR_LOG_CHANGE:
         trial = _with_flicker(Trial.of(inner, log_exposure, np.zeros(1, np.int64)))
-        steady = fit_exposures(inner, changes[max_lag])
-        return _unknown("constant exposure", lags, inner, steady, trial.flickers)
+        return replace(unknown, fit=fit_exposures(inner, changes[max_lag]), flicker=trial.flickers)
     trial = _with_flicker(Trial.of(inner, log_exposure, lags))
     return _of_all_pairs(_decide(trial, seen), trial, inner)
 
@@ -104,11 +102,8 @@ def _decide(trial: Trial, seen: BrightnessChanges) -> LagEstimate:
     doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _DOUBTFUL_SLOPE
     settled = first.state not in ("ambiguous", *SILENT)
     if settled and not doubtful:
-        return (
-            first
-            if _holds_beside_a_swinging_light(first, trial)
-            else replace(first, state="follows flicker", frames=None)
-        )
+        holds = _holds_beside_a_swinging_light(first, trial)
+        return first if holds else replace(first, state="follows flicker", frames=None)
     scattered = None if trial.flickers else _with_scatter(trial)
     if scattered is not None:
         return replace(scattered, fit=trial.fits[int(np.flatnonzero(trial.lags == scattered.frames)[0])])
@@ -148,26 +143,14 @@ def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> L
     tried = (_over(step, pairs, trial) for step in _LONGER_STEPS)
     overs = [over for over in tried if over is not None]
     agreed = next((over for over in overs if _agree(first, over)), None)
-    chosen = agreed or (next((over for over in overs if over.state not in SILENT), None) if first.silent else None)
+    silent = first.state in SILENT
+    chosen = agreed or (next((over for over in overs if over.state not in SILENT), None) if silent else None)
     if chosen is None:
         return first
     # The fit that is reported stays the one to changes from frame to frame.
     at = int(np.flatnonzero(trial.lags == chosen.candidates[0])[0])
     shown = replace(chosen, pairs=first.pairs, fit=trial.fits[at], frame=trial.seen.frame)
     return shown if agreed else replace(shown, state="ambiguous", frames=None)
-
-
-def _unknown(
-    state: LagState,
-    lags: IntArray,
-    seen: BrightnessChanges,
-    fit: LagFit | None = None,
-    flicker: tuple[Flicker, ...] = (),
-) -> LagEstimate:
-    nothing = np.zeros(len(lags))
-    return LagEstimate(
-        state, None, (), lags, nothing, nothing, pairs=len(seen), fit=fit, frame=seen.frame, flicker=flicker
-    )
 
 
 def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
@@ -197,10 +180,9 @@ def _with_scatter(trial: Trial) -> LagEstimate | None:
 
 def _over(step: int, seen: BrightnessChanges, trial: Trial) -> LagEstimate | None:
     """Return the estimate from changes over several frames; None where there are too few."""
-    longer = seen.summed(step)
-    fits_in = (longer.frame + trial.lags[0] >= 0) & (longer.frame + step + trial.lags[-1] < len(trial.log_exposure))
-    longer = longer.where(fits_in)
+    longer = seen.summed(step).within(len(trial.log_exposure), *trial.lags.tolist())
     if len(longer.driven) < MIN_PAIRS:
+        return None
         return None
     return decide(Trial.of(longer, trial.log_exposure, trial.lags, trial.flickers))
 

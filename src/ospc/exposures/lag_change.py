@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.lag import MAX_LAG, MIN_PAIRS, estimate_lag
@@ -40,12 +40,8 @@ _EARLIER_LEAD = 1.0
 class LagChange:
     """A change of the lag.
 
-    Attributes
-    ----------
-    frame
-        Number of the first frame after it, as nearly as it can be told.
-    later_frames
-        By how many frames later than before exposures are written; negative if earlier.
+    ``frame`` is the first one after it, as nearly as it can be told. Exposures are written ``later_frames`` later
+    than before, or earlier if that is negative.
     """
 
     frame: int
@@ -58,21 +54,14 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     A lag that fits all pairs since some frame much better than the known one raises a suspicion. It is shown if the
     lags that the pairs since then allow, as estimated on their own, are few, and on the same side of the known one.
 
-    Parameters
-    ----------
-    changes
-        Changes of brightness between consecutive frames, in their order.
-    log_exposure
-        ln of the exposure written beside every frame, NaN where there is none, shape (frames,).
-    known
-        The lag that was certain before, in frames.
+    ``log_exposure`` is ln of the exposure written beside every frame, NaN where there is none, shape (frames,), and
+    ``known`` the lag that was certain before, in frames.
     """
     first = max(0, len(log_exposure) - WATCHED_FRAMES)
     exposures = filled(log_exposure[first:])
     reach = MAX_LAG + abs(known)
     watched = BrightnessChanges.of([c for c in changes if c.frame0 >= first])
-    frame = watched.frame - first
-    latest = replace(watched, frame=frame).where((frame >= reach) & (frame + 1 + reach < len(exposures)))
+    latest = replace(watched, frame=watched.frame - first).within(len(exposures), -reach, reach)
     if len(latest.driven) < MIN_PAIRS:
         return None
     since = _suspicion(latest, exposures, known)
@@ -92,7 +81,7 @@ def _suspicion(latest: BrightnessChanges, log_exposure: FloatArray, known: int) 
     """Return the frame since which another lag fits much better than the known one; None without such a lag."""
     held = fit_exposures(latest, latest.log_change(log_exposure, known)).log_likelihood
     leads = []
-    for lag in _neighbours(known):
+    for lag in (known + step for step in range(-USUAL_LAG, USUAL_LAG + 1) if step):
         fitted = fit_exposures(latest, latest.log_change(log_exposure, lag)).log_likelihood
         leads.append(np.cumsum((fitted - held)[::-1])[::-1])
     lead = max(leads, key=np.max)
@@ -100,8 +89,3 @@ def _suspicion(latest: BrightnessChanges, log_exposure: FloatArray, known: int) 
         return None
     begins = int(np.flatnonzero(lead > lead.max() - _EARLIER_LEAD)[-1])
     return int(latest.frame[latest.driven[begins]])
-
-
-def _neighbours(known: int) -> IntArray:
-    lags = np.arange(known - USUAL_LAG, known + USUAL_LAG + 1)
-    return np.asarray(lags[lags != known])

@@ -1,24 +1,21 @@
-"""The decision between several lags, and whether the images support it clearly enough."""
+"""The decision between several lags, whether the images support it clearly enough, and the estimate that results."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.by_value import ByValue
 from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.flicker import Flicker, fast_part, waves, without_waves
-from ospc.exposures.lag_estimate import SILENT, LagEstimate, LagState
 from ospc.exposures.lag_likelihood import LagFit, fit_exposures
-from ospc.exposures.table import blocks
+from ospc.exposures.table import exposure_cycle
 
 USUAL_LAG = 3
 """Largest lag that is common, in frames; larger ones are believed only where nothing else fits."""
-
-MIN_LOG_CHANGE = 0.005
-"""Range of ln exposure below which it is constant: a change of half a per cent is lost in the noise of
-registration."""
 
 MIN_LEAD = 10.0
 """Log likelihood by which the best lag must lead. Taken literally that is 22000 to 1; the noise is not quite as
@@ -67,39 +64,82 @@ _PERIODIC_SHARE = 0.87
 """Share of the energy of fast changes of exposure that has the period of the flicker if they follow it. An exposure
 control's own noise keeps it below one; changes that share the period by chance have less."""
 
-_LONGEST_CYCLE = 60
-"""Longest cycle of exposures looked for, in frames: brackets have less than ten, programmed sweeps some tens."""
 
-_LEAST_CYCLES = 3
-"""Fewest repetitions of a cycle within the recording: two may be alike by chance."""
+LagState = Literal[
+    "determined",
+    "constant exposure",
+    "too few pairs",
+    "changes too small",
+    "no response to exposure",
+    "ambiguous",
+    "follows flicker",
+    "between frames",
+    "changing",
+    "out of range",
+]
 
-_SAME_LOG_EXPOSURE = 1e-3
-"""Difference of ln exposure up to which two exposures are the same: rounding in files, and jitter of sensors."""
+SILENT: tuple[LagState, ...] = ("no response to exposure", "changes too small")
+"""States in which exposures do not show in the images at all."""
 
-_CYCLE_SHARE = 0.97
-"""Share of the frames that must repeat a cycle: a few dropped frames do not break it."""
+
+@dataclass(frozen=True, eq=False)
+class LagEstimate(ByValue):
+    """By how many frames the exposures come late.
+
+    Attributes
+    ----------
+    state
+        ``"determined"``, or why the lag is not.
+    frames
+        The lag L: the exposure written beside frame i is the one that frame i − L was taken with. None where it is
+        not determined.
+    candidates
+        Lags that fit too well to be excluded, best first.
+    lags, score, sigmas
+        Lags tried, the log likelihood of each relative to the best, and by how many standard deviations the best fits
+        better than each, shape (m,).
+    fraction_frames
+        Where between the best lag and its neighbours the fit is best, in frames.
+    pairs
+        Number of pairs of consecutive frames behind it.
+    fit
+        The fit at the best lag, or without exposures where they do not change; None without pairs.
+    frame
+        Index of the first frame of each pair of the fit, shape (pairs,).
+    flicker
+        Periodic changes of brightness that the exposures do not explain, strongest first.
+    """
+
+    state: LagState
+    frames: int | None
+    candidates: tuple[int, ...]
+    lags: IntArray
+    score: FloatArray
+    sigmas: FloatArray
+    fraction_frames: float = 0.0
+    pairs: int = 0
+    fit: LagFit | None = field(default=None, repr=False)
+    frame: IntArray = field(default_factory=lambda: np.empty(0, np.int64), repr=False)
+    flicker: tuple[Flicker, ...] = ()
+
+    def correction(self, cycle_frames: int | None) -> int | None:
+        """Return the lag to correct exposures by; None where that is not certain.
+
+        If exposures repeat after some frames, all lags that differ by whole cycles correct them alike, and any of
+        them will do.
+        """
+        if self.frames is not None or self.state != "ambiguous" or cycle_frames is None:
+            return self.frames
+        smallest = min(self.candidates, key=abs)
+        return None if any((lag - smallest) % cycle_frames for lag in self.candidates) else smallest
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Several lags fitted to the same changes of brightness.
+    """Several lags, m of them, fitted to the same changes of brightness, n of them.
 
-    Attributes
-    ----------
-    seen
-        The changes of brightness, n of them.
-    log_exposure
-        ln of the exposure of every frame of the recording, shape (frames,).
-    lags
-        The lags, shape (m,).
-    changes
-        Change of ln exposure of each pair at each lag, shape (m, n).
-    fits
-        The fit of each lag.
-    flickers
-        Periodic changes that were fitted too.
-    nuisance
-        The columns that stand for them, shape (n, columns); None without.
+    ``changes`` are those of ln exposure of each pair at each lag, shape (m, n). ``flickers`` were fitted too;
+    ``nuisance`` are the columns that stand for them, shape (n, columns), None without.
     """
 
     seen: BrightnessChanges
@@ -117,11 +157,7 @@ class Trial:
 
     @classmethod
     def of(
-        cls,
-        seen: BrightnessChanges,
-        log_exposure: FloatArray,
-        lags: IntArray,
-        flickers: tuple[Flicker, ...] = (),
+        cls, seen: BrightnessChanges, log_exposure: FloatArray, lags: IntArray, flickers: tuple[Flicker, ...] = ()
     ) -> Trial:
         """Fit lags to changes of brightness, together with flicker if there is any."""
         changes = np.stack([seen.log_change(log_exposure, lag) for lag in lags.tolist()])
@@ -153,25 +189,26 @@ def decide(trial: Trial) -> LagEstimate:
     best, rivals, state = _settled(trial, best, rivals)
     steady = fit_exposures(trial.seen, np.zeros(len(trial.seen)), trial.nuisance)
     advantage = trial.fits[best].log_likelihood - steady.log_likelihood
-    if advantage.sum() < enough or (not trial.flickers and _explained_share(trial.fits[best]) < _MIN_EXPLAINED_SHARE):
+    share = trial.fits[best].unexplained_share
+    if advantage.sum() < enough or (not trial.flickers and not 1 - share >= _MIN_EXPLAINED_SHARE):
         state, rivals = "no response to exposure", []
         if _FLAT_SLOPE * float(np.sqrt(np.mean(trial.changes**2, axis=1)).min()) < steady.scale:
             state = "changes too small"
-    fraction = _fraction(trial, best)
+    lag, fraction = int(trial.lags[best]), _fraction(trial, best)
     if state == "determined" and _follows_flicker(trial, best):
         state = "follows flicker"
-    if state == "determined" and _at_the_end(trial, best):
+    # The likelihood may go on rising beyond the largest lag tried: an exposure control that follows a slowly swinging
+    # light leaves swings of brightness that exposures at a distant, meaningless lag fit.
+    if state == "determined" and USUAL_LAG < abs(lag) == np.abs(trial.lags).max():
         state = "out of range"
     if state == "determined" and abs(fraction) > _LARGEST_FRACTION:
         state = "between frames"
     if state == "determined" and _differs_within(trial, best):
         state = "changing"
-    lag = int(trial.lags[best])
     silent = state in SILENT
-    known = state == "determined"
     return LagEstimate(
         state,
-        lag if known else None,
+        lag if state == "determined" else None,
         () if silent else (lag, *rivals),
         trial.lags,
         -lead,
@@ -211,22 +248,6 @@ def _sigmas(lead: FloatArray, reach: int) -> float:
     return float(lead.mean() * np.sqrt(len(lead) / variance)) if variance > 0 else 0.0
 
 
-def _at_the_end(trial: Trial, best: int) -> bool:
-    """Return whether a lag is the largest tried and unusual: the likelihood may go on rising beyond it.
-
-    An exposure control that follows a slowly swinging light leaves swings of brightness that exposures at a distant,
-    meaningless lag fit.
-    """
-    lag = abs(int(trial.lags[best]))
-    return lag > USUAL_LAG and lag == int(np.abs(trial.lags).max())
-
-
-def _explained_share(fit: LagFit) -> float:
-    """Return the share of the energy of all changes that the exposures explain."""
-    energy = float(np.sum(fit.observed**2))
-    return 1 - float(np.sum(fit.unexplained**2)) / energy if energy > 0 else 0.0
-
-
 def _distinct_pairs(trial: Trial, first: int, second: int) -> int:
     """Return for how many pairs two lags predict clearly different changes of brightness."""
     slope = float(np.median(trial.fits[first].slopes))
@@ -260,30 +281,6 @@ def _follows_flicker(trial: Trial, best: int) -> bool:
     fast = fast_part(trial.seen.frame, trial.changes[best])
     left = without_waves(trial.seen.frame, fast, [f.cycles_per_frame for f in trial.flickers])
     return bool(np.sum(left**2) < (1 - _PERIODIC_SHARE) * np.sum(fast**2))
-
-
-def exposure_cycle(log_exposure: FloatArray) -> int | None:
-    """Return after how many frames the exposures repeat; None if they do not, or never change.
-
-    Parameters
-    ----------
-    log_exposure
-        ln of the exposure of every frame, shape (frames,).
-    """
-    if np.ptp(log_exposure) < MIN_LOG_CHANGE:
-        return None
-    periods = range(2, min(_LONGEST_CYCLE, len(log_exposure) // _LEAST_CYCLES) + 1)
-    return next((period for period in periods if _repeat(log_exposure, period)), None)
-
-
-def _repeat(log_exposure: FloatArray, period: int) -> bool:
-    """Return whether most exposures are those of a number of frames before."""
-    pairs = same = len(log_exposure) - period
-    for block in blocks(log_exposure, period):
-        same -= int(np.count_nonzero(np.abs(block[period:] - block[:-period]) >= _SAME_LOG_EXPOSURE))
-        if same / pairs < _CYCLE_SHARE:
-            return False
-    return True
 
 
 def _differs_within(trial: Trial, best: int) -> bool:

@@ -64,7 +64,7 @@ _LEAST_LOG_CHANGE = 1e-9
 
 @dataclass(frozen=True)
 class LagFit:
-    """Exposures fitted to observed changes.
+    """Exposures fitted to n observed changes.
 
     Attributes
     ----------
@@ -72,10 +72,9 @@ class LagFit:
         Of each pair that comes right after others, :attr:`BrightnessChanges.driven`, shape (m,).
     slopes
         d ln M/d ln e in each grey bin, shape (bins,); 0 where the exposure does not change.
-    observed
-        Change of brightness of each pair without what the vignette does, shape (n,).
-    explained
-        What the exposure explains of it, shape (n,).
+    observed, explained
+        Change of brightness of each pair without what the vignette does, and what the exposure explains of it, shape
+        (n,).
     scale
         Scale of what drives the noise: the part of one pair that those before do not predict.
     """
@@ -96,18 +95,17 @@ class LagFit:
         """What the exposure leaves of each pair's change, shape (n,)."""
         return self.observed - self.explained
 
+    @property
+    def unexplained_share(self) -> float:
+        """Share of the energy of the observed changes that exposures do not explain; NaN where there is none."""
+        energy = float(np.sum(self.observed**2))
+        return float(np.sum(self.unexplained**2)) / energy if energy > 0 else float("nan")
+
 
 def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: FloatArray | None = None) -> LagFit:
-    """Fit changes of ln exposure to observed changes of brightness.
+    """Fit changes of ln exposure, shape (n,), to observed changes of brightness.
 
-    Parameters
-    ----------
-    seen
-        The observed changes.
-    log_change
-        Change of ln exposure of each pair, shape (n,).
-    nuisance
-        Further causes of change, whose size is fitted too, shape (n, causes).
+    The size of further causes of change, ``nuisance`` of shape (n, causes), is fitted too.
     """
     changing = bool(np.any(np.abs(log_change) > _LEAST_LOG_CHANGE))
     slopes, vignette = _slopes(seen, log_change)

@@ -1,4 +1,4 @@
-"""The exposures written beside the frames, by frame number, and the lag they are corrected by."""
+"""The exposures written beside the frames: looked up by frame number at some lag, and their course as a whole."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.arrays import FloatArray, IntArray
 
 _FIRST_CAPACITY = 1024
 """Exposures that the table holds before it grows, each time to twice its size."""
@@ -17,16 +17,32 @@ _BLOCK = 2**14
 the memory."""
 
 
+MIN_LOG_CHANGE = 0.005
+"""Range of ln exposure below which it is constant: a change of half a per cent is lost in the noise of
+registration."""
+
+_CHANGED = 0.01
+"""Change of ln exposure from which a frame counts as exposed differently from the one before: 1 per cent."""
+
+_LONGEST_CYCLE = 60
+"""Longest cycle of exposures looked for, in frames: brackets have less than ten, programmed sweeps some tens."""
+
+_LEAST_CYCLES = 3
+"""Fewest repetitions of a cycle within the recording: two may be alike by chance."""
+
+_SAME_LOG_EXPOSURE = 1e-3
+"""Difference of ln exposure up to which two exposures are the same: rounding in files, and jitter of sensors."""
+
+_CYCLE_SHARE = 0.97
+"""Share of the frames that must repeat a cycle: a few dropped frames do not break it."""
+
+
 @dataclass
 class ExposureTable:
     """Grows by one exposure a frame, and looks them up by frame number.
 
-    Attributes
-    ----------
-    lag_frames
-        By how many frames the exposures are written late: that of frame i is looked up beside frame i + lag.
-    trusted
-        Whether the images were found to agree with the exposures.
+    The exposures are written ``lag_frames`` late: that of frame i is looked up beside frame i + lag. They are
+    ``trusted`` where the images were found to agree with them.
     """
 
     lag_frames: int = 0
@@ -89,21 +105,80 @@ def filled(log_exposure: FloatArray) -> FloatArray:
         return log_exposure
     if not known.any():
         return np.zeros(len(log_exposure))
-    missing, neighbours = np.flatnonzero(~known), np.flatnonzero(known & _beside(~known))
+    missing = np.flatnonzero(~known)
+    # Only the known ones next to missing ones: most of a long recording is known.
+    neighbours = np.flatnonzero(known & (np.append(~known[1:], False) | np.append(False, ~known[:-1])))
     complete = log_exposure.copy()
     complete[missing] = np.interp(missing, neighbours, log_exposure[neighbours])
     return complete
 
 
-def blocks(log_exposure: FloatArray, shared: int) -> Iterator[FloatArray]:
+@dataclass(frozen=True)
+class ExposureReport:
+    """The course of the exposures written, over all frames.
+
+    Attributes
+    ----------
+    lowest_ms, highest_ms
+        Extremes.
+    values
+        Number of different exposures.
+    changed_share
+        Share of the frames whose exposure differs from that of the frame before by 1 % or more.
+    cycle_frames
+        Number of frames after which they repeat; None if they do not.
+    """
+
+    lowest_ms: float
+    highest_ms: float
+    values: int
+    changed_share: float
+    cycle_frames: int | None
+
+    @classmethod
+    def of(cls, log_exposure: FloatArray) -> ExposureReport:
+        """Describe exposures by ln of their milliseconds, shape (frames,)."""
+        parts = [*_blocks(log_exposure, 1)]
+        changed = sum(int(np.count_nonzero(np.abs(np.diff(part)) >= _CHANGED)) for part in parts)
+        return cls(
+            float(np.exp(log_exposure.min())),
+            float(np.exp(log_exposure.max())),
+            len(np.unique(np.concatenate([np.unique(part) for part in parts]))),
+            changed / max(len(log_exposure) - 1, 1),
+            exposure_cycle(log_exposure),
+        )
+
+    @property
+    def ratio(self) -> float:
+        """Longest over shortest exposure."""
+        return self.highest_ms / self.lowest_ms
+
+    def in_words(self) -> str:
+        """Return the range of exposures, such as "1 to 32 ms"."""
+        if self.values == 1:
+            return f"{self.lowest_ms:.4g} ms"
+        return f"{self.lowest_ms:.4g} to {self.highest_ms:.4g} ms"
+
+
+def exposure_cycle(log_exposure: FloatArray) -> int | None:
+    """Return after how many frames ln of exposures, shape (frames,), repeats; None if it does not, or is constant."""
+    if np.ptp(log_exposure) < MIN_LOG_CHANGE:
+        return None
+    periods = range(2, min(_LONGEST_CYCLE, len(log_exposure) // _LEAST_CYCLES) + 1)
+    return next((period for period in periods if _repeat(log_exposure, period)), None)
+
+
+def _repeat(log_exposure: FloatArray, period: int) -> bool:
+    """Return whether most exposures are those of a number of frames before."""
+    pairs = same = len(log_exposure) - period
+    for block in _blocks(log_exposure, period):
+        same -= int(np.count_nonzero(np.abs(block[period:] - block[:-period]) >= _SAME_LOG_EXPOSURE))
+        if same / pairs < _CYCLE_SHARE:
+            return False
+    return True
+
+
+def _blocks(log_exposure: FloatArray, shared: int) -> Iterator[FloatArray]:
     """Give all exposures, a bounded number at a time; each block begins with so many values of the one before."""
     for start in range(0, max(len(log_exposure) - shared, 1), _BLOCK):
         yield log_exposure[start : start + _BLOCK + shared]
-
-
-def _beside(there: BoolArray) -> BoolArray:
-    """Return the places next to those that are true."""
-    beside = np.zeros_like(there)
-    beside[1:] |= there[:-1]
-    beside[:-1] |= there[1:]
-    return beside

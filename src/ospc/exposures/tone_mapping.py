@@ -54,15 +54,11 @@ of local tone mapping. Without it they were 0.011 at most in 48 simulated record
 
 @dataclass(frozen=True)
 class LocalTone:
-    """How much brightness changes depend on place and surroundings.
+    """How much brightness changes depend on place and surroundings, from so many pairs of frames.
 
-    Attributes
-    ----------
-    place_spread_log
-        By how much, in ln of the grey level, parts of the image (twelve cells) change differently from the rest
-        within one frame, beyond what grey level, exposure and vignette explain: a robust standard deviation.
-    pairs
-        Number of pairs of frames behind it.
+    ``place_spread_log`` is by how much, in ln of the grey level, parts of the image (twelve cells) change differently
+    from the rest within one frame, beyond what grey level, exposure and vignette explain: a robust standard
+    deviation.
     """
 
     place_spread_log: float
@@ -86,19 +82,10 @@ class LocalTone:
 
 
 def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> LocalTone | None:
-    """Measure how much changes of brightness depend on place and surroundings.
+    """Measure how much changes of brightness between consecutive frames depend on place and surroundings.
 
-    Parameters
-    ----------
-    changes
-        Changes of brightness between consecutive frames.
-    log_change
-        Change of ln exposure of each, from metadata that belong to the frames, shape (pairs,).
-
-    Returns
-    -------
-    LocalTone or None
-        None where too few places could be compared.
+    ``log_change`` is the change of ln exposure of each, from metadata that belong to the frames, shape (pairs,). None
+    where too few places could be compared.
     """
     usable = [
         i

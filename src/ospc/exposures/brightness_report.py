@@ -1,4 +1,4 @@
-"""The course of the exposures, and how much of the changes of brightness it explains."""
+"""How much of the changes of brightness the exposures explain, and what the rest is: flicker, jumps, drift."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.flicker import Flicker, find_flicker, without_waves
-from ospc.exposures.jumps import Jump, find_jumps
-from ospc.exposures.lag_decision import exposure_cycle
-from ospc.exposures.lag_estimate import LagEstimate
-from ospc.exposures.table import blocks
+from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.lag_likelihood import LagFit
+from ospc.exposures.table import exposure_cycle
+from ospc.robust import robust_scale
 
 NOTABLE_RMS_LOG = 0.006
 """Root mean square change of ln brightness from frame to frame, unexplained by exposures, up to which nothing is
@@ -23,9 +23,6 @@ registration do not yet add up to much."""
 
 _DRIFT_STEP = DRIFT_FRAMES // 4
 """Frames between the beginnings of these stretches, which overlap so that no swing is cut in two."""
-
-_CHANGED = 0.01
-"""Change of ln exposure from which a frame counts as exposed differently from the one before: 1 per cent."""
 
 _UNCHANGED = 1e-4
 """Change of ln exposure up to which it counts as none: above the rounding of numbers in files, below any step that a
@@ -55,51 +52,30 @@ _KEPT_SHARE = 0.98
 """Share of the changes, the smaller ones, that a root mean square is taken of: a scene cut is no change of light."""
 
 
+_JUMP_SIGMAS = 10.0
+"""Least size of a jump, in robust standard deviations of the unexplained changes. Their tails are heavy, from failed
+registrations and moving objects, so that a few times the standard deviation is common."""
+
+_SMALLEST_JUMP_LOG = 0.04
+"""Least size of a jump, in ln of the grey level: 4 per cent. Recordings without noise have scatter next to none, and
+smaller jumps are not worth a note."""
+
+_AROUND_JUMP = 4
+"""Frames before and after a jump in which it must not be taken back: a hand that passes by takes longer than one."""
+
+_LASTING_SHARE = 0.6
+"""Share of a jump that must remain for these frames: noise and drift of a few frames take away less than the rest."""
+
+_MOST_JUMPS_SHARE = 0.1
+"""Share of the pairs above which jumps are the rule, and none is reported: the exposures do not fit at all."""
+
+
 @dataclass(frozen=True)
-class ExposureReport:
-    """The course of the exposures written, over all frames.
+class Jump:
+    """A lasting change of ln grey of the same things, which ``frame`` is the first one after."""
 
-    Attributes
-    ----------
-    lowest_ms, highest_ms
-        Extremes.
-    values
-        Number of different exposures.
-    changed_share
-        Share of the frames whose exposure differs from that of the frame before by 1 % or more.
-    cycle_frames
-        Number of frames after which they repeat; None if they do not.
-    """
-
-    lowest_ms: float
-    highest_ms: float
-    values: int
-    changed_share: float
-    cycle_frames: int | None
-
-    @classmethod
-    def of(cls, log_exposure: FloatArray) -> ExposureReport:
-        """Describe exposures by ln of their milliseconds, shape (frames,)."""
-        parts = [*blocks(log_exposure, 1)]
-        changed = sum(int(np.count_nonzero(np.abs(np.diff(part)) >= _CHANGED)) for part in parts)
-        return cls(
-            float(np.exp(log_exposure.min())),
-            float(np.exp(log_exposure.max())),
-            len(np.unique(np.concatenate([np.unique(part) for part in parts]))),
-            changed / max(len(log_exposure) - 1, 1),
-            exposure_cycle(log_exposure),
-        )
-
-    @property
-    def ratio(self) -> float:
-        """Longest over shortest exposure."""
-        return self.highest_ms / self.lowest_ms
-
-    def in_words(self) -> str:
-        """Return the range of exposures, such as "1 to 32 ms"."""
-        if self.values == 1:
-            return f"{self.lowest_ms:.4g} ms"
-        return f"{self.lowest_ms:.4g} to {self.highest_ms:.4g} ms"
+    frame: int
+    log_change: float
 
 
 @dataclass(frozen=True)
@@ -134,19 +110,11 @@ class BrightnessReport:
 
 
 def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessReport | None:
-    """Compare brightness with the exposures; None where too few frames could be compared.
-
-    Parameters
-    ----------
-    lag
-        Estimate of the lag, with the changes it was made from.
-    log_exposure
-        ln of the exposure of every frame, shape (frames,).
-    """
+    """Compare brightness with ln of the exposures, shape (frames,); None where too few frames could be compared."""
     if lag.fit is None or not len(lag.frame):
         return None
     fit = lag.fit
-    flicker = _reported(lag, exposure_cycle(log_exposure))
+    flicker = _reported_flicker(lag, fit, exposure_cycle(log_exposure))
     unexplained = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in flicker])
     energy = float(np.sum(fit.observed**2))
     shift = lag.candidates[0] if lag.candidates else 0
@@ -162,15 +130,15 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
         drift,
         bool(stale or (constant and drift > _STALE_DRIFT_LOG)),
         flicker,
-        find_jumps(lag.frame, unexplained),
+        _jumps(lag.frame, unexplained),
     )
 
 
-def _reported(lag: LagEstimate, cycle: int | None) -> tuple[Flicker, ...]:
+def _reported_flicker(lag: LagEstimate, fit: LagFit, cycle: int | None) -> tuple[Flicker, ...]:
     """Return the flicker to report: clear lines that are not harmonics of the exposures' own cycle."""
     found = lag.flicker
-    if not found and lag.fit is not None:
-        one = find_flicker(lag.frame, lag.fit.unexplained)
+    if not found:
+        one = find_flicker(lag.frame, fit.unexplained)
         found = () if one is None else (one,)
 
     def own(flicker: Flicker) -> bool:
@@ -180,10 +148,31 @@ def _reported(lag: LagEstimate, cycle: int | None) -> tuple[Flicker, ...]:
         return abs(turns - round(turns)) < _SAME_TURNS
 
     reported = tuple(f for f in found if f.share >= _REPORTED_SHARE and not own(f))
-    if not reported or lag.fit is None:
+    left = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in reported])
+    return reported if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(fit.unexplained) else ()
+
+
+def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
+    """Find changes far beyond the usual ones that last for some frames; none where they are the rule."""
+    if len(unexplained) < 2 * _AROUND_JUMP:
         return ()
-    left = without_waves(lag.frame, lag.fit.unexplained, [f.cycles_per_frame for f in reported])
-    return reported if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(lag.fit.unexplained) else ()
+    usual = robust_scale(unexplained - np.median(unexplained))
+    large = np.flatnonzero(np.abs(unexplained) > max(_JUMP_SIGMAS * usual, _SMALLEST_JUMP_LOG))
+    lasting = [int(at) for at in large if _lasts(frame, unexplained, int(at))]
+    if len(lasting) > _MOST_JUMPS_SHARE * len(unexplained):
+        return ()
+    return tuple(Jump(int(frame[at]) + 1, float(unexplained[at])) for at in lasting)
+
+
+def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:
+    """Return whether most of a change is still there a few frames later, and was not there a few frames before.
+
+    A hand that passes by, or one exposure written wrongly, is taken back at once.
+    """
+    near = (np.abs(frame - frame[at]) <= _AROUND_JUMP) & (frame != frame[at])
+    before, after = (float(unexplained[near & side].sum()) for side in (frame < frame[at], frame > frame[at]))
+    change = float(unexplained[at])
+    return min((change + part) / change for part in (before, after)) > _LASTING_SHARE
 
 
 def _rms(values: FloatArray) -> float:
