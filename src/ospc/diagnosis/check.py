@@ -30,23 +30,14 @@ def check_recording(
     """Report what a calibration of a recording finds, and what is wrong with the recording.
 
     The frames go through the same engine as for a calibration: the verdicts are those of
-    :func:`~ospc.calibrator.calibrate`.
+    :func:`~ospc.calibrator.calibrate`, and ``correct_lag`` is what it is there.
 
     Parameters
     ----------
-    recording
-        The recording.
     frames
         Number of frames used, from the beginning; None for all.
-    correct_lag
-        What to do about a lag of the exposures, as in :func:`~ospc.calibrator.calibrate`.
     progress
         Called after every frame with the number of frames taken and of all.
-
-    Returns
-    -------
-    RecordingReport
-        Figures, notes, and a verdict on response, vignette and exposures.
 
     Raises
     ------
@@ -61,24 +52,19 @@ def check_recording(
             progress(calibrator.frames, total)
 
     drive(calibrator, islice(recording, total), count)
-    return report_of(calibrator, recording, total)
-
-
-def report_of(calibrator: OnlineCalibrator, recording: Recording, frames: int) -> RecordingReport:
-    """Return the report on a recording of which ``frames`` frames were pushed.
-
-    Raises
-    ------
-    RecordingError
-        If none of them could be used.
-    """
     evidence, pixels = calibrator.evidence, calibrator.pixels.report()
     if evidence is None or pixels is None:
         why = calibrator.first_reasons[0] if calibrator.first_reasons else "there are none"
         raise RecordingError(f"{recording.path}: none of its frames can be used; the first: {why}")
     found, calibration = calibrator.exposure_findings(), labelled(calibrator.calibration(), recording)
-    when = timing(recording.stamps_s[:frames], evidence.repeated, evidence.compared)
-    told = notes(found, pixels, when, calibration.counts["skipped"])
+    when = timing(recording.stamps_s[:total], evidence.repeated, evidence.compared)
+    told = (
+        *_about_frames(when, calibration.counts["skipped"]),
+        *_about_lag(found),
+        *_about_brightness(found.brightness, when),
+        *_about_tone(found.local_tone),
+        *_about_pixels(pixels),
+    )
     return RecordingReport(
         name=recording.path.name or recording.path.resolve().name,
         kind=recording.kind,
@@ -109,18 +95,6 @@ _WEAK_SLOPE = 0.15
 _SLOWEST_VIDEO_S = 0.7
 """Longest interval between frames of a video, in seconds: photographs taken one by one are further apart, and have no
 rate by which frames could be missing."""
-
-
-def notes(found: ExposureFindings, pixels: PixelReport, timing: Timing, unreadable: int) -> tuple[str, ...]:
-    """Return the findings, worst first."""
-    said = [
-        *_about_frames(timing, unreadable),
-        *_about_lag(found),
-        *_about_brightness(found.brightness, timing),
-        *_about_tone(found.local_tone),
-        *_about_pixels(pixels),
-    ]
-    return tuple(said)
 
 
 def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:

@@ -12,16 +12,13 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.exposures.brightness import GREY_BINS, BrightnessChange
+from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
-from ospc.exposures.lag_decision import LagEstimate
-from ospc.exposures.table import ExposureReport
-from ospc.exposures.tone_mapping import LocalTone
 from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Verdict
 
 _GAP = 1.5
-"""Interval over the median one from which frames are missing: half way between one interval and two, since time
-stamps jitter."""
+"""Interval over the median one from which frames are missing: half way between one and two, since stamps jitter."""
 
 _MOST_DROPPED = 1e9
 """Most dropped frames counted: time stamps of two clocks may be decades apart, beyond any integer of a file."""
@@ -31,18 +28,9 @@ _MOST_DROPPED = 1e9
 class Timing:
     """Time stamps and repeated images.
 
-    Attributes
-    ----------
-    interval_s
-        Median time from one frame to the next; NaN for a single frame.
-    gaps
-        Number of intervals longer than one and a half of that.
-    dropped_frames
-        Frames that would fill these gaps.
-    duplicate_frames
-        Indices of frames whose image is that of the frame before, pixel by pixel; of the frames looked at.
-    compared_frames
-        Number of frames whose image was compared with the one before.
+    ``interval_s`` is the median time from one frame to the next, NaN for a single frame; ``gaps`` intervals are
+    longer than one and a half of that, and ``dropped_frames`` would fill them. ``duplicate_frames`` are the indices
+    of frames whose image is that of the frame before, pixel by pixel, of ``compared_frames`` that were compared.
     """
 
     interval_s: float
@@ -53,17 +41,7 @@ class Timing:
 
 
 def timing(stamps_s: FloatArray, duplicates: list[int], compared: int) -> Timing:
-    """Look at the time stamps of all frames.
-
-    Parameters
-    ----------
-    stamps_s
-        Time stamps in seconds, shape (frames,).
-    duplicates
-        Indices of frames that repeat the one before.
-    compared
-        Number of frames compared with the one before.
-    """
+    """Look at the time stamps of all frames in seconds, shape (frames,); ``duplicates`` repeat the frame before."""
     interval = np.diff(stamps_s)
     if not len(interval):
         return Timing(float("nan"), 0, 0, tuple(duplicates), compared)
@@ -81,11 +59,9 @@ class MotionReport:
     median_px_per_frame
         Median displacement from one frame to the next in pixels; NaN where nothing could be followed.
     radial_reach
-        Radial displacement, in half diagonals, of the scene points that tell the vignette.
+        Radial displacement, in half diagonals, of the scene points that tell the vignette; 0 if the camera is still.
     found_share
         Share of the image that is well exposed and found again in the next frame; NaN where none was compared.
-    still
-        Whether the camera stands still.
     """
 
     median_px_per_frame: float
@@ -98,10 +74,10 @@ def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> Mot
     """Summarise the motion between consecutive frames, and over the scene points of a run."""
     displacement = [c.motion_px for c in changes if np.isfinite(c.motion_px)]
     still = inputs is not None and inputs.standing_still
-    moves = inputs is not None and inputs.observations is not None and not still
+    observations = None if inputs is None or still else inputs.observations
     return MotionReport(
         float(np.median(displacement)) if displacement else float("nan"),
-        inputs.observations.radial_reach if moves and inputs is not None and inputs.observations is not None else 0.0,
+        0.0 if observations is None else observations.radial_reach,
         float(np.median([c.found for c in changes])) if changes else float("nan"),
         still,
     )
@@ -119,18 +95,10 @@ class RecordingReport:
 
     Attributes
     ----------
-    name, kind
-        The recording's name and kind.
-    frames
-        Number of its frames.
-    size
-        Width and height in pixels.
-    max_grey
-        Largest grey value the sensor delivers.
-    processed
-        Number of frames processed.
-    unreadable
-        Number of frames that could not be used.
+    name, kind, frames, size, max_grey
+        Of the recording: the number of its frames, width and height in pixels, largest grey value of the sensor.
+    processed, unreadable
+        Number of frames processed, and of those that could not be used.
     exposures
         What the images show about the exposures.
     pixels
@@ -188,12 +156,15 @@ class RecordingReport:
             "verdicts": {name: verdict.state for name, verdict in self.verdicts.items()},
             "reasons": {name: verdict.reason for name, verdict in self.verdicts.items()},
             "remedies": {name: verdict.remedy or None for name, verdict in self.verdicts.items()},
-            "exposure": _exposure(self.exposures.course),
-            "lag": _lag(self.exposures.lag),
-            "brightness": _brightness(self),
-            "local_tone_mapping": _local_tone(self.exposures.local_tone),
+            **_exposure_figures(self.exposures, self.timing.interval_s),
             "grey_levels": _grey_levels(self.pixels),
-            "radii": _radii(self),
+            "radii": {
+                "exposed_share_by_radius": [_known(value) for value in self.pixels.mean_radius_share],
+                "radial_reach_half_diagonals": self.motion.radial_reach,
+                "motion_px_per_frame": _known(self.motion.median_px_per_frame),
+                "found_again_share": _known(self.motion.found_share),
+                "camera_still": self.motion.still,
+            },
             "timing": _timing(self.timing),
             "notes": list(self.notes),
         }
@@ -203,37 +174,38 @@ def _known(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def _exposure(exposure: ExposureReport) -> dict[str, Any]:
+def _exposure_figures(found: ExposureFindings, interval_s: float) -> dict[str, Any]:
+    course, lag, tone = found.course, found.lag, found.local_tone
     return {
-        "lowest_ms": exposure.lowest_ms,
-        "highest_ms": exposure.highest_ms,
-        "highest_over_lowest_ratio": exposure.ratio,
-        "different_exposures": exposure.values,
-        "changed_frames_share": exposure.changed_share,
-        "cycle_frames": exposure.cycle_frames,
+        "exposure": {
+            "lowest_ms": course.lowest_ms,
+            "highest_ms": course.highest_ms,
+            "highest_over_lowest_ratio": course.ratio,
+            "different_exposures": course.values,
+            "changed_frames_share": course.changed_share,
+            "cycle_frames": course.cycle_frames,
+        },
+        "lag": {
+            "state": lag.state,
+            "candidates_frames": list(lag.candidates),
+            "tried_frames": lag.lags.tolist(),
+            "log_likelihood_difference": lag.score.tolist(),
+            "lead_sigmas": lag.sigmas.tolist(),
+            "best_fraction_frames": lag.fraction_frames,
+            "compared_pairs": lag.pairs,
+            "log_grey_per_log_exposure": None
+            if lag.fit is None or not lag.fit.slopes.any()
+            else lag.fit.slopes.tolist(),
+            "full_scale_share_edges_of_these": GREY_BINS.tolist(),
+        },
+        "brightness": None if found.brightness is None else _brightness(found.brightness, interval_s),
+        "local_tone_mapping": None
+        if tone is None
+        else {"place_spread_log": tone.place_spread_log, "compared_pairs": tone.pairs},
     }
 
 
-def _lag(lag: LagEstimate) -> dict[str, Any]:
-    slopes = None if lag.fit is None or not lag.fit.slopes.any() else lag.fit.slopes.tolist()
-    return {
-        "state": lag.state,
-        "candidates_frames": list(lag.candidates),
-        "tried_frames": lag.lags.tolist(),
-        "log_likelihood_difference": lag.score.tolist(),
-        "lead_sigmas": lag.sigmas.tolist(),
-        "best_fraction_frames": lag.fraction_frames,
-        "compared_pairs": lag.pairs,
-        "log_grey_per_log_exposure": slopes,
-        "full_scale_share_edges_of_these": GREY_BINS.tolist(),
-    }
-
-
-def _brightness(report: RecordingReport) -> dict[str, Any] | None:
-    found = report.exposures.brightness
-    if found is None:
-        return None
-    interval_s = report.timing.interval_s
+def _brightness(found: BrightnessReport, interval_s: float) -> dict[str, Any]:
     return {
         "change_rms_log": found.change_rms_log,
         "unexplained_rms_log": found.unexplained_rms_log,
@@ -255,19 +227,9 @@ def _brightness(report: RecordingReport) -> dict[str, Any] | None:
     }
 
 
-def _local_tone(tone: LocalTone | None) -> dict[str, Any] | None:
-    if tone is None:
-        return None
-    return {
-        "place_spread_log": tone.place_spread_log,
-        "compared_pairs": tone.pairs,
-    }
-
-
 def _grey_levels(pixels: PixelReport) -> dict[str, Any]:
-    covered = pixels.covered_grey
     return {
-        "covered_share": float(covered.mean()),
+        "covered_share": float(pixels.covered_grey.mean()),
         "pixel_share_by_grey": pixels.grey_share.mean(axis=0).tolist(),
         "saturated_share": pixels.saturated_share,
         "black_share": pixels.black_share,
@@ -277,16 +239,6 @@ def _grey_levels(pixels: PixelReport) -> dict[str, Any]:
         "missing_levels_share": pixels.missing_levels_share,
         "black_surround": pixels.surround,
         "black_surround_share": pixels.surround_share,
-    }
-
-
-def _radii(report: RecordingReport) -> dict[str, Any]:
-    return {
-        "exposed_share_by_radius": [_known(value) for value in report.pixels.mean_radius_share],
-        "radial_reach_half_diagonals": report.motion.radial_reach,
-        "motion_px_per_frame": _known(report.motion.median_px_per_frame),
-        "found_again_share": _known(report.motion.found_share),
-        "camera_still": report.motion.still,
     }
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -57,14 +58,10 @@ class Comparison:
 
 
 def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> Comparison:
-    """Return the errors of a calibration against another.
+    """Return the errors of a calibration against another, which is taken for the truth.
 
-    Parameters
-    ----------
-    estimate, truth
-        The calibrations; the second is taken for the truth.
-    exponent
-        Response and vignette of the first are raised to this power before. Uncertainties are compared only at 1.
+    Response and vignette of the first are raised to the power ``exponent`` before; uncertainties are compared only
+    at 1.
 
     Raises
     ------
@@ -72,26 +69,23 @@ def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> C
         If they have neither response nor vignette in common.
     """
     _check_common(estimate, truth)
-    found = Comparison(exponent)
+    found: dict[str, Any] = {}
     if estimate.response is not None and truth.response is not None:
         response = _powered_response(estimate.response, exponent)
-        found = replace(
-            found,
-            response_rmse=response_rmse(response, truth.response),
-            response_shape_rmse=response_shape_rmse(response, truth.response),
-            log_ratio_error=log_ratio_error(response, truth.response),
-        )
+        found["response_rmse"] = response_rmse(response, truth.response)
+        found["response_shape_rmse"] = response_shape_rmse(response, truth.response)
+        found["log_ratio_error"] = log_ratio_error(response, truth.response)
         if exponent == 1 and response.inverse_sigma is not None:
             known = response.matched(truth.response)
             seen = (response.levels >= response.support[0]) & (response.levels <= response.support[1])
-            shares = coverage(response.inverse_table[seen], response.inverse_sigma[seen], known[seen])
-            found = replace(found, response_coverage=shares)
+            sigma = response.inverse_sigma[seen]
+            found["response_coverage"] = coverage(response.inverse_table[seen], sigma, known[seen])
     if estimate.vignette is not None and truth.vignette is not None:
         vignette = _powered_vignette(estimate.vignette, exponent)
-        found = replace(found, vignette_rmse=vignette_rmse(vignette, truth.vignette))
+        found["vignette_rmse"] = vignette_rmse(vignette, truth.vignette)
         if vignette.size == truth.vignette.size:
-            found = replace(found, vignette_pixel_rmse=vignette_pixel_rmse(vignette, truth.vignette))
-    return found
+            found["vignette_pixel_rmse"] = vignette_pixel_rmse(vignette, truth.vignette)
+    return Comparison(exponent, **found)
 
 
 def aligning_exponent(estimate: Photometry, truth: Photometry) -> float:

@@ -32,14 +32,9 @@ _LEAST_CONTRAST = 1e-9
 
 @dataclass(frozen=True)
 class Step:
-    """Points in the next frame.
+    """Points in the next frame: their pixel coordinates, shape (n, 2), and which are lost by each of :data:`LOSSES`.
 
-    Attributes
-    ----------
-    places
-        Pixel coordinates, shape (n, 2).
-    losses
-        Which points are lost by each of :data:`LOSSES`, at most one true in a column; shape (3, n).
+    At most one is true in a column of ``losses``, shape (3, n).
     """
 
     places: FloatArray

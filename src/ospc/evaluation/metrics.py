@@ -30,14 +30,9 @@ measured), and the standard deviation of the log ratio within a pair, typical of
 
 
 class RatioError(NamedTuple):
-    """Errors of exposure ratios.
+    """Errors of exposure ratios: the medians of |ln k̂ − ln k| and of (ln k̂ − ln k)·sign(ln k).
 
-    Attributes
-    ----------
-    median_abs
-        Median of |ln k̂ − ln k|.
-    bias
-        Median of (ln k̂ − ln k)·sign(ln k): positive if exposure changes are overestimated.
+    The latter is positive if exposure changes are overestimated.
     """
 
     median_abs: float
@@ -96,10 +91,7 @@ def vignette_rmse(estimate: Vignette, truth: Vignette, reach: float = 1.0) -> fl
 def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
     """Return the root mean square difference over all pixels, each vignette divided by its mean at the centre.
 
-    Raises
-    ------
-    FormatError
-        If their sizes differ.
+    FormatError if their sizes differ.
     """
     if estimate.size != truth.size:
         raise FormatError(
@@ -116,10 +108,7 @@ def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
 def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) -> RatioError:
     """Return the errors of estimated exposure ratios against the metadata, for pairs that were not used in the fit.
 
-    Raises
-    ------
-    ExposureError
-        If there are none, their numbers differ, or some ratio is not positive.
+    ExposureError if there are none, their numbers differ, or some ratio is not positive.
     """
     ratios = np.asarray(k_estimated, dtype=np.float64), np.asarray(k_metadata, dtype=np.float64)
     if ratios[0].shape != ratios[1].shape or ratios[0].size == 0:
@@ -135,12 +124,8 @@ def coverage(estimate: npt.ArrayLike, sigma: npt.ArrayLike, truth: npt.ArrayLike
     """Return the share of curve points within ±1σ and ±2σ of the truth: 0.683 and 0.954 if σ is right.
 
     Points without error and with σ = 0 do not count; the ends of a response are such by convention. The shapes of
-    curves, standard deviations and true curves broadcast, such as (recordings, points).
-
-    Raises
-    ------
-    FormatError
-        If a standard deviation is negative, a value is not finite, or no point counts.
+    curves, standard deviations and true curves broadcast, such as (recordings, points). FormatError if a standard
+    deviation is negative, a value is not finite, or no point counts.
     """
     e, s, t = np.broadcast_arrays(*(np.asarray(array, dtype=np.float64) for array in (estimate, sigma, truth)))
     if not all(np.all(np.isfinite(array)) for array in (e, s, t)) or np.any(s < 0):

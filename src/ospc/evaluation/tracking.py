@@ -17,7 +17,7 @@ the latter. Losses are counted by cause.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from ospc.errors import FrameError, NotObservableError, counted
@@ -33,19 +33,10 @@ _NOTICEABLE = 1.1
 class TrackingComparison:
     """The effect of a calibration on tracking.
 
-    Attributes
-    ----------
-    raw, corrected
-        Statistics of both kinds of frames. Both residuals are computed at the same places: along the track in the
-        corrected frames or, if only that one is lost, along the raw one.
-    tracks
-        Number of tracks.
-    frames, skipped
-        Numbers of frames used and of frames that could not be read.
-    horizon
-        Most frames for which a track was followed.
-    largest_step
-        Largest ratio of the exposures of two successive frames.
+    Both residuals of ``raw`` and ``corrected`` frames are computed at the same places: along the track in the
+    corrected frames or, if only that one is lost, along the raw one. There are ``tracks`` in ``frames`` that could be
+    read, besides those ``skipped``, each followed for at most ``horizon`` frames. ``largest_step`` is the largest
+    ratio of the exposures of two successive frames.
     """
 
     raw: TrackFigures
@@ -116,9 +107,11 @@ def compare_tracking(
     tracks = Tracks(corrector)
     before: Frame | None = None
     used, skipped, largest = 0, 0, 1.0
-    for number, frame in enumerate(_readable(recording), start=1):
+    for number, frame in enumerate(recording, start=1):
         progress(number, len(recording))
-        if frame is None:
+        try:
+            _ = frame.image
+        except FrameError:
             skipped += 1
             continue
         if before is not None:
@@ -135,14 +128,3 @@ def compare_tracking(
             f"frames with structure that is not saturated"
         )
     return TrackingComparison(raw, corrected, tracks.begun, used, skipped, horizon, largest)
-
-
-def _readable(recording: Recording) -> Iterator[Frame | None]:
-    """Yield the frames; None for those that cannot be read."""
-    for frame in recording:
-        try:
-            _ = frame.image
-        except FrameError:
-            yield None
-        else:
-            yield frame

@@ -90,7 +90,7 @@ _LEVELS = 65536
 
 
 class CorrectedFrames:
-    """Both frames of a pair as if recorded at the longer of their exposures and without vignette, f(s·g(M')/V).
+    """Frames as if recorded at another exposure and without vignette, f(s·g(M')/V).
 
     M' is the frame warped to that exposure. The factor s ≤ 1 makes room for the corrected corners, which can be
     brighter than white in the middle of the image.
@@ -103,11 +103,6 @@ class CorrectedFrames:
         self._headroom = min(max(darkest, _LEAST_HEADROOM), 1.0)
         self._greys = np.rint(255 * self._encoded(np.linspace(0.0, 1.0, _LEVELS))).astype(np.uint8)
 
-    def pair(self, before: Frame, after: Frame) -> tuple[Image, Image]:
-        """Return the images of two successive frames."""
-        longer_ms = max(before.exposure_ms, after.exposure_ms)
-        return self._at(before, longer_ms), self._at(after, longer_ms)
-
     def radiance(self, frame: Frame) -> Float32Array:
         """Return the radiance at every pixel, NaN if saturated."""
         return np.asarray(self._corrector.correct(frame.image, frame.exposure_ms), dtype=np.float32)
@@ -116,7 +111,8 @@ class CorrectedFrames:
         """Return the grey values, 0 to 255, that radiances have in corrected frames of an exposure."""
         return 255 * self._encoded(self._headroom * exposure_ms * radiance)
 
-    def _at(self, frame: Frame, exposure_ms: float) -> Image:
+    def at_exposure(self, frame: Frame, exposure_ms: float) -> Image:
+        """Return the image of a frame as it would be at another exposure."""
         image = frame.image
         if exposure_ms != frame.exposure_ms:
             image = self._corrector.warp_exposure(image, frame.exposure_ms, exposure_ms)
@@ -157,14 +153,11 @@ class TrackFigures:
 
     Attributes
     ----------
-    steps
-        Attempts to track a point to the next frame.
-    lost
-        Number of failures by cause, see :data:`CAUSES`.
-    mean_life
-        Mean life in frames, including the first, of tracks followed for at most ``horizon`` frames.
-    median_life
-        Frames that half of the tracks do not outlive; None if more than half outlive the horizon.
+    steps, lost
+        Attempts to track a point to the next frame, and failures by cause, see :data:`CAUSES`.
+    mean_life, median_life
+        Frames, including the first, that tracks live on average if followed for at most ``horizon`` frames, and that
+        half of them do not outlive; the latter None if more than half outlive the horizon.
     residual
         Median over tracks and frames of the brightness residual: the change of the window's mean grey level since the
         track began over the contrast (mean absolute deviation) within the window; NaN without any.
@@ -189,8 +182,8 @@ class Tracks:
         self._places = np.empty((len(KINDS), 0, 2))
         self._alive = np.empty((len(KINDS), 0), np.bool_)
         self._age = np.empty(0, np.int64)
-        self._first_grey = np.empty((0, WINDOW_PX**2))
-        self._first_radiance = np.empty((0, WINDOW_PX**2))
+        # Their windows when they began: grey levels, and radiances.
+        self._first = np.empty((len(KINDS), 0, WINDOW_PX**2))
         self.begun = 0
 
     def begin(self, frame: Frame) -> None:
@@ -201,21 +194,21 @@ class Tracks:
         if found is None:
             return
         places = found.reshape(-1, 2).astype(np.float64)
+        first = np.stack([windows(of, places) for of in (image, self._corrected.radiance(frame))])
         count = len(places)
-        radiance = self._corrected.radiance(frame)
         self._places = np.concatenate([self._places, np.stack([places] * len(KINDS))], axis=1)
         self._alive = np.concatenate([self._alive, np.ones((len(KINDS), count), np.bool_)], axis=1)
+        self._first = np.concatenate([self._first, first], axis=1)
         self._age = np.concatenate([self._age, np.zeros(count, np.int64)])
-        self._first_grey = np.concatenate([self._first_grey, windows(image, places)])
-        self._first_radiance = np.concatenate([self._first_radiance, windows(radiance, places)])
         self.begun += count
 
     def follow(self, before: Frame, after: Frame) -> None:
         """Continue all tracks from one frame to the next."""
         self._alive &= self._inside(before) & (self._age < _HORIZON)
         radiance = self._corrected.radiance(after)
-        pairs = ((before.image_8_bit, after.image_8_bit), self._corrected.pair(before, after))
-        for kind, images in enumerate(pairs):
+        longer_ms = max(before.exposure_ms, after.exposure_ms)
+        first, second = (self._corrected.at_exposure(frame, longer_ms) for frame in (before, after))
+        for kind, images in enumerate(((before.image_8_bit, after.image_8_bit), (first, second))):
             index = np.flatnonzero(self._alive[kind])
             step = follow(*images, self._places[kind, index])
             change = self._changes(kind, after, radiance, index, step.places)
@@ -228,8 +221,8 @@ class Tracks:
         self._age += 1
         self._compare_with_first(after, radiance)
         kept = self._alive.any(axis=0)
-        self._places, self._alive, self._age = self._places[:, kept], self._alive[:, kept], self._age[kept]
-        self._first_grey, self._first_radiance = self._first_grey[kept], self._first_radiance[kept]
+        self._places, self._alive = self._places[:, kept], self._alive[:, kept]
+        self._first, self._age = self._first[:, kept], self._age[kept]
 
     def figures(self) -> tuple[TrackFigures, TrackFigures, int]:
         """Return the statistics of raw and of corrected frames, and the age up to which both are known."""
@@ -266,11 +259,11 @@ class Tracks:
         changes = np.full(index.size, np.nan)
         if not index.size:
             return changes
-        now, first = windows(radiance, places), self._first_radiance[index]
+        now, first = windows(radiance, places), self._first[1, index]
         exposed = np.isfinite(now).all(axis=1) & np.isfinite(first).all(axis=1)
         if KINDS[kind] == "raw":
             grey = windows(frame.image_8_bit, places)
-            changes[exposed] = _residual(self._first_grey[index[exposed]], grey[exposed])
+            changes[exposed] = _residual(self._first[0, index[exposed]], grey[exposed])
         else:
             both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
             changes[exposed] = _residual(*both)

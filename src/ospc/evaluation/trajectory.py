@@ -39,17 +39,9 @@ class Similarity:
 
 
 def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
-    """Return the similarity from points to their targets with the least sum of squares (Umeyama 1991).
+    """Return the similarity from points to their targets, shape (n, 3), with least squares (Umeyama 1991).
 
-    Parameters
-    ----------
-    points, target
-        Shape (n, 3) each, n ≥ 3.
-
-    Raises
-    ------
-    NotObservableError
-        If there are fewer than three points, or they lie on a line and do not determine the rotation.
+    NotObservableError if there are fewer than three points, or they lie on a line and do not determine the rotation.
     """
     if points.shape[0] < _FEWEST_POSES:
         raise NotObservableError(f"an alignment needs {_FEWEST_POSES} poses with truth; there are {points.shape[0]}")
@@ -81,14 +73,8 @@ _QUATERNION_LENGTHS = (0.5, 2.0)
 class Trajectory:
     """Poses in temporal order.
 
-    Attributes
-    ----------
-    stamps_s
-        Time stamps in seconds, shape (n,), not decreasing.
-    positions
-        Positions of the camera in the world, shape (n, 3); NaN if unknown.
-    quaternions
-        Orientations (x, y, z, w) from camera to world coordinates, shape (n, 4); NaN if unknown.
+    ``stamps_s`` in seconds have the shape (n,) and do not decrease; ``positions`` of the camera in the world (n, 3);
+    ``quaternions`` (x, y, z, w) from camera to world coordinates (n, 4). What is unknown is NaN.
     """
 
     stamps_s: FloatArray
@@ -129,12 +115,10 @@ class AlignmentError:
         Angle between the two alignments' rotations, in degrees.
     rmse
         Root mean square distance to the truth after one alignment to all of it.
-    poses
-        Number of poses of the trajectory.
+    poses, unmatched
+        Number of poses of the trajectory, and of those without a row of the truth within the tolerance.
     first, second
         Number of poses with truth in the first and in the second half.
-    unmatched
-        Number of poses without a row of the truth within the tolerance.
     """
 
     e_align: float
@@ -159,12 +143,8 @@ class RelativeError:
 def read_trajectory(path: str | Path) -> Trajectory:
     """Read rows ``stamp tx ty tz qx qy qz qw``, separated by white space or commas; ``#`` begins a comment.
 
-    Further columns are ignored, NaN is allowed, and rows are sorted by stamp.
-
-    Raises
-    ------
-    FormatError
-        If a row has another form, a stamp is not finite, or there is no row.
+    Further columns are ignored, NaN is allowed, and rows are sorted by stamp. FormatError if a row has another form,
+    a stamp is not finite, or there is no row.
     """
     rows: list[list[float]] = []
     for number, line in enumerate(read_text(path, _LARGEST_FILE).splitlines(), start=1):
@@ -235,12 +215,7 @@ def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
 def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
     """Return the root mean square distance of the poses to the truth after the best similarity, in its units.
 
-    Raises
-    ------
-    FormatError
-        If a position of the estimate is not finite.
-    NotObservableError
-        If too few poses have a truth.
+    FormatError if a position of the estimate is not finite, NotObservableError if too few poses have a truth.
     """
     matched, partners = _matched(estimate, truth)
     points, target = estimate.positions[matched], truth.positions[partners]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -12,7 +12,7 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.errors import OspcError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.evidence import ComparedAhead, EvidenceState, ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, checked_lag_choice
+from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, checked_lag_choice, leaves_frames
 from ospc.exposures.lag_change import LagChange, lag_change
 from ospc.exposures.table import ExposureTable
 
@@ -42,9 +42,9 @@ class AssessmentState:
 
     ``log_exposure`` is ln of the exposures as written, shape (frames,), corrected by ``lag_frames`` during the run,
     and ``trusted`` where the images were found to agree with them. ``evidence`` is None before the first usable
-    frame; with so many changes of brightness as ``next_assessment`` says, exposures are assessed next. ``known_lag``
-    was certain at the latest assessment, None where none was, and by ``suspected_lag`` frames later than that the
-    latest look found exposures written.
+    frame; with ``next_assessment`` changes of brightness exposures are assessed next. ``known_lag`` was certain at
+    the latest assessment, None where none was; the latest look found exposures written ``suspected_lag`` frames
+    later.
     """
 
     log_exposure: FloatArray
@@ -91,16 +91,16 @@ class ExposureAssessment:
         """Judge the exposures again if there is much more evidence than the last time."""
         if self.evidence is None or self.evidence.observed < self._next_assessment:
             return
-        """Return what the images say about the exposures so far; OspcError if no frame could be read."""
+        if not leaves_frames(self.choice, len(self.table) - self._since):
+            return
+        self._next_assessment = int(ASSESSMENT_GROWTH * self.evidence.observed)
+        found = self.findings()
+        self.table.lag_frames = found.corrected_frames
+        self._known_lag = found.lag.correction(found.course.cycle_frames)
+        self.table.trusted = self._known_lag is not None and not found.warnings
 
     def findings(self) -> ExposureFindings:
-        """Return what the images say about the exposures so far.
-
-        Raises
-        ------
-        OspcError
-            If no frame could be read so far.
-        """
+        """Return what the images say about the exposures so far; OspcError if no frame could be read."""
         if self.evidence is None:
             raise OspcError("no frame could be used, so nothing is known about the exposures")
         key = (len(self.table), len(self.evidence))
@@ -111,7 +111,7 @@ class ExposureAssessment:
     @property
     def corrected(self) -> ExposureTable:
         """The exposures, with the lag corrected by what is known now."""
-        return self.table.with_lag(self.findings().corrected_frames)
+        return replace(self.table, lag_frames=self.findings().corrected_frames)
 
     def change_of_lag(self, *, explains: bool) -> LagChange | None:
         """Return a change of the lag, looked for at times, if two looks in a row show it.
@@ -149,7 +149,7 @@ class ExposureAssessment:
         assert self.evidence is not None
         later = self.evidence.split(frame)
         found = self._assessed(self.evidence, self.table.written[:frame])
-        before = self.table.until(frame).with_lag(found.corrected_frames)
+        before = replace(self.table.until(frame), lag_frames=found.corrected_frames)
         self.evidence, self._since, self._findings = later, frame, None
         self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT, None, 0
         self.table.trusted = False

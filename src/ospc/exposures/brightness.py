@@ -31,8 +31,7 @@ _MIN_PIXELS = 40
 With fewer, one moving object would decide; with more, small images would leave bins empty."""
 
 _MAX_WEIGHT = 5000.0
-"""Most places that a bin counts as, a quarter of a thumbnail: beyond, their errors have common causes, and one large
-even surface would outweigh all other bins."""
+"""Most places that a bin counts as; otherwise one large even surface, whose errors have one cause, decides alone."""
 
 _MAX_RELATIVE_GRADIENT = 0.04
 """Steepest flat place: gradient over grey level, per thumbnail pixel. A registration error of a tenth of a pixel then
@@ -43,12 +42,10 @@ _OUTLIER_SIGMAS = 2.5
 gloss, wrong registrations. Of normally distributed values 99 per cent stay."""
 
 _MIN_SCATTER_LOG = 1e-4
-"""Least scatter assumed in a bin, in ln of the grey level, so that of nearly equal values rounding errors are
-kept."""
+"""Least scatter assumed in a bin, in ln of the grey level: rounding errors of nearly equal values are kept."""
 
 _SAMPLES = 400
-"""About how many single places of a pair are kept: some thirty in each cell that local tone mapping is looked for
-in."""
+"""About how many single places of a pair are kept: some thirty in each cell of local tone mapping."""
 
 _SPARSE = 5
 """The motion is measured at one in so many places: neighbours move alike, so that more cost time and add nothing."""

@@ -14,8 +14,7 @@ from ospc.exposures.table import exposure_cycle
 from ospc.robust import robust_scale
 
 NOTABLE_RMS_LOG = 0.006
-"""Root mean square change of ln brightness from frame to frame, unexplained by exposures, up to which nothing is
-doubted: registration alone leaves as much."""
+"""Unexplained root mean square change of ln brightness a frame up to which nothing is doubted: registration's own."""
 
 DRIFT_FRAMES = 40
 """Frames over which unexplained changes are added up: an exposure control acts within them, and the errors of
@@ -25,8 +24,7 @@ _DRIFT_STEP = DRIFT_FRAMES // 4
 """Frames between the beginnings of these stretches, which overlap so that no swing is cut in two."""
 
 _UNCHANGED = 1e-4
-"""Change of ln exposure up to which it counts as none: above the rounding of numbers in files, below any step that a
-camera makes."""
+"""Change of ln exposure up to which it counts as none: rounding in files, but no step that a camera makes."""
 
 _STALE_DRIFT_LOG = 0.12
 """Drift of ln brightness from which an exposure that never changes counts as stale, however small each step is: an
@@ -36,17 +34,15 @@ _MIN_UNCHANGED_PAIRS = 12
 """Fewest pairs of unchanged exposure that can show it to be stale: their root mean square is known to a fifth."""
 
 _REPORTED_SHARE = 0.6
-"""Share of the fast unexplained changes that a flicker makes up if it is reported. It is more than
-:func:`find_flicker` asks for: a line may be tried beside a lag on less evidence than a user should be sent to the
-lamp for."""
+"""Share of the fast unexplained changes that a flicker makes up if it is reported: more than :func:`find_flicker`
+asks for, since a line is tried beside a lag on less evidence than a user should be sent to the lamp for."""
 
 _LEAST_TOTAL_SHARE = 0.4
 """Share of the variance of all unexplained changes that the reported flicker makes up. A control loop's slow swings
 have a strongest frequency, too, but it makes up less of them."""
 
 _SAME_TURNS = 0.1
-"""Turns by which a flicker may miss a whole number within a cycle of exposures and still be a harmonic of the
-cycle."""
+"""Turns by which a flicker may miss a whole number within a cycle of exposures and still be its harmonic."""
 
 _KEPT_SHARE = 0.98
 """Share of the changes, the smaller ones, that a root mean square is taken of: a scene cut is no change of light."""
@@ -57,8 +53,7 @@ _JUMP_SIGMAS = 10.0
 registrations and moving objects, so that a few times the standard deviation is common."""
 
 _SMALLEST_JUMP_LOG = 0.04
-"""Least size of a jump, in ln of the grey level: 4 per cent. Recordings without noise have scatter next to none, and
-smaller jumps are not worth a note."""
+"""Least size of a jump, in ln of the grey level: smaller ones are not worth a note, even where there is no noise."""
 
 _AROUND_JUMP = 4
 """Frames before and after a jump in which it must not be taken back: a hand that passes by takes longer than one."""
@@ -116,7 +111,6 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
     fit = lag.fit
     flicker = _reported_flicker(lag, fit, exposure_cycle(log_exposure))
     unexplained = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in flicker])
-    energy = float(np.sum(fit.observed**2))
     shift = lag.candidates[0] if lag.candidates else 0
     change = log_exposure[lag.frame + 1 + shift] - log_exposure[lag.frame + shift]
     unchanged = unexplained[np.abs(change) < _UNCHANGED]
@@ -126,7 +120,7 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
     return BrightnessReport(
         _rms(fit.observed),
         _rms(unexplained),
-        float(np.sum(fit.unexplained**2)) / energy if energy > 0 else float("nan"),
+        fit.unexplained_share,
         drift,
         bool(stale or (constant and drift > _STALE_DRIFT_LOG)),
         flicker,
@@ -148,6 +142,8 @@ def _reported_flicker(lag: LagEstimate, fit: LagFit, cycle: int | None) -> tuple
         return abs(turns - round(turns)) < _SAME_TURNS
 
     reported = tuple(f for f in found if f.share >= _REPORTED_SHARE and not own(f))
+    if not reported:
+        return ()
     left = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in reported])
     return reported if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(fit.unexplained) else ()
 
@@ -178,8 +174,7 @@ def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:
 def _rms(values: FloatArray) -> float:
     """Return the root mean square without the largest values."""
     squared = np.sort(values**2)
-    kept = squared[: max(1, int(_KEPT_SHARE * len(squared)))]
-    return float(np.sqrt(kept.mean())) if len(kept) else 0.0
+    return float(np.sqrt(squared[: max(1, int(_KEPT_SHARE * len(squared)))].mean()))
 
 
 def _drift(change: FloatArray, frame: IntArray) -> float:

@@ -14,22 +14,20 @@ CAPACITY = 1200
 """Most changes of brightness kept: the likelihood of a lag then takes a tenth of a second."""
 
 MOST_SAMPLED = 160
-"""Changes of brightness whose single places are kept: local tone mapping shows in fewer, and they take most
-memory."""
+"""Changes of brightness whose single places, which take most memory, are kept: enough for local tone mapping."""
 
 MOST_REPEATED = 1000
-"""Most repeated frames whose numbers are kept: enough for a list to look through; bounds the memory of endless
-runs."""
+"""Most repeated frames whose numbers are kept: enough to look through, however endless the run."""
 
 
 @dataclass(frozen=True)
 class EvidenceState:
     """What :class:`ExposureEvidence` has collected, n changes of brightness in b grey bins, as arrays.
 
-    The first six are as in :class:`~ospc.exposures.brightness.BrightnessChange`; shapes (n,), (n, b), (n, b), (n, b,
-    4), (n,) and (n,). ``samples`` is the number of place samples of each change, shape (n,); then come those of all
-    changes, shapes (m,), (m,), (m, 2) and (m, 2). ``previous`` is the number of the last frame processed, -1 before
-    the first; the rest is as in the evidence.
+    The first six are as in :class:`~ospc.exposures.brightness.BrightnessChange`, with the shapes (n,), (n, b), (n,
+    b), (n, b, 4), (n,) and (n,). ``samples`` is the number of place samples of each change, shape (n,); then come
+    those of all changes, shapes (m,), (m,), (m, 2) and (m, 2). ``previous`` is the number of the last frame
+    processed, -1 before the first; the rest is as in the evidence.
     """
 
     frame0: IntArray

@@ -223,14 +223,8 @@ def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int) -
     inside = changes.within(len(written), 0, lag)
     inside = replace(inside, frame=inside.frame - first)
     found = _assess(inside, written[first + lag : last + lag])
-    left = found.lag.frames
-    estimate = replace(
-        found.lag,
-        frames=None if left is None else left + lag,
-        candidates=tuple(candidate + lag for candidate in found.lag.candidates),
-        frame=found.lag.frame + first,
-    )
-    return replace(found, lag=estimate)
+    candidates = tuple(candidate + lag for candidate in found.lag.candidates)
+    return replace(found, lag=replace(found.lag, candidates=candidates, frame=found.lag.frame + first))
 
 
 def _assess(changes: BrightnessChanges, written: FloatArray) -> ExposureFindings:
@@ -238,7 +232,13 @@ def _assess(changes: BrightnessChanges, written: FloatArray) -> ExposureFindings
     lag = estimate_lag(changes, written)
     brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < _FEW_FRAMES
-    unlike = _unlike(brightness, lag)
+    # Whether exposures leave much of the brightness unexplained, at their lag or at whichever fits best.
+    unlike = (
+        brightness is not None
+        and (lag.frames is not None or lag.state == "ambiguous")
+        and brightness.unexplained_share > _UNEXPLAINED_SHARE
+        and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
+    )
     verdict = next(_verdicts(course, lag, brightness, len(written), unlike=unlike))
     late = bool(lag.candidates) and 0 not in lag.candidates
     contradicted = not verdict.known or late or unlike
@@ -246,13 +246,6 @@ def _assess(changes: BrightnessChanges, written: FloatArray) -> ExposureFindings
     open_question = lag.frames is None and verdict.state == "marginal" and not few and not warnings
     notes = (f"whether exposures belong to their frames is not certain: {verdict.reason}",) if open_question else ()
     return ExposureFindings(course, lag, 0, brightness, verdict, notes, warnings)
-
-
-def _unlike(brightness: BrightnessReport | None, lag: LagEstimate) -> bool:
-    """Return whether exposures leave much of the brightness unexplained, at their lag or at whichever fits best."""
-    if brightness is None or (lag.frames is None and lag.state != "ambiguous"):
-        return False
-    return brightness.unexplained_share > _UNEXPLAINED_SHARE and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
 
 
 def _verdicts(

@@ -12,12 +12,10 @@ from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.robust import robust_scale
 
 _MIN_VALUES = 24
-"""Fewest frames of a run in which a line is looked for: to fewer, a wave of free frequency and phase fits
-anything."""
+"""Fewest frames of a run in which a line is looked for: a wave of free frequency and phase fits any fewer."""
 
 _FAST_PERIODS = 4
-"""Fewest periods of a fast change within the time seen. Slower ones are those of the scene and of exposure controls,
-not of lamps."""
+"""Fewest periods of a fast change within the time seen: slower ones are the scene's or an exposure control's."""
 
 _LEAST_PERIODS = 2
 """Fewest periods of any line within the time seen: with fewer it cannot be distinguished from a trend."""
@@ -27,8 +25,7 @@ _OVERSAMPLING = 8
 cent of its power at most, and coarser ones would place it less exactly than the values allow."""
 
 _MIN_SHARE = 0.4
-"""Share of the fast changes that a line makes up at least: where it is less, something else changes brightness
-more."""
+"""Least share of the fast changes that a line makes up: otherwise something else changes brightness more."""
 
 _CHANCE = 1e-4
 """Probability with which noise alone may show such a line. Small, since many lags of each recording are looked at."""
@@ -53,16 +50,10 @@ _LARGEST_GAP = 8
 
 @dataclass(frozen=True)
 class Flicker:
-    """A periodic change of brightness.
+    """A periodic change of brightness: its frequency as the frames sample it, at most 0.5.
 
-    Attributes
-    ----------
-    cycles_per_frame
-        Its frequency as the frames sample it, at most 0.5.
-    log_amplitude
-        Amplitude of the change from one frame to the next, in ln of the grey level.
-    share
-        Share of the fast unexplained changes that it makes up.
+    ``log_amplitude`` is that of the change from one frame to the next, in ln of the grey level, and ``share`` the
+    share of the fast unexplained changes that it makes up.
     """
 
     cycles_per_frame: float
@@ -120,7 +111,7 @@ def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:
         inside = np.zeros((len(frame), 1))
         inside[run] = 1
         columns.append(np.column_stack([np.cos(angle), np.sin(angle)]) * inside)
-    return np.column_stack(columns) if columns else np.empty((len(frame), 0))
+    return np.column_stack(columns)
 
 
 def without_waves(frame: IntArray, change: FloatArray, cycles_per_frame: Sequence[float]) -> FloatArray:

@@ -17,8 +17,7 @@ MAX_LAG = 5
 """Largest lag tried, either way, in frames: one to three are common, and each more costs a fit and a rival."""
 
 MIN_PAIRS = 20
-"""Fewest pairs of frames that lags are fitted to: a fit has about twelve unknowns, and to fewer pairs any lag
-fits."""
+"""Fewest pairs that lags are fitted to: a fit has about twelve unknowns, and to fewer pairs any lag fits."""
 
 _MIN_PAIR_LOG_CHANGE = MIN_LOG_CHANGE / 10
 """Change of ln exposure that some pair compared must exceed; otherwise the exposure was constant where it counts."""
@@ -42,9 +41,8 @@ exposure counts that much less against a steady change. Over more frames the sce
 
 _AGREED_SIGMAS = 2.4
 _OPPOSED_SIGMAS = 4.0
-"""Standard deviations by which longer changes must prefer a lag: if those from frame to frame prefer it too, and if
-they prefer another. More than for a single answer, since longer changes overlap and slow errors weigh more in
-them."""
+"""Standard deviations by which longer changes must prefer a lag that those from frame to frame prefer, or one that
+they do not. More than for a single answer: longer changes overlap, and slow errors weigh more in them."""
 
 _SMALL_LEAD = 3.0
 """Log likelihood by which that lag may be behind in changes from frame to frame: twenty times less likely."""
@@ -84,7 +82,7 @@ def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int
     lags = np.arange(-max_lag, max_lag + 1)
     inner = seen.within(len(log_exposure), -max_lag, max_lag)
     nothing = np.zeros(len(lags))
-    unknown = LagEstimate("constant exposure", None, (), lags, nothing, nothing, pairs=len(inner), frame=inner.frame)
+    unknown = LagEstimate("constant exposure", (), lags, nothing, nothing, frame=inner.frame)
     constant = float(np.ptp(log_exposure)) < MIN_LOG_CHANGE
     if len(inner.driven) < MIN_PAIRS:
         return unknown if constant else replace(unknown, state="too few pairs")
@@ -103,7 +101,7 @@ def _decide(trial: Trial, seen: BrightnessChanges) -> LagEstimate:
     settled = first.state not in ("ambiguous", *SILENT)
     if settled and not doubtful:
         holds = _holds_beside_a_swinging_light(first, trial)
-        return first if holds else replace(first, state="follows flicker", frames=None)
+        return first if holds else replace(first, state="follows flicker")
     scattered = None if trial.flickers else _with_scatter(trial)
     if scattered is not None:
         return replace(scattered, fit=trial.fits[int(np.flatnonzero(trial.lags == scattered.frames)[0])])
@@ -115,7 +113,7 @@ def _of_all_pairs(found: LagEstimate, trial: Trial, seen: BrightnessChanges) -> 
     if len(trial.seen) == len(seen) or found.fit is None:
         return found
     change = seen.log_change(trial.log_exposure, found.candidates[0]) if found.candidates else np.zeros(len(seen))
-    return replace(found, fit=fit_exposures(seen, change), frame=seen.frame, pairs=len(seen))
+    return replace(found, fit=fit_exposures(seen, change), frame=seen.frame)
 
 
 def _holds_beside_a_swinging_light(first: LagEstimate, trial: Trial) -> bool:
@@ -149,8 +147,7 @@ def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> L
         return first
     # The fit that is reported stays the one to changes from frame to frame.
     at = int(np.flatnonzero(trial.lags == chosen.candidates[0])[0])
-    shown = replace(chosen, pairs=first.pairs, fit=trial.fits[at], frame=trial.seen.frame)
-    return shown if agreed else replace(shown, state="ambiguous", frames=None)
+    return replace(chosen, state=chosen.state if agreed else "ambiguous", fit=trial.fits[at], frame=trial.seen.frame)
 
 
 def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
@@ -182,7 +179,6 @@ def _over(step: int, seen: BrightnessChanges, trial: Trial) -> LagEstimate | Non
     """Return the estimate from changes over several frames; None where there are too few."""
     longer = seen.summed(step).within(len(trial.log_exposure), *trial.lags.tolist())
     if len(longer.driven) < MIN_PAIRS:
-        return None
         return None
     return decide(Trial.of(longer, trial.log_exposure, trial.lags, trial.flickers))
 

@@ -28,9 +28,8 @@ MOST_CANDIDATES = 3
 and more in simulated film."""
 
 _EARLY_LEAD = 60.0
-"""Log likelihood by which exposures that come earlier than before must lead. Light that changes while a smooth
-exposure control follows it looks like that, by up to 30 in simulated film, but hardly like exposures that come later.
-"""
+"""Log likelihood by which exposures that come earlier must lead: light that a smooth exposure control follows looks
+like them, by up to 30 in simulated film, but hardly like exposures that come later."""
 
 _EARLIER_LEAD = 1.0
 """Log likelihood that may be given away for a later beginning: pairs that tell nothing do not count as changed."""

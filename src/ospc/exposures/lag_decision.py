@@ -28,8 +28,7 @@ _FLICKER_CAUTION = 1.5
 """Factor on both where flicker is fitted too: it takes away most of what exposures of the same period could show."""
 
 _UNUSUAL_CAUTION = 1.75
-"""Factor on the standard deviations, and squared on the lead, by which an unusually large lag must beat a usual
-one."""
+"""Factor on the standard deviations, and squared on the lead, by which an unusual lag must beat a usual one."""
 
 _MIN_DISTINCT_PAIRS = 5
 _DISTINCT_SCALES = 0.5
@@ -51,8 +50,7 @@ _LEAST_OWN_VARIANCE = 0.5
 few pairs, and must not make the mean look more certain than that."""
 
 _FRACTIONS = np.array([-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6])
-"""Places between a lag and its neighbours at which the fit is tried, in frames: beyond the middle, to see the
-maximum."""
+"""Places next to a lag at which the fit is tried, in frames: to beyond the middle, to see the maximum."""
 
 _LARGEST_FRACTION = 0.45
 """Largest distance of the best place from the lag, in frames: nearer to the middle, neither of the two is right."""
@@ -90,9 +88,6 @@ class LagEstimate(ByValue):
     ----------
     state
         ``"determined"``, or why the lag is not.
-    frames
-        The lag L: the exposure written beside frame i is the one that frame i − L was taken with. None where it is
-        not determined.
     candidates
         Lags that fit too well to be excluded, best first.
     lags, score, sigmas
@@ -100,8 +95,6 @@ class LagEstimate(ByValue):
         better than each, shape (m,).
     fraction_frames
         Where between the best lag and its neighbours the fit is best, in frames.
-    pairs
-        Number of pairs of consecutive frames behind it.
     fit
         The fit at the best lag, or without exposures where they do not change; None without pairs.
     frame
@@ -111,16 +104,24 @@ class LagEstimate(ByValue):
     """
 
     state: LagState
-    frames: int | None
     candidates: tuple[int, ...]
     lags: IntArray
     score: FloatArray
     sigmas: FloatArray
     fraction_frames: float = 0.0
-    pairs: int = 0
     fit: LagFit | None = field(default=None, repr=False)
     frame: IntArray = field(default_factory=lambda: np.empty(0, np.int64), repr=False)
     flicker: tuple[Flicker, ...] = ()
+
+    @property
+    def frames(self) -> int | None:
+        """The lag L: frame i − L was taken with the exposure beside frame i. None where it is not determined."""
+        return self.candidates[0] if self.state == "determined" else None
+
+    @property
+    def pairs(self) -> int:
+        """Number of pairs of consecutive frames behind it."""
+        return len(self.frame)
 
     def correction(self, cycle_frames: int | None) -> int | None:
         """Return the lag to correct exposures by; None where that is not certain.
@@ -178,7 +179,9 @@ def decide(trial: Trial) -> LagEstimate:
     reach = _CORRELATED_PAIRS + trial.seen.step - 1
     sigmas = np.array([_sigmas(trial.fits[best].log_likelihood - fit.log_likelihood, reach) for fit in trial.fits])
     sigmas[best] = 0.0
-    distinct = np.array([_distinct_pairs(trial, best, other) for other in range(len(trial.lags))])
+    # For how many pairs another lag predicts a clearly different change of brightness.
+    apart = float(np.median(trial.fits[best].slopes)) * np.abs(trial.changes[best] - trial.changes)
+    distinct = np.count_nonzero(apart > _DISTINCT_SCALES * trial.fits[best].scale, axis=1)
     # Changes over several frames overlap, so they count as fewer pairs.
     caution = _FLICKER_CAUTION if trial.flickers else 1.0
     enough = MIN_LEAD * np.sqrt(trial.seen.step) * caution
@@ -189,8 +192,8 @@ def decide(trial: Trial) -> LagEstimate:
     best, rivals, state = _settled(trial, best, rivals)
     steady = fit_exposures(trial.seen, np.zeros(len(trial.seen)), trial.nuisance)
     advantage = trial.fits[best].log_likelihood - steady.log_likelihood
-    share = trial.fits[best].unexplained_share
-    if advantage.sum() < enough or (not trial.flickers and not 1 - share >= _MIN_EXPLAINED_SHARE):
+    explained_share = 1 - trial.fits[best].unexplained_share  # NaN where brightness does not change
+    if advantage.sum() < enough or (not trial.flickers and not explained_share >= _MIN_EXPLAINED_SHARE):
         state, rivals = "no response to exposure", []
         if _FLAT_SLOPE * float(np.sqrt(np.mean(trial.changes**2, axis=1)).min()) < steady.scale:
             state = "changes too small"
@@ -208,13 +211,11 @@ def decide(trial: Trial) -> LagEstimate:
     silent = state in SILENT
     return LagEstimate(
         state,
-        lag if state == "determined" else None,
         () if silent else (lag, *rivals),
         trial.lags,
         -lead,
         sigmas,
         fraction,
-        len(trial.seen),
         steady if silent else trial.fits[best],
         trial.seen.frame,
         trial.flickers,
@@ -246,13 +247,6 @@ def _sigmas(lead: FloatArray, reach: int) -> float:
         variance += 2 * (1 - step / (reach + 1)) * float(np.mean(centred[step:] * centred[:-step]))
     variance = max(variance, own * _LEAST_OWN_VARIANCE)
     return float(lead.mean() * np.sqrt(len(lead) / variance)) if variance > 0 else 0.0
-
-
-def _distinct_pairs(trial: Trial, first: int, second: int) -> int:
-    """Return for how many pairs two lags predict clearly different changes of brightness."""
-    slope = float(np.median(trial.fits[first].slopes))
-    apart = slope * np.abs(trial.changes[first] - trial.changes[second])
-    return int(np.count_nonzero(apart > _DISTINCT_SCALES * trial.fits[first].scale))
 
 
 def _fraction(trial: Trial, best: int) -> float:

@@ -55,8 +55,7 @@ _LARGEST_MEMORY = 0.98
 """Largest sum of the magnitudes of the autoregressive coefficients: below one, so that the noise is stationary."""
 
 _MEMORY_RIDGE = 1e-3
-"""Ridge on these coefficients, over the mean diagonal of the normal matrix: recordings without noise leave them
-open."""
+"""Ridge on these, over the mean diagonal of the normal matrix: recordings without noise leave them open."""
 
 _LEAST_LOG_CHANGE = 1e-9
 """Change of ln exposure up to which it is only rounding, and no slope is fitted."""
@@ -66,17 +65,11 @@ _LEAST_LOG_CHANGE = 1e-9
 class LagFit:
     """Exposures fitted to n observed changes.
 
-    Attributes
-    ----------
-    log_likelihood
-        Of each pair that comes right after others, :attr:`BrightnessChanges.driven`, shape (m,).
-    slopes
-        d ln M/d ln e in each grey bin, shape (bins,); 0 where the exposure does not change.
-    observed, explained
-        Change of brightness of each pair without what the vignette does, and what the exposure explains of it, shape
-        (n,).
-    scale
-        Scale of what drives the noise: the part of one pair that those before do not predict.
+    ``observed`` is the change of brightness of each pair without what the vignette does, and ``explained`` what the
+    exposure explains of it, shape (n,). ``log_likelihood`` is that of each pair that comes right after others,
+    :attr:`BrightnessChanges.driven`, shape (m,), and ``slopes`` d ln M/d ln e in each grey bin, shape (bins,), 0
+    where the exposure does not change. ``scale`` is that of what drives the noise: the part of one pair that those
+    before do not predict.
     """
 
     log_likelihood: FloatArray
@@ -118,8 +111,10 @@ def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: Flo
     limits = _FACTOR_LIMITS if seen.scatter == 0 else _SCATTERED_FACTOR_LIMITS
     memory = _LARGEST_MEMORY if seen.scatter == 0 else 0.0
     size, innovation, scale = _regress(white[:, 0], white[:, 1:], driven, limits if changing else None, memory)
+    # The logarithm of Student's density, but for a constant.
+    log_density = -(_FREEDOM + 1) / 2 * np.log1p((innovation / scale) ** 2 / _FREEDOM) - np.log(scale)
     return LagFit(
-        _log_density(innovation, scale) - np.log(unit[driven]),
+        log_density - np.log(unit[driven]),
         slopes * (size[0] if changing else 0.0),
         observed,
         predicted * size[0] if changing else np.zeros(len(seen)),
@@ -213,8 +208,3 @@ def _scale(values: FloatArray, scale: float) -> float:
         if abs(scale - before) < _SETTLED * scale:
             break
     return scale
-
-
-def _log_density(values: FloatArray, scale: float) -> FloatArray:
-    """Return the logarithm of Student's density, but for a constant."""
-    return np.asarray(-(_FREEDOM + 1) / 2 * np.log1p((values / scale) ** 2 / _FREEDOM) - np.log(scale))

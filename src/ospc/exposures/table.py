@@ -13,13 +13,10 @@ _FIRST_CAPACITY = 1024
 """Exposures that the table holds before it grows, each time to twice its size."""
 
 _BLOCK = 2**14
-"""Exposures looked at together: what is computed of them fits in the processor's cache, and endless runs do not fill
-the memory."""
-
+"""Exposures looked at together: they fit in the processor's cache, and endless runs do not fill the memory."""
 
 MIN_LOG_CHANGE = 0.005
-"""Range of ln exposure below which it is constant: a change of half a per cent is lost in the noise of
-registration."""
+"""Range of ln exposure below which it is constant: half a per cent is lost in the noise of registration."""
 
 _CHANGED = 0.01
 """Change of ln exposure from which a frame counts as exposed differently from the one before: 1 per cent."""
@@ -53,15 +50,13 @@ class ExposureTable:
     @classmethod
     def of(cls, log_exposure: FloatArray, lag_frames: int = 0, *, trusted: bool = False) -> ExposureTable:
         """Return the table of exposures as they were written, ln of milliseconds, shape (frames,)."""
-        room = np.empty(max(_FIRST_CAPACITY, 2 * len(log_exposure)))
-        room[: len(log_exposure)] = log_exposure
-        return cls(lag_frames, trusted, room, len(log_exposure))
+        return cls(lag_frames, trusted, log_exposure, len(log_exposure))
 
     def append(self, exposure_ms: float) -> int:
         """Take the exposure written beside the next frame, NaN where there is none, and return the frame's number."""
         if self._count == len(self._log_exposure):
             # What is not yet written to takes no memory, so that each frame costs eight bytes.
-            room = np.empty(2 * self._count)
+            room = np.empty(max(_FIRST_CAPACITY, 2 * self._count))
             room[: self._count] = self._log_exposure
             self._log_exposure = room
         known_ms = exposure_ms if 0 < exposure_ms < np.inf else np.nan
@@ -85,10 +80,6 @@ class ExposureTable:
         found = np.full(beside.shape, np.nan)
         found[known] = self._log_exposure[beside[known]]
         return found
-
-    def with_lag(self, lag_frames: int) -> ExposureTable:
-        """Return the same exposures as they are at another lag."""
-        return replace(self, lag_frames=lag_frames)
 
     def until(self, frame: int) -> ExposureTable:
         """Return the table of the frames before one."""

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness import GREY_BINS, BrightnessChange
@@ -28,8 +29,7 @@ _MIN_SAMPLES = 2000
 """Fewest places of all pairs together: some fifteen unknowns are fitted to them before places are compared."""
 
 _MAX_LOG_CHANGE = 1.5
-"""Largest change of ln exposure used: beyond, most places are clipped in one of the frames, and the rest is chosen by
-its brightness."""
+"""Largest change of ln exposure used: beyond, most places are clipped in one of the frames."""
 
 _CELLS = (4, 3)
 """Cells of the image, across and down, that are compared: about square, and large enough for several samples each."""
@@ -133,12 +133,9 @@ def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> 
     extent = np.maximum(np.abs(place).max(axis=0), 1e-6)
     x, y = (np.clip((place[:, k] / extent[k] + 1) / 2 * n, 0, n - 1).astype(int) for k, n in ((0, across), (1, down)))
     cell = pair * across * down + y * across + x
-    order = np.lexsort((left, cell))
-    number, start, count = np.unique(cell[order], return_index=True, return_counts=True)
-    full = count >= _MIN_CELL_SAMPLES
-    lower, upper = (left[order[start[full] + rank]] for rank in ((count[full] - 1) // 2, count[full] // 2))
-    middle = (lower + upper) / 2
-    of_pair = number[full] // (across * down)
+    number, count = np.unique(cell, return_counts=True)
+    number = number[count >= _MIN_CELL_SAMPLES]
+    middle, of_pair = median(left, cell, number), number // (across * down)
     apart = [middle[of_pair == p] - np.median(middle[of_pair == p]) for p in np.unique(of_pair)]
     different = np.concatenate([np.abs(values) for values in apart if len(values) >= _MIN_CELLS] or [np.zeros(1)])
     return robust_scale(different)

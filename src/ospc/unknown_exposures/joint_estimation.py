@@ -25,8 +25,7 @@ from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learne
 from ospc.unknown_exposures.tracking import TrackObservations
 
 _HUBER = 0.015
-"""Residual, of full scale, from which Huber's function grows linearly: four 8-bit grey levels, a few times the
-noise."""
+"""Residual, of full scale, from which Huber's function grows linearly: four 8-bit levels, a few times the noise."""
 
 _RADIAL = 2 * np.arange(1, 4)
 """Powers of R in the vignette, as in the paper: R², R⁴ and R⁶."""
@@ -38,15 +37,13 @@ _LEAST_V, _MOST_LOG = 0.05, 12.0
 """Least V, and largest |ln| of the irradiance: far beyond any camera, they keep the optimisation finite."""
 
 _SETTLED = 1e-5
-"""Relative decrease of the cost at which the alternation ends: further rounds move nothing that the data
-determine."""
+"""Relative decrease of the cost at which the alternation ends: the data determine nothing beyond."""
 
 _LEAST_IRRADIANCE = 1e-4
 """Smallest irradiance whose logarithm the first exposures are computed from: darker samples are noise."""
 
 _MOST_DAMPED, _LARGEST_STEP = 6, 0.5
-"""Attempts with stronger damping, and the largest change of ln e or ln L, in a step: the linearisation holds no
-further."""
+"""Attempts with more damping, and largest change of ln e or ln L in a step: the linearisation holds no further."""
 
 _START_DAMPING, _LEAST_DAMPING = 1e-3, 1e-7
 _DAMPING_UP, _DAMPING_DOWN = 8, 4
@@ -64,24 +61,10 @@ _MOST_SOLVER_STEPS = 400
 class JointEstimate:
     """The result of joint estimation, known up to one exponent.
 
-    Attributes
-    ----------
-    size
-        Width and height of the frames.
-    model
-        The model of responses.
-    coefficients
-        c, shape (n,).
-    radial
-        v, shape (3,).
-    frames
-        Indices of the frames with an estimated exposure, shape (m,).
-    log_exposures
-        Their ln e, mean 0, shape (m,).
-    exponent
-        γ, the power that response, vignette and exposures are raised to.
-    cost
-        Mean weighted square of the residuals.
+    Response, vignette and exposures are raised to the power γ, ``exponent``. Before that, ``coefficients`` are c of
+    the model of responses, shape (n,), ``radial`` is v of the vignette, shape (3,), and ``log_exposures`` are the ln
+    e, with mean 0, of the frames with these indices, shape (m,). ``cost`` is the mean weighted square of the
+    residuals.
     """
 
     size: ImageSize
@@ -131,16 +114,8 @@ def estimate_jointly(
 ) -> JointEstimate:
     """Return the response, vignette and exposures that fit observations best.
 
-    Parameters
-    ----------
-    tracks
-        The observations.
-    model
-        The model of responses; :func:`learned_model` where None.
-    start
-        The first estimate; the mean response, no vignette and equal exposures where None.
-    iterations
-        Most alternations.
+    It begins at ``start``, or at the mean response, no vignette and equal exposures, and alternates ``iterations``
+    times at most. Where ``model`` is None, it is :func:`learned_model`.
 
     Raises
     ------
@@ -186,9 +161,8 @@ class _Problem:
 
     def estimate(self, cost: float) -> JointEstimate:
         """Return the current state as a result."""
-        log_e = self._log_e - self._log_e.mean()
-        tracks = self._tracks
-        return JointEstimate(tracks.size, self._model, self._c, self._v, tracks.frames, log_e, cost=cost)
+        size, frames, log_e = self._tracks.size, self._tracks.frames, self._log_e - self._log_e.mean()
+        return JointEstimate(size, self._model, self._c, self._v, frames, log_e, cost=cost)
 
     def cost(self) -> float:
         """Return the mean of Huber's function of the residuals, weighted."""
@@ -203,20 +177,21 @@ class _Problem:
         inner = np.column_stack([self._at(self._model.components, x), (slope / attenuation)[:, None] * self._radial])
         count = self._log_e.size
         a = (inner * weight[:, None]).T @ inner
-        b = np.stack(
-            [np.bincount(tracks.frame, weights=weight * slope * column, minlength=count) for column in inner.T]
-        )
-        d = np.bincount(tracks.frame, weights=weight * slope**2, minlength=count)
-        rhs = inner.T @ (weight * residual)
-        rhs_e = np.bincount(tracks.frame, weights=weight * slope * residual, minlength=count)
+
+        def by_frame(values: FloatArray) -> FloatArray:
+            return np.asarray(np.bincount(tracks.frame, weights=values, minlength=count), dtype=np.float64)
+
+        b = np.stack([by_frame(weight * slope * column) for column in inner.T])
+        d = by_frame(weight * slope**2)
+        rhs, rhs_e = inner.T @ (weight * residual), by_frame(weight * slope * residual)
         before = self.cost()
         for _ in range(_MOST_DAMPED):
             d_damped = d * (1 + self._damping) + 1e-9
             reduced = a + np.diag(np.diag(a) * self._damping + 1e-9) - (b / d_damped) @ b.T
             step = np.linalg.lstsq(reduced, rhs - (b / d_damped) @ rhs_e, rcond=None)[0]
             step_e = np.clip((rhs_e - step @ b) / d_damped, -_LARGEST_STEP, _LARGEST_STEP)
-            k = self._c.size
-            c, v, log_e = self._c + step[:k], self._v + step[k:], self._log_e + step_e
+            c, v = self._c + step[: self._c.size], self._v + step[self._c.size :]
+            log_e = self._log_e + step_e
             if self._cost_of(c, v, log_e, self._log_l) < before:
                 self._c, self._v, self._log_e = c, v, log_e
                 self._damping = max(self._damping / _DAMPING_DOWN, _LEAST_DAMPING)
@@ -236,10 +211,8 @@ class _Problem:
         """Return irradiance, residual O − f, and the derivative of f by ln of the irradiance."""
         x = self._irradiance(self._v, self._log_e, self._log_l)
         curve = self._model.curve(self._c)
-        slopes = np.gradient(curve, 1 / (SAMPLES - 1))
-        inside = x < 1
-        slope = np.where(inside, self._at(slopes[None], x)[:, 0] * x, 0.0)
-        return x, self._tracks.grey - self._at(curve[None], x)[:, 0], slope
+        slope = self._at(np.gradient(curve, 1 / (SAMPLES - 1))[None], x)[:, 0] * x
+        return x, self._tracks.grey - self._at(curve[None], x)[:, 0], np.where(x < 1, slope, 0.0)
 
     def _weights(self, residual: FloatArray) -> FloatArray:
         return np.asarray(self._tracks.weight * np.minimum(1, _HUBER / np.maximum(np.abs(residual), 1e-12)))
@@ -281,18 +254,14 @@ def _first_exposures(
     Bergmann et al. solve it from frame to frame.
     """
     frames, points = tracks.frames.size, int(tracks.point.max()) + 1
-    rows = np.arange(tracks.grey.size)
-    root = np.sqrt(tracks.weight)
+    weight = np.sqrt(tracks.weight)
+    columns = np.concatenate([tracks.frame, frames + tracks.point])
     matrix = csr_matrix(
-        (
-            np.concatenate([root, root]),
-            (np.concatenate([rows, rows]), np.concatenate([tracks.frame, frames + tracks.point])),
-        ),
-        shape=(tracks.grey.size, frames + points),
+        (np.tile(weight, 2), (np.tile(np.arange(weight.size), 2), columns)), shape=(weight.size, frames + points)
     )
     found = lsqr(
         matrix,
-        root * log_irradiance,
+        weight * log_irradiance,
         atol=_SOLVER_TOLERANCE,
         btol=_SOLVER_TOLERANCE,
         iter_lim=_MOST_SOLVER_STEPS,

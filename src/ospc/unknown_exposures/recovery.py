@@ -57,12 +57,7 @@ def recover_exposures(
     """Return a recording with exposures estimated from its images alone, relative to their median.
 
     Frames whose exposure cannot be estimated are left out. ``progress`` is called with the number of frames done, and
-    of all.
-
-    Raises
-    ------
-    NotObservableError
-        If too little can be tracked from frame to frame.
+    of all. NotObservableError if too little can be tracked from frame to frame.
     """
     tracker = GainRobustTracker(every=1)
     total = min(len(recording), MOST_FRAMES)
@@ -93,12 +88,8 @@ def calibrate_without_exposures(
 
     Response and vignette are known up to one common exponent, as verdicts and ``exponent_sigma`` state.
 
-    Raises
-    ------
-    NotObservableError
-        If too little can be tracked from frame to frame.
-    RecordingError
-        If the recording cannot be opened.
+    NotObservableError if too little can be tracked from frame to frame, RecordingError if the recording cannot be
+    opened.
     """
     if isinstance(recording, str | Path):
         recording = open_recording(recording, options=ReadingOptions(unknown_exposures=True))

@@ -57,12 +57,8 @@ _EVERY_WITH_KNEE = 5
 class ResponseModel:
     """f(x) = f₀(x) + Σ cₖ hₖ(x) for irradiances x in [0, 1].
 
-    Attributes
-    ----------
-    mean
-        f₀ at equidistant irradiances, shape (1024,), from 0 to 1.
-    components
-        hₖ, shape (n, 1024), zero at both ends.
+    ``mean`` is f₀ at equidistant irradiances from 0 to 1, shape (1024,), and ``components`` are the hₖ, shape
+    (n, 1024), zero at both ends.
     """
 
     mean: FloatArray
@@ -70,8 +66,7 @@ class ResponseModel:
 
     def curve(self, coefficients: npt.ArrayLike) -> FloatArray:
         """Return f at the equidistant irradiances, shape (1024,), forced to increase."""
-        raw = self.mean + np.asarray(coefficients, dtype=np.float64) @ self.components
-        return _increasing(raw)
+        return _increasing(self.mean + np.asarray(coefficients, dtype=np.float64) @ self.components)
 
     def coefficients_of(self, response: Response) -> FloatArray:
         """Return the coefficients nearest to a response in least squares, shape (n,)."""
@@ -100,10 +95,7 @@ def learned_model(count: int = 4) -> ResponseModel:
 def read_model(path: str | Path, count: int = 4) -> ResponseModel:
     """Read the empirical model of response from ``emor.txt``, with ``count`` of its components, at most five.
 
-    Raises
-    ------
-    FormatError
-        If it is not that file.
+    FormatError if it is not that file.
     """
     basis = read_emor(path, count)
     return ResponseModel(basis.mean, basis.components)

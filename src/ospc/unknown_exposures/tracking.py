@@ -33,8 +33,7 @@ _FEATURES = 250
 """Features tracked at a time; the published program follows more, and takes longer."""
 
 _WINDOW_PX, _LEVELS = 21, 4
-"""Side in pixels of the windows that are compared, and levels of the pyramid above the image: motion of some hundred
-pixels is followed."""
+"""Side of the windows compared, and levels of the pyramid above the image: motion of some 100 pixels is followed."""
 
 _BACK_PX = 0.7
 """Largest forward-backward error of a track in pixels: tracks that do not return are on another feature."""
@@ -43,8 +42,7 @@ _MARGIN_PX = 6
 """Least distance of a feature from the border in pixels: the points around it and their gradients lie inside."""
 
 _REFILL = 0.7
-"""Share of the features below which new ones are detected: detection takes time, and long tracks are the most
-informative."""
+"""Share of the features below which new ones are detected: that takes time, and long tracks tell the most."""
 
 _QUALITY, _SPACING_PX = 0.005, 14
 """Detection: least corner strength over that of the strongest, low so that weak texture counts, and least distance of
@@ -74,22 +72,17 @@ _GRADIENT_SCALE = 12.0
 
 @dataclass(frozen=True)
 class TrackObservations:
-    """Grey levels of scene points in several frames.
+    """Grey levels of scene points in several frames, n observations.
 
     Attributes
     ----------
     size
         Width and height of the frames.
-    point
-        Scene point of each observation, numbered from 0 without gaps, shape (n,).
-    frame
-        Position of its frame among :attr:`frames`, shape (n,).
-    grey
-        Grey level in [0, 1], shape (n,).
-    radius
-        Distance from the image centre, 1 at the corner, shape (n,).
-    weight
-        In (0, 1], shape (n,).
+    point, frame
+        Scene point of each observation, numbered from 0 without gaps, and position of its frame among
+        :attr:`frames`, shape (n,).
+    grey, radius, weight
+        Grey level in [0, 1], distance from the image centre, 1 at the corner, and weight in (0, 1], shape (n,).
     frames
         Indices of the frames in the recording, shape (frames,).
     """

@@ -51,14 +51,8 @@ _FEWEST_PATCHES = 5
 class EdgePatches:
     """Windows across edges, with grey levels in [0, 255] of one channel, or of three.
 
-    Attributes
-    ----------
-    first, second
-        Means of the two regions, shape (n, channels).
-    edge
-        Grey levels of the edge pixels of all windows, shape (m, channels).
-    window
-        Window of each edge pixel, shape (m,).
+    ``first`` and ``second`` are means of the two regions, shape (n, channels); ``edge`` are the grey levels of the
+    edge pixels of all windows, shape (m, channels), and ``window`` is the window of each of them, shape (m,).
     """
 
     first: FloatArray
@@ -70,10 +64,7 @@ class EdgePatches:
     def of(cls, images: Iterable[Image]) -> EdgePatches:
         """Find the windows in 8-bit images of shape (height, width) or (height, width, 3).
 
-        Raises
-        ------
-        NotObservableError
-            If there are too few.
+        NotObservableError if there are too few.
         """
         found = [patch for image in images for patch in _patches_in(image)]
         if len(found) < _FEWEST_PATCHES:
@@ -128,14 +119,11 @@ def _patch(grey: Image, pixels: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     first = cv2.dilate(bright, kernel) == 0
     if min(np.count_nonzero(first), np.count_nonzero(second)) < _FEWEST_REGION:
         return None
-    means, spreads = [], []
-    for region in (first, second):
-        means.append(pixels[region].mean(axis=0))
-        spreads.append(pixels[region].std(axis=0))
-    low, high = np.minimum(*means), np.maximum(*means)
-    if np.max(spreads) > _MOST_SPREAD or np.min(high - low) < _LEAST_CONTRAST:
-        return None
-    if low.min() < _CLIPPED[0] or high.max() > _CLIPPED[1]:
+    means = np.array([pixels[region].mean(axis=0) for region in (first, second)])
+    spreads = np.array([pixels[region].std(axis=0) for region in (first, second)])
+    low, high = means.min(axis=0), means.max(axis=0)
+    even = np.max(spreads) <= _MOST_SPREAD and np.min(high - low) >= _LEAST_CONTRAST
+    if not even or low.min() < _CLIPPED[0] or high.max() > _CLIPPED[1]:
         return None
     edge = pixels[~first & ~second]
     margin = _BETWEEN * (high - low)

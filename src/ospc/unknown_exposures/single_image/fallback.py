@@ -37,8 +37,7 @@ MOST_IMAGES = 8
 """Images of a recording that are used, spread evenly: more show the same surfaces again."""
 
 SHAPE_SIGMA = 0.4
-"""Standard deviation of ln g(M)/g(½) over |ln g(M)/g(½)|, as of an exponent, on simulated photographs by measured
-responses."""
+"""Standard deviation of ln g(M)/g(½) over its size, as of an exponent, on simulated photographs."""
 
 LEAST_LOG_SIGMA = 0.08
 """Standard deviation of ln g(M)/g(½) next to ½: curves differ there by more than an exponent."""
@@ -65,12 +64,7 @@ _REMEDY = "record a video whose exposure changes and is known: 'ospc check' says
 def single_images(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> list[Image]:
     """Return the photograph at a path, or a few frames of the recording there, in colour if they have colours.
 
-    Raises
-    ------
-    RecordingError
-        If it is neither.
-    FrameError
-        If an image is damaged.
+    RecordingError if it is neither, FrameError if an image is damaged.
     """
     place = Path(path)
     if place.is_file() and is_image_name(place.name):
@@ -84,15 +78,8 @@ def single_images(path: str | Path, kind: str | None = None, options: ReadingOpt
 def calibrate_single_images(images: Sequence[Image]) -> Calibration:
     """Return response and vignette of one photograph, or of several by the same camera, with wide bands.
 
-    Parameters
-    ----------
-    images
-        8 or 16 bits, of one size, shape (height, width), or (height, width, 3) in the order blue, green, red.
-
-    Raises
-    ------
-    FrameError
-        If there is no image, or they differ in size, or are tiny.
+    The images have 8 or 16 bits, one size, and the shape (height, width), or (height, width, 3) in the order blue,
+    green, red. FrameError if there is none, or they differ in size, or are tiny.
     """
     if len({image.shape for image in images}) != 1:
         raise FrameError("single images must be at least one, and of one size")

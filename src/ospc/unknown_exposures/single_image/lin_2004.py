@@ -41,10 +41,7 @@ def edge_colour_distance(patches: EdgePatches, curve: FloatArray) -> float:
 def edge_colour_response(patches: EdgePatches, prior_weight: float = _PRIOR_WEIGHT) -> Response:
     """Return the response for which edge colours are on the lines between the colours of their regions.
 
-    Raises
-    ------
-    NotObservableError
-        If the patches have no colours.
+    NotObservableError if the patches have no colours.
     """
     if patches.first.shape[1] != 3:
         raise NotObservableError("the colours of edges are needed, and the image is grey")

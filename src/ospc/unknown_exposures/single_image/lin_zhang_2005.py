@@ -36,10 +36,7 @@ _LEAST_RANGE = 1e-6
 def histogram_unevenness(patches: EdgePatches, curve: FloatArray) -> float:
     """Return how far irradiances at edges are from uniform, for g at equidistant grey levels.
 
-    Raises
-    ------
-    NotObservableError
-        If hardly any pixel lies between its regions.
+    NotObservableError if hardly any pixel lies between its regions.
     """
     levels = np.arange(curve.size) * (255 / (curve.size - 1))
     grey, window = patches.edge[:, 0], patches.window

@@ -46,12 +46,9 @@ _FALLING = 100.0
 class ResponsePrior:
     """The prior; coefficients are in standard deviations of the curves that it was learned from.
 
-    Attributes
-    ----------
-    mean, components
-        g₀ and hᵢ at 256 grey levels, shapes (256,) and (5, 256).
-    log_weights, means, precisions
-        ln αₖ with the factor of the normal distribution, μₖ, and the inverse of Σₖ, shapes (5,), (5, 5), (5, 5, 5).
+    ``mean`` and ``components`` are g₀ and hᵢ at 256 grey levels, shapes (256,) and (5, 256). The normal distributions
+    have ``log_weights``, ln αₖ with their factor, ``means`` μₖ, and ``precisions``, the inverses of Σₖ; shapes (5,),
+    (5, 5) and (5, 5, 5).
     """
 
     mean: FloatArray
@@ -80,12 +77,8 @@ class ResponsePrior:
     def most_likely(self, misfit: Callable[[FloatArray], float], weight: float, name: str) -> Response:
         """Return the response that minimises misfit(g) − λ ln p(g), g at 256 grey levels, with λ ``weight``.
 
-        The minimisation starts from the mean of each normal distribution; the best end counts.
-
-        Raises
-        ------
-        NotObservableError
-            If the misfit is never finite.
+        The minimisation starts from the mean of each normal distribution; the best end counts. NotObservableError if
+        the misfit is never finite.
         """
 
         def total(coefficients: FloatArray) -> float:

@@ -74,19 +74,8 @@ def radial_gradient_vignette(
 ) -> PolynomialVignette:
     """Return the vignette of images of one size by the symmetry of their radial gradients.
 
-    Parameters
-    ----------
-    images
-        Irradiances, shape (height, width) each.
-    masks
-        True where pixels are exposed; all by default.
-    smoothness
-        λ.
-
-    Raises
-    ------
-    NotObservableError
-        If too few pixels are exposed.
+    The images are irradiances, shape (height, width) each, with masks that are true where pixels are exposed, all by
+    default; ``smoothness`` is λ. NotObservableError if too few pixels are exposed.
     """
     size = (images[0].shape[1], images[0].shape[0])
     rings, gradients = [], []
@@ -155,10 +144,7 @@ def _polynomial(size: ImageSize, log_v: FloatArray) -> PolynomialVignette:
 def segment_vignette(image: FloatArray) -> PolynomialVignette:
     """Return the vignette of an image of irradiances in [0, 1], shape (height, width), by its segments.
 
-    Raises
-    ------
-    NotObservableError
-        If there is no segment of even radiance.
+    NotObservableError if there is no segment of even radiance.
     """
     size = (image.shape[1], image.shape[0])
     small, _ = _small(image, None)
