@@ -19,20 +19,20 @@ from ospc.exposures.table import ExposureTable
 FIRST_ASSESSMENT = 39
 """Changes of brightness before the exposures are assessed the first time: fewer seldom settle a lag."""
 
-ASSESSMENT_GROWTH = 1.5
+_ASSESSMENT_GROWTH = 1.5
 """Exposures are assessed again whenever there are so many times more changes of brightness."""
 
-MOST_OPEN_CHANGES = 400
+_MOST_OPEN_CHANGES = 400
 """Changes of brightness beyond which a lag that is still not known is looked for in the usual runs of frames only."""
 
-LAG_CHECK_CHANGES = 16
+_LAG_CHECK_CHANGES = 16
 """Changes of brightness from one look for a change of the lag to the next: five seconds of film late in a run, at a
 hundredth of its time."""
 
-RECENT_FRAMES = 8
+_RECENT_FRAMES = 8
 """Frames around a frame over which the exposure must change for it to tell the lag: the largest lag and some."""
 
-MIN_RECENT_CHANGE_LOG = 0.02
+_MIN_RECENT_CHANGE_LOG = 0.02
 """Change of ln exposure over these frames that shows in the images."""
 
 
@@ -93,7 +93,7 @@ class ExposureAssessment:
             return
         if not leaves_frames(self.choice, len(self.table) - self._since):
             return
-        self._next_assessment = int(ASSESSMENT_GROWTH * self.evidence.observed)
+        self._next_assessment = int(_ASSESSMENT_GROWTH * self.evidence.observed)
         found = self.findings()
         self.table.lag_frames = found.corrected_frames
         self._known_lag = found.lag.correction(found.course.cycle_frames)
@@ -120,7 +120,7 @@ class ExposureAssessment:
         """
         if self.evidence is None or self._known_lag is None:
             return None
-        if not explains and len(self.evidence) % LAG_CHECK_CHANGES:
+        if not explains and len(self.evidence) % _LAG_CHECK_CHANGES:
             return None
         with threadpool_limits(1, user_api="blas"):
             found = lag_change(self.evidence.changes, self.table.written, self._known_lag)
@@ -136,13 +136,13 @@ class ExposureAssessment:
         """Whether more changes of brightness may still settle which frames the exposures belong to."""
         if self.choice == "trusted":
             return False
-        few = self.evidence is None or len(self.evidence) < MOST_OPEN_CHANGES
+        few = self.evidence is None or len(self.evidence) < _MOST_OPEN_CHANGES
         return self._suspected_lag != 0 or (self._known_lag is None and few)
 
     def wants(self, number: int) -> bool:
         """Return whether a frame can help to settle the lag: the exposures written around it change."""
-        recent = self.table.written[max(0, number - RECENT_FRAMES) : number + 1]
-        return self.lag_is_open and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_RECENT_CHANGE_LOG
+        recent = self.table.written[max(0, number - _RECENT_FRAMES) : number + 1]
+        return self.lag_is_open and float(np.nanmax(recent) - np.nanmin(recent)) > _MIN_RECENT_CHANGE_LOG
 
     def split(self, frame: int) -> tuple[ExposureFindings, ExposureTable]:
         """Go on with what came from a frame on; return what is known of those before, and their exposures."""

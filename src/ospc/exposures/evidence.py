@@ -13,7 +13,7 @@ from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, Pixe
 CAPACITY = 1200
 """Most changes of brightness kept: the likelihood of a lag then takes a tenth of a second."""
 
-MOST_SAMPLED = 160
+_MOST_SAMPLED = 160
 """Changes of brightness whose single places, which take most memory, are kept: enough for local tone mapping."""
 
 MOST_REPEATED = 1000
@@ -93,7 +93,7 @@ class ExposureEvidence:
             change = ahead.change
         else:
             change = self._compare(previous, frame)
-        kept = change if len(self._changes) < MOST_SAMPLED else replace(change, samples=PixelSamples.none())
+        kept = change if len(self._changes) < _MOST_SAMPLED else replace(change, samples=PixelSamples.none())
         self._changes.append(kept)
         self.observed += 1
         if len(self._changes) > CAPACITY:

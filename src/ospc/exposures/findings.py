@@ -39,15 +39,15 @@ _LATE_FRAMES, _LATE_SIGMAS = 0.3, 5.0
 belong to other frames. With the right lag 125 clean recordings showed 0.09 of a frame and 2.3 standard deviations at
 most; the one with a wrong lag showed 0.6 and 7.8."""
 
-CHANGE_IRREGULARLY = (
+_CHANGE_IRREGULARLY = (
     "record a minute in which the exposure changes abruptly and irregularly: cover the lens for a moment, point at a "
     "window, switch a lamp"
 )
-FIX_METADATA = (
+_FIX_METADATA = (
     "read exposure and gain from each frame's own metadata, not from the driver's settings, and switch off tone "
     "mapping"
 )
-SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
+_SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
 _MORE_FRAMES = "record sixty consecutive frames or more"
 
 
@@ -105,7 +105,7 @@ class ExposureFindings:
             return self
         when = "late" if lateness.value > 0 else "early"
         reason = f"{self.verdict.reason}, but the fit shows them {frames:.1f} ± {lateness.sigma:.1g} frames {when}"
-        return replace(self, verdict=Verdict("marginal", reason, CHANGE_IRREGULARLY))
+        return replace(self, verdict=Verdict("marginal", reason, _CHANGE_IRREGULARLY))
 
 
 def assess_exposures(
@@ -258,7 +258,7 @@ def _verdicts(
         return
     if brightness is None:
         few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
-        yield Verdict("marginal", f"{few}, too few to check the exposures", SLOWER)
+        yield Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
         return
     if brightness.stale:
         course_of = "stay as they are" if course.values == 1 else "often stay as they are"
@@ -267,17 +267,17 @@ def _verdicts(
             f"the exposures written {course_of} while the same things change in brightness, by "
             f"{_percent(brightness.unexplained_drift_log)} within {DRIFT_FRAMES} frames: the metadata are stale, or "
             f"a gain is missing in them",
-            FIX_METADATA,
+            _FIX_METADATA,
         )
     if lag.state == "constant exposure":
         yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
     if lag.state == "no response to exposure":
         silent = f"exposures range over {course.in_words()}, but the brightness of the scene does not follow them"
-        yield Verdict("not identifiable", silent, FIX_METADATA)
+        yield Verdict("not identifiable", silent, _FIX_METADATA)
     figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
     if unlike and not lag.frames:
         rest = f"the rest changes by {_percent(brightness.unexplained_rms_log)} a frame"
-        yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}", FIX_METADATA)
+        yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}", _FIX_METADATA)
     if lag.frames is None:
         yield _unknown_lag(course, lag)
     if lag.frames:
@@ -304,7 +304,7 @@ def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
     reason = reasons.get(lag.state, f"lags of {either} frames fit the images equally well")
     if lag.state == "ambiguous" and course.cycle_frames is not None:
         reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {either} look the same"
-    return Verdict("marginal", reason, CHANGE_IRREGULARLY)
+    return Verdict("marginal", reason, _CHANGE_IRREGULARLY)
 
 
 def lag_in_words(lag: int) -> str:

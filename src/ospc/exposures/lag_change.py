@@ -15,15 +15,15 @@ from ospc.exposures.lag_decision import MIN_LEAD, USUAL_LAG
 from ospc.exposures.lag_likelihood import fit_exposures
 from ospc.exposures.table import filled
 
-WATCHED_FRAMES = 400
+_WATCHED_FRAMES = 400
 """Latest frames in which a change is looked for: twenty seconds at 20 frames/s, in which a few bursts of frames are
 compared even late in a run."""
 
-FEWEST_BEFORE = 100
+_FEWEST_BEFORE = 100
 """Pairs of frames before a change: fewer can all be of one passing cloud, which an exposure control follows, so that
 the lag was not known as well as it seemed."""
 
-MOST_CANDIDATES = 3
+_MOST_CANDIDATES = 3
 """Most lags that may be left open. Where more fit, something else changes the brightness: a passing cloud left five
 and more in simulated film."""
 
@@ -56,7 +56,7 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     ``log_exposure`` is ln of the exposure written beside every frame, NaN where there is none, shape (frames,), and
     ``known`` the lag that was certain before, in frames.
     """
-    first = max(0, len(log_exposure) - WATCHED_FRAMES)
+    first = max(0, len(log_exposure) - _WATCHED_FRAMES)
     exposures = filled(log_exposure[first:])
     reach = MAX_LAG + abs(known)
     watched = BrightnessChanges.of([c for c in changes if c.frame0 >= first])
@@ -64,12 +64,12 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     if len(latest.driven) < MIN_PAIRS:
         return None
     since = _suspicion(latest, exposures, known)
-    if since is None or sum(change.frame0 < first + since for change in changes) < FEWEST_BEFORE:
+    if since is None or sum(change.frame0 < first + since for change in changes) < _FEWEST_BEFORE:
         return None
     found = estimate_lag(latest.where(latest.frame >= since), exposures, reach)
     later = [lag - known for lag in found.candidates]
     usual = [lag for lag in later if abs(lag) <= USUAL_LAG]
-    if found.state not in ("determined", "ambiguous") or not usual or len(later) > MOST_CANDIDATES:
+    if found.state not in ("determined", "ambiguous") or not usual or len(later) > _MOST_CANDIDATES:
         return None
     late, early = (all(lag * sign > 0 for lag in usual) for sign in (1, -1))
     lead = found.score[found.lags == known + usual[0]] - found.score[found.lags == known]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -41,14 +41,8 @@ _LEVELS = np.linspace(0.1, 0.9, 81)
 _REMEDY = "give the exposure of every frame, or of a second recording of the same camera"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class RecoveredRecording(DerivedRecording):
-    """A recording whose exposures are estimated from its images, relative to the median, up to an exponent.
-
-    ``exponent_sigma`` is the standard deviation of its ln.
-    """
-
-    exponent_sigma: float = EXPONENT_SIGMA
+    """A recording whose exposures are estimated from its images, relative to the median, up to an exponent."""
 
 
 def recover_exposures(
@@ -109,8 +103,7 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
     """Return the calibration of a recording, labelled and less certain if its exposures were estimated."""
     if not isinstance(recording, RecoveredRecording):
         return calibration
-    sigma = recording.exponent_sigma
-    response, vignette_sigma = calibration.response, calibration.vignette_sigma
+    response, vignette_sigma, sigma = calibration.response, calibration.vignette_sigma, EXPONENT_SIGMA
     if response is not None:
         log_g = np.log(np.maximum(response.inverse_table, 1e-12))
         log_reference = float(np.log(response.inverse(response.reference_grey)))
@@ -124,7 +117,7 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
         half = (np.array(calibration.size, dtype=np.float64) - 1) / 2
         profile = calibration.vignette.at(half + PROFILE_RADII[:, None] * half)
         vignette_sigma = np.hypot(vignette_sigma, np.abs(profile * np.log(np.maximum(profile, 1e-12))) * sigma)
-    verdicts = {name: _labelled_verdict(name, verdict, sigma) for name, verdict in calibration.verdicts.items()}
+    verdicts = {name: _labelled_verdict(name, verdict) for name, verdict in calibration.verdicts.items()}
     return replace(
         calibration,
         response=response,
@@ -136,7 +129,7 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
     )
 
 
-def _labelled_verdict(name: str, verdict: Verdict, sigma: float) -> Verdict:
+def _labelled_verdict(name: str, verdict: Verdict) -> Verdict:
     if not verdict.known:
         return verdict
     others = " and ".join(part for part in ("response", "vignette", "exposures") if part != name)
@@ -144,6 +137,6 @@ def _labelled_verdict(name: str, verdict: Verdict, sigma: float) -> Verdict:
         "marginal",
         f"up to one exponent: no exposures were known, and the {name} to any power, together with {others} to the "
         f"same power, explains the images as well; the power is taken to be that of a usual camera "
-        f"(ln γ ± {sigma:.2f})",
+        f"(ln γ ± {EXPONENT_SIGMA:.2f})",
         _REMEDY,
     )

@@ -33,16 +33,16 @@ from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, respo
 from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette
 from ospc.versions import versions
 
-MOST_IMAGES = 8
+_MOST_IMAGES = 8
 """Images of a recording that are used, spread evenly: more show the same surfaces again."""
 
-SHAPE_SIGMA = 0.4
+_SHAPE_SIGMA = 0.4
 """Standard deviation of ln g(M)/g(½) over its size, as of an exponent, on simulated photographs."""
 
-LEAST_LOG_SIGMA = 0.08
+_LEAST_LOG_SIGMA = 0.08
 """Standard deviation of ln g(M)/g(½) next to ½: curves differ there by more than an exponent."""
 
-CORNER_SIGMA = 0.2
+_CORNER_SIGMA = 0.2
 """Standard deviation of V in the corners; it grows as the radius. 0.11 on simulated photographs by usual lenses, but
 wide ones lose more."""
 
@@ -71,7 +71,7 @@ def single_images(path: str | Path, kind: str | None = None, options: ReadingOpt
         data = read_bytes(place, MAX_FILE_BYTES, FrameError)
         return [decode_stored(data, str(place), Channel.ALL).pixels]
     recording = open_recording(place, kind, replace(options, unknown_exposures=True, channel=Channel.ALL))
-    wanted = set(np.linspace(0, len(recording) - 1, MOST_IMAGES).astype(int).tolist())
+    wanted = set(np.linspace(0, len(recording) - 1, _MOST_IMAGES).astype(int).tolist())
     return [frame.image_8_bit for number, frame in enumerate(recording) if number in wanted]
 
 
@@ -103,7 +103,7 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
             "vignette": Verdict("marginal", reason.format(shading), _REMEDY),
             "exposures": Verdict("not identifiable", "single images say nothing of exposures", _REMEDY),
         },
-        vignette_sigma=np.asarray(CORNER_SIGMA * PROFILE_RADII),
+        vignette_sigma=np.asarray(_CORNER_SIGMA * PROFILE_RADII),
         counts={"frames": len(eight)},
         versions=versions(),
         advice=(_REMEDY,),
@@ -131,8 +131,8 @@ def _response(images: Sequence[Image]) -> tuple[Response, str]:
         basis = "usual curves, for want of edges in colour"
     log_g = np.log(np.maximum(found.inverse_table, np.finfo(float).tiny))
     log_reference = float(np.log(found.inverse(found.reference_grey)))
-    sigma = np.hypot(LEAST_LOG_SIGMA, SHAPE_SIGMA * np.abs(log_g - log_reference))
-    return replace(found, log_sigma=sigma, scale_sigma=float(SHAPE_SIGMA * abs(log_reference))), basis
+    sigma = np.hypot(_LEAST_LOG_SIGMA, _SHAPE_SIGMA * np.abs(log_g - log_reference))
+    return replace(found, log_sigma=sigma, scale_sigma=float(_SHAPE_SIGMA * abs(log_reference))), basis
 
 
 def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> tuple[PolynomialVignette, str]:
