@@ -42,15 +42,14 @@ class BrightnessChanges:
 
     @classmethod
     def of(cls, changes: Sequence[BrightnessChange]) -> BrightnessChanges:
-        """Collect the changes that rest on enough places."""
-        nearest = [c for c in changes if c.frame1 == c.frame0 + 1]
-        if not nearest:
+        """Collect the changes between consecutive frames that rest on enough places."""
+        if not changes:
             return cls(np.empty(0, np.int64), np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)))
         all_of_them = cls(
-            np.array([c.frame0 for c in nearest], np.int64),
-            np.stack([c.log_ratio for c in nearest]),
-            np.stack([_coherent(c) for c in nearest]),
-            np.stack([c.moved for c in nearest]),
+            np.array([c.frame0 for c in changes], np.int64),
+            np.stack([c.log_ratio for c in changes]),
+            np.stack([_coherent(c) for c in changes]),
+            np.stack([c.moved for c in changes]),
         )
         return all_of_them.where(all_of_them.weight.sum(axis=1) >= _MIN_PAIR_WEIGHT)
 
