@@ -166,20 +166,19 @@ class _Problem:
 
     def cost(self) -> float:
         """Return the mean of Huber's function of the residuals, weighted."""
-        return self._cost_of(self._c, self._v, self._log_e, self._log_l)
+        return self._cost_of(self._c, self._v, self._log_e)
 
     def fit_parameters(self) -> None:
         """Take one damped Gauss-Newton step in response, vignette and exposures."""
         tracks = self._tracks
-        x, residual, slope = self._linearised()
-        weight = self._weights(residual)
+        x, residual, slope, weight = self._linearised()
         attenuation = self._attenuation(self._v)
         inner = np.column_stack([self._at(self._model.components, x), (slope / attenuation)[:, None] * self._radial])
-        count = self._log_e.size
         a = (inner * weight[:, None]).T @ inner
 
         def by_frame(values: FloatArray) -> FloatArray:
-            return np.asarray(np.bincount(tracks.frame, weights=values, minlength=count), dtype=np.float64)
+            sums = np.bincount(tracks.frame, weights=values, minlength=self._log_e.size)
+            return np.asarray(sums, dtype=np.float64)
 
         b = np.stack([by_frame(weight * slope * column) for column in inner.T])
         d = by_frame(weight * slope**2)
@@ -192,7 +191,7 @@ class _Problem:
             step_e = np.clip((rhs_e - step @ b) / d_damped, -_LARGEST_STEP, _LARGEST_STEP)
             c, v = self._c + step[: self._c.size], self._v + step[self._c.size :]
             log_e = self._log_e + step_e
-            if self._cost_of(c, v, log_e, self._log_l) < before:
+            if self._cost_of(c, v, log_e) < before:
                 self._c, self._v, self._log_e = c, v, log_e
                 self._damping = max(self._damping / _DAMPING_DOWN, _LEAST_DAMPING)
                 return
@@ -200,32 +199,30 @@ class _Problem:
 
     def fit_radiances(self) -> None:
         """Take one Gauss-Newton step in the radiance of every point."""
-        _, residual, slope = self._linearised()
-        weight = self._weights(residual)
+        _, residual, slope, weight = self._linearised()
         top = np.bincount(self._tracks.point, weights=weight * slope * residual, minlength=self._points)
         bottom = np.bincount(self._tracks.point, weights=weight * slope**2, minlength=self._points)
         self._log_l = self._log_l + np.clip(top / (bottom * (1 + 1e-6) + 1e-9), -_LARGEST_STEP, _LARGEST_STEP)
         self._centre()
 
-    def _linearised(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return irradiance, residual O − f, and the derivative of f by ln of the irradiance."""
-        x = self._irradiance(self._v, self._log_e, self._log_l)
+    def _linearised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return irradiance, residual O − f, the derivative of f by ln of the irradiance, and weight."""
+        x = self._irradiance(self._v, self._log_e)
         curve = self._model.curve(self._c)
+        residual = self._tracks.grey - self._at(curve[None], x)[:, 0]
         slope = self._at(np.gradient(curve, 1 / (SAMPLES - 1))[None], x)[:, 0] * x
-        return x, self._tracks.grey - self._at(curve[None], x)[:, 0], np.where(x < 1, slope, 0.0)
-
-    def _weights(self, residual: FloatArray) -> FloatArray:
-        return np.asarray(self._tracks.weight * np.minimum(1, _HUBER / np.maximum(np.abs(residual), 1e-12)))
+        weight = self._tracks.weight * np.minimum(1, _HUBER / np.maximum(np.abs(residual), 1e-12))
+        return x, residual, np.where(x < 1, slope, 0.0), weight
 
     def _attenuation(self, v: FloatArray) -> FloatArray:
         return np.maximum(1 + self._radial @ v, _LEAST_V)
 
-    def _irradiance(self, v: FloatArray, log_e: FloatArray, log_l: FloatArray) -> FloatArray:
-        log_x = np.log(self._attenuation(v)) + log_e[self._tracks.frame] + log_l[self._tracks.point]
+    def _irradiance(self, v: FloatArray, log_e: FloatArray) -> FloatArray:
+        log_x = np.log(self._attenuation(v)) + log_e[self._tracks.frame] + self._log_l[self._tracks.point]
         return np.asarray(np.exp(np.clip(log_x, -_MOST_LOG, _MOST_LOG)))
 
-    def _cost_of(self, c: FloatArray, v: FloatArray, log_e: FloatArray, log_l: FloatArray) -> float:
-        x = self._irradiance(v, log_e, log_l)
+    def _cost_of(self, c: FloatArray, v: FloatArray, log_e: FloatArray) -> float:
+        x = self._irradiance(v, log_e)
         residual = np.abs(self._tracks.grey - self._at(self._model.curve(c)[None], x)[:, 0])
         robust = np.where(residual < _HUBER, residual**2, 2 * _HUBER * residual - _HUBER**2)
         return float(np.average(robust, weights=self._tracks.weight))
