@@ -77,7 +77,8 @@ return with_changes(table, exposures_ms=np.concatenate([e[:1], e[:-1]]))
 MUTATIONS = (
     Mutation("no-mean-shift", "mean_shift", body("return np.zeros_like(grid)"),
         "ignores that noise shifts the mean grey level where the response bends or clips"),
-    Mutation("linearised-at-measured", "LatentModel.__call__", replaced("LATENT_ITERATIONS if self.trusted else 0", "0"),
+    Mutation("linearised-at-measured", "LatentModel.__call__",
+        replaced("LATENT_ITERATIONS if self.trusted else 0", "0"),
         "linearises at the noisy grey level measured, which attenuates the fit"),
     Mutation("any-place", "FlatSampler._usable", body("return np.ones(len(places), dtype=bool)"),
         "samples edges and clipped pixels too"),
