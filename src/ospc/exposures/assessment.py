@@ -25,9 +25,9 @@ _ASSESSMENT_GROWTH = 1.5
 _MOST_OPEN_CHANGES = 400
 """Changes of brightness beyond which a lag that is still not known is looked for in the usual runs of frames only."""
 
-_LAG_CHECK_CHANGES = 16
-"""Changes of brightness from one look for a change of the lag to the next: five seconds of film late in a run, at a
-hundredth of its time."""
+_LAG_CHECK_CHANGES, _SUSPICIOUS_CHECK_CHANGES = 16, 8
+"""Changes of brightness from one look for a change of the lag to the next, and while one is suspected: five seconds
+of film late in a run, at a hundredth of its time, and half a second."""
 
 _RECENT_FRAMES = 8
 """Frames around a frame over which the exposure must change for it to tell the lag: the largest lag and some."""
@@ -43,8 +43,8 @@ class AssessmentState:
     ``log_exposure`` is ln of the exposures as written, shape (frames,), corrected by ``lag_frames`` during the run,
     and ``trusted`` where the images were found to agree with them. ``evidence`` is None before the first usable
     frame; with ``next_assessment`` changes of brightness exposures are assessed next. ``known_lag`` was certain at
-    the latest assessment, None where none was; the latest look found exposures written ``suspected_lag`` frames
-    later.
+    the latest assessment, None where none was; at the latest look exposures seemed to be written ``suspected_lag``
+    frames later.
     """
 
     log_exposure: FloatArray
@@ -114,18 +114,19 @@ class ExposureAssessment:
         return replace(self.table, lag_frames=self.findings().corrected_frames)
 
     def change_of_lag(self, *, explains: bool) -> LagChange | None:
-        """Return a change of the lag, looked for at times, if two looks in a row show it.
+        """Return a change of the lag, looked for at times, if one look proves what the one before made suspect.
 
         One look is enough where the change ``explains`` another change of the camera.
         """
         if self.evidence is None or self._known_lag is None:
             return None
-        if not explains and len(self.evidence) % _LAG_CHECK_CHANGES:
+        every = _SUSPICIOUS_CHECK_CHANGES if self._suspected_lag else _LAG_CHECK_CHANGES
+        if not explains and len(self.evidence) % every:
             return None
         with threadpool_limits(1, user_api="blas"):
             found = lag_change(self.evidence.changes, self.table.written, self._known_lag)
         suspected, self._suspected_lag = self._suspected_lag, 0 if found is None else found.later_frames
-        if found is None or not (explains or suspected * found.later_frames > 0):
+        if found is None or not found.proven or not (explains or suspected * found.later_frames > 0):
             return None
         if self.choice == "auto":
             self.table.lag_frames = self._known_lag + found.later_frames

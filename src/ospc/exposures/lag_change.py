@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.lag import MAX_LAG, MIN_PAIRS, estimate_lag
@@ -34,10 +34,22 @@ like them, by up to 30 in simulated film, but hardly like exposures that come la
 _EARLIER_LEAD = 1.0
 """Log likelihood that may be given away for a later beginning: pairs that tell nothing do not count as changed."""
 
+_SUSPICIOUS_LEAD = 4.0
+"""Log likelihood by which another lag must lead for more frames to be compared. One look in ten at unchanged film
+finds as much; without the additional frames it took up to half a minute to prove a change."""
+
+_EVENT_FRAMES = 48
+"""Frames within which what happens is one event: a second at 50 frames/s. A camera that sweeps past the edge of a
+wall is registered wrongly for as long, and smooth exposures fit that at some lag."""
+
+_LEAD_BESIDE_EVENT = MIN_LEAD / 2
+"""Log likelihood by which another lag must lead without its best event. In simulated film one event made a lead of 25
+where the lag was as before, and all other pairs together −2."""
+
 
 @dataclass(frozen=True)
 class LagChange:
-    """A change of the lag.
+    """A change of the lag that is suspected, or ``proven``.
 
     ``frame`` is the first one after it, as nearly as it can be told. Exposures are written ``later_frames`` later
     than before, or earlier if that is negative.
@@ -45,13 +57,15 @@ class LagChange:
 
     frame: int
     later_frames: int
+    proven: bool = False
 
 
 def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, known: int) -> LagChange | None:
     """Return the change of the lag that the latest changes of brightness show; None if they show none.
 
-    A lag that fits all pairs since some frame much better than the known one raises a suspicion. It is shown if the
-    lags that the pairs since then allow, as estimated on their own, are few, and on the same side of the known one.
+    A lag that fits all pairs since some frame better than the known one raises a suspicion. It is proven if that lag
+    fits much better, and not during one event only, and if the lags that the pairs since then allow, as estimated on
+    their own, are few and on the same side of the known one.
 
     ``log_exposure`` is ln of the exposure written beside every frame, NaN where there is none, shape (frames,), and
     ``known`` the lag that was certain before, in frames.
@@ -63,28 +77,38 @@ def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, kn
     latest = replace(watched, frame=watched.frame - first).within(len(exposures), -reach, reach)
     if len(latest.driven) < MIN_PAIRS:
         return None
-    since = _suspicion(latest, exposures, known)
-    if since is None or sum(change.frame0 < first + since for change in changes) < _FEWEST_BEFORE:
+    lag, frame, lead = _best_rival(latest, exposures, known)
+    suspected = LagChange(first + int(frame[0]), lag - known)
+    if lead.sum() < _SUSPICIOUS_LEAD or sum(c.frame0 < suspected.frame for c in changes) < _FEWEST_BEFORE:
         return None
-    found = estimate_lag(latest.where(latest.frame >= since), exposures, reach)
+    if lead.sum() < MIN_LEAD or _beside_best_event(frame, lead) < _LEAD_BESIDE_EVENT:
+        return suspected
+    found = estimate_lag(latest.where(latest.frame >= frame[0]), exposures, reach)
     later = [lag - known for lag in found.candidates]
     usual = [lag for lag in later if abs(lag) <= USUAL_LAG]
     if found.state not in ("determined", "ambiguous") or not usual or len(later) > _MOST_CANDIDATES:
-        return None
+        return suspected
     late, early = (all(lag * sign > 0 for lag in usual) for sign in (1, -1))
-    lead = found.score[found.lags == known + usual[0]] - found.score[found.lags == known]
-    return LagChange(first + since, usual[0]) if late or (early and lead.item() > _EARLY_LEAD) else None
+    much_better = found.score[found.lags == known + usual[0]] - found.score[found.lags == known] > _EARLY_LEAD
+    return replace(suspected, later_frames=usual[0], proven=late or (early and bool(much_better.item())))
 
 
-def _suspicion(latest: BrightnessChanges, log_exposure: FloatArray, known: int) -> int | None:
-    """Return the frame since which another lag fits much better than the known one; None without such a lag."""
+def _best_rival(latest: BrightnessChanges, log_exposure: FloatArray, known: int) -> tuple[int, IntArray, FloatArray]:
+    """Return the lag that fits better than the known one since some frame, and the pairs since then with its lead.
+
+    Lags of usual size are tried; the pairs are given by their first frames.
+    """
     held = fit_exposures(latest, latest.log_change(log_exposure, known)).log_likelihood
-    leads = []
-    for lag in (known + step for step in range(-USUAL_LAG, USUAL_LAG + 1) if step):
-        fitted = fit_exposures(latest, latest.log_change(log_exposure, lag)).log_likelihood
-        leads.append(np.cumsum((fitted - held)[::-1])[::-1])
-    lead = max(leads, key=np.max)
-    if lead.max() < MIN_LEAD:
-        return None
-    begins = int(np.flatnonzero(lead > lead.max() - _EARLIER_LEAD)[-1])
-    return int(latest.frame[latest.driven[begins]])
+    rivals = [known + step for step in range(-USUAL_LAG, USUAL_LAG + 1) if step]
+    leads = [fit_exposures(latest, latest.log_change(log_exposure, lag)).log_likelihood - held for lag in rivals]
+    since = np.cumsum(np.array(leads)[:, ::-1], axis=1)[:, ::-1]
+    best = int(np.argmax(since.max(axis=1)))
+    begins = int(np.flatnonzero(since[best] > since[best].max() - _EARLIER_LEAD)[-1])
+    return rivals[best], latest.frame[latest.driven[begins:]], leads[best][begins:]
+
+
+def _beside_best_event(frame: IntArray, lead: FloatArray) -> float:
+    """Return the lead without that within the best :data:`_EVENT_FRAMES` frames."""
+    summed = np.concatenate([[0.0], np.cumsum(lead)])
+    event = summed[np.searchsorted(frame, frame + _EVENT_FRAMES)] - summed[:-1]
+    return float(summed[-1] - event.max())
