@@ -46,31 +46,44 @@ class ExposureLookup(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Observations(ByValue):
-    """Grey levels of scene points; the observations of one point are consecutive."""
+    """Grey levels of scene points; the observations of one point are consecutive.
+
+    Attributes
+    ----------
+    grey
+        Grey level in [0, 1], shape (n,).
+    grey_variance
+        Variance of the pixels that it is the mean of, noise included, shape (n,): where the response
+        is bent, their mean is not the grey level of their mean irradiance. Zeros where it is unknown.
+    position
+        Place relative to the image centre in half diagonals, shape (n, 2).
+    gradient
+        Magnitude of the grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
+    frame_moments
+        Means of M, M² and M³ over the frame, from which its mean irradiance follows, shape (n, 3). Zeros where they
+        are unknown: veiling glare is not noticed then.
+    surround_moments
+        Sums of 1, M, M² and M³ over the surroundings of the place, weighted by a normal distribution whose standard
+        deviation is a tenth of the width; beyond the frame all are zero, shape (n, 4). Zeros where they are unknown:
+        light scattered nearby and local tone mapping are not noticed then.
+    frame
+        Number of the frame, shape (n,).
+    point
+        Number of the scene point, not decreasing, shape (n,).
+    group
+        Number of the pair of frames (for a static series: of the frame) that the point belongs to. Errors within a
+        group may have a common cause, shape (n,).
+    """
 
     grey: FloatArray
-    """Grey level in [0, 1], shape (n,)."""
     grey_variance: FloatArray
-    """Variance of the pixels that it is the mean of, noise included, shape (n,): where the response is bent, their
-    mean is not the grey level of their mean irradiance. Zeros where it is unknown."""
     position: FloatArray
-    """Place relative to the image centre in half diagonals, shape (n, 2)."""
     gradient: FloatArray
-    """Magnitude of the grey gradient around the place, per pixel of the image it was sampled in, shape (n,)."""
     frame_moments: FloatArray
-    """Means of M, M² and M³ over the frame, from which its mean irradiance follows, shape (n, 3). Zeros where they
-    are unknown: veiling glare is not noticed then."""
     surround_moments: FloatArray
-    """Sums of 1, M, M² and M³ over the surroundings of the place, weighted by a normal distribution whose standard
-    deviation is a tenth of the width; beyond the frame all are zero, shape (n, 4). Zeros where they are unknown:
-    light scattered nearby and local tone mapping are not noticed then."""
     frame: IntArray
-    """Number of the frame, shape (n,)."""
     point: IntArray
-    """Number of the scene point, not decreasing, shape (n,)."""
     group: IntArray
-    """Number of the pair of frames (for a static series: of the frame) that the point belongs to. Errors within a
-    group may have a common cause, shape (n,)."""
 
     @classmethod
     def of_pairs(  # noqa: PLR0917 (the same three values of both frames)
@@ -242,13 +255,19 @@ class Observations(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class ExposedObservations(Observations):
-    """Observations with the exposures of their frames: what a fit is made of."""
+    """Observations with the exposures of their frames: what a fit is made of.
+
+    Attributes
+    ----------
+    log_exposure
+        ln of the frame's exposure in milliseconds, shape (n,).
+    log_exposure_rate
+        By how much it rises per frame, from the frame before to the one after; 0 where one of these is unknown,
+        shape (n,). Exposures that are late by a part of a frame are noticed by it.
+    """
 
     log_exposure: FloatArray
-    """ln of the frame's exposure in milliseconds, shape (n,)."""
     log_exposure_rate: FloatArray
-    """By how much it rises per frame, from the frame before to the one after; 0 where one of these is unknown, shape
-    (n,). Exposures that are late by a part of a frame are noticed by it."""
 
     @property
     def exposure_range_ms(self) -> tuple[float, float]:

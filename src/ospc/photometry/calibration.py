@@ -42,52 +42,82 @@ _MAX_BYTES = 100_000_000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(ByValue):
-    """Response and vignette of a camera with their uncertainties. Unknown parts are None, never invented."""
+    """Response and vignette of a camera with their uncertainties. Unknown parts are None, never invented.
+
+    Attributes
+    ----------
+    size
+        Width and height in pixels of the images it is for.
+    response
+        The camera response; None if it is not identifiable.
+    vignette
+        The vignette; None if it is not identifiable.
+    verdicts
+        For ``"response"``, ``"vignette"`` and ``"exposures"``: identifiable, marginal or not, why, and what to
+        record instead.
+    vignette_sigma
+        Standard deviation of the radial profile at the 51 radii 0, 0.02, … 1, shape (51,).
+    noise
+        Noise of a grey value, estimated from the recording.
+    exposure_ratios
+        Re-estimated exposure ratios against the metadata.
+    covariance
+        For each estimated part, its parameter names and covariance matrix.
+    max_grey
+        Largest grey value of the images: 255 for 8 bit.
+    converged
+        Whether response and vignette are identifiable and nothing warns about the exposures; with preset "paper",
+        whether two estimates of each were accepted.
+    partial
+        Whether the run was interrupted before the end of the recording.
+    counts
+        Numbers of frames, skipped frames, pairs and samples used.
+    settings
+        All settings of the method.
+    source
+        Identification of the input.
+    versions
+        Versions of the software used.
+    advice
+        What would reduce the uncertainty, most helpful first.
+    notes
+        What was found and corrected: of the exposures, of the optics, of the sensor.
+    warnings
+        Why the result cannot be relied on: what contradicts the exposures or the model; empty if nothing does.
+    effects
+        What was found about effects beside response and vignette, such as veiling glare.
+    coverage
+        What the observations cover, and their residuals; None if the method keeps no tables.
+    exponent_sigma
+        Standard deviation of ln γ, if response, vignette and exposures are known only up to a common exponent γ
+        because no exposures were given; included in the other standard deviations, but not in the covariance. 0
+        otherwise.
+    rests_on
+        What it rests on in place of measurements, if it is a guess from single images; empty otherwise.
+    """
 
     size: ImageSize
     response: Response | None = None
     vignette: Vignette | None = None
-    """None if they are not identifiable."""
     verdicts: dict[str, Verdict] = field(default_factory=dict)
-    """For ``"response"``, ``"vignette"`` and ``"exposures"``: identifiable, marginal or not, why, and what to record
-    instead."""
     vignette_sigma: FloatArray | None = None
-    """Standard deviation of the radial profile at the 51 radii 0, 0.02, … 1, shape (51,)."""
     noise: NoiseModel | None = None
-    """Noise of a grey value, estimated from the recording."""
     exposure_ratios: ExposureRatios = field(default_factory=ExposureRatios.none)
-    """Re-estimated exposure ratios against the metadata."""
     covariance: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """For each estimated part, its parameter names and covariance matrix."""
     max_grey: int = 255
-    """Width and height in pixels of the images it is for, and their largest grey value: 255 for 8 bit."""
     converged: bool = False
-    """Whether response and vignette are identifiable and nothing warns about the exposures; with preset "paper",
-    whether two estimates of each were accepted."""
     partial: bool = False
-    """Whether the run was interrupted before the end of the recording."""
     counts: dict[str, int] = field(default_factory=dict)
-    """Numbers of frames, skipped frames, pairs and samples used."""
     settings: dict[str, Any] = field(default_factory=dict)
     source: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
-    """All settings of the method, identification of the input, and versions of the software used."""
     advice: tuple[str, ...] = ()
-    """What would reduce the uncertainty, most helpful first."""
     notes: tuple[str, ...] = ()
-    """What was found and corrected: of the exposures, of the optics, of the sensor."""
     warnings: tuple[str, ...] = ()
-    """Why the result cannot be relied on: what contradicts the exposures or the model; empty if nothing does."""
     effects: tuple[EffectEstimate, ...] = ()
-    """What was found about effects beside response and vignette, such as veiling glare."""
     coverage: Coverage | None = None
-    """What the observations cover, and their residuals; None if the method keeps no tables."""
     exponent_sigma: float = 0.0
-    """Standard deviation of ln γ, if response, vignette and exposures are known only up to a common exponent γ
-    because no exposures were given; included in the other standard deviations, but not in the covariance. 0
-    otherwise."""
     rests_on: str = ""
-    """What it rests on in place of measurements, if it is a guess from single images; empty otherwise."""
 
     @property
     def complete(self) -> bool:

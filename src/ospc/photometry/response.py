@@ -32,18 +32,26 @@ class Response(ByValue):
     The scale of g cannot be observed: g(1) = 1 is a convention, and few recordings show what happens next to white.
     So two uncertainties are kept apart: that of the shape, relative to a grey level in the middle of what was
     observed, and that of the scale which the convention gives to the curve as a whole.
+
+    Attributes
+    ----------
+    inverse_table
+        g at the grey levels i/(n-1), shape (n,), strictly increasing from 0 to 1.
+    log_sigma
+        Standard deviation of ln g(M)/g(reference_grey) at the same levels, shape (n,); None if unknown.
+    scale_sigma
+        Standard deviation of ln g(reference_grey), given g(1) = 1; None if unknown.
+    support
+        Lowest and highest grey level, in [0, 1], that were measured. Outside, the curve follows the prior.
+    model
+        Name and parameters of the model behind the table, as JSON-compatible values.
     """
 
     inverse_table: FloatArray = field(repr=False)
-    """g at the grey levels i/(n-1), shape (n,), strictly increasing from 0 to 1."""
     log_sigma: FloatArray | None = field(default=None, repr=False)
     scale_sigma: float | None = None
-    """Standard deviations of ln g(M)/g(reference_grey) at the same levels, shape (n,), and of ln g(reference_grey),
-    given g(1) = 1; None if unknown."""
     support: tuple[float, float] = (0.0, 1.0)
-    """Lowest and highest grey level, in [0, 1], that were measured. Outside, the curve follows the prior."""
     model: dict[str, Any] = field(default_factory=dict, repr=False)
-    """Name and parameters of the model behind the table, as JSON-compatible values."""
 
     def __post_init__(self) -> None:
         """Check and freeze the table."""
