@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from filmed import Film, observed, wandering
 
 from ospc import Frame, OnlineCalibrator
 from ospc.correspondence.preprocessing import Preprocessor
@@ -37,6 +38,26 @@ def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> Non
         exposures.observe(thumbnail(number))
         exposures.reassess()
     assert judged == [40, 59, 88, 131]
+
+
+def test_a_change_is_measured_against_the_latest_certain_lag(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The change itself makes the lag of all frames uncertain."""
+    film = Film(wandering(100, 5))
+    certain = assessment.assess_exposures(observed(film)[0], film.log_exposure)
+    uncertain = assessment.assess_exposures(evidence.ExposureEvidence(SIZE), np.zeros(3))
+    found, known_lags = iter([certain, uncertain]), []
+    monkeypatch.setattr(ExposureAssessment, "_assessed", lambda *_: next(found))
+    monkeypatch.setattr(assessment, "lag_change", lambda _changes, _exposures, known: known_lags.append(known))
+    exposures = ExposureAssessment("auto")
+    exposures.begin(SIZE)
+    for number in range(70):
+        exposures.table.append(1.0)
+        exposures.observe(thumbnail(number))
+        exposures.reassess()
+    assert next(found, None) is None
+    assert exposures.change_of_lag(explains=True) is None
+    assert known_lags == [0]
+    assert not exposures.table.trusted
 
 
 @pytest.mark.parametrize(("choice", "lag"), [("auto", 2), (2, 2)])

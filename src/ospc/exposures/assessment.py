@@ -42,8 +42,8 @@ class AssessmentState:
 
     ``log_exposure`` is ln of the exposures as written, shape (frames,), corrected by ``lag_frames`` during the run,
     and ``trusted`` where the images were found to agree with them. ``evidence`` is None before the first usable
-    frame; with ``next_assessment`` changes of brightness exposures are assessed next. ``known_lag`` was certain at
-    the latest assessment, None where none was; at the latest look exposures seemed to be written ``suspected_lag``
+    frame; with ``next_assessment`` changes of brightness exposures are assessed next. ``known_lag`` is the
+    latest that was certain, None where none was; at the latest look exposures seemed to be written ``suspected_lag``
     frames later.
     """
 
@@ -96,8 +96,10 @@ class ExposureAssessment:
         self._next_assessment = int(_ASSESSMENT_GROWTH * self.evidence.observed)
         found = self.findings()
         self.table.lag_frames = found.corrected_frames
-        self._known_lag = found.lag.correction(found.course.cycle_frames)
-        self.table.trusted = self._known_lag is not None and not found.warnings
+        certain = found.lag.correction(found.course.cycle_frames)
+        self.table.trusted = certain is not None and not found.warnings
+        if certain is not None:  # a change that makes the lag uncertain is still to be found
+            self._known_lag = certain
 
     def findings(self) -> ExposureFindings:
         """Return what the images say about the exposures so far; OspcError if no frame could be read."""
@@ -138,7 +140,7 @@ class ExposureAssessment:
         if self.choice == "trusted":
             return False
         few = self.evidence is None or len(self.evidence) < _MOST_OPEN_CHANGES
-        return self._suspected_lag != 0 or (self._known_lag is None and few)
+        return self._suspected_lag != 0 or (few and not self.table.trusted)
 
     def wants(self, number: int) -> bool:
         """Return whether a frame can help to settle the lag: the exposures written around it change."""
