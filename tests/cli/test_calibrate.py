@@ -297,7 +297,7 @@ class TestFailures:
         def fail(_vignette, path, _description):
             raise OspcError(f"{path}: cannot be written (No space left on device)")
 
-        monkeypatch.setattr("ospc.output.write_vignette", fail)
+        monkeypatch.setattr("ospc.formats.dso.write_vignette", fail)
         result = run(recording, "-o", tmp_path / "out")
         assert "No space left" in str(result.exception)
         assert names(tmp_path / "out") == ["calibration.json", "pcalib.txt", "times.txt"]
@@ -373,13 +373,11 @@ class TestInterruptions:
 
     @pytest.mark.parametrize("times", [1, 3])
     def test_while_writing_every_file_is_whole(self, recording, tmp_path, method, monkeypatch, times):
-        from ospc.formats import dso
-
         def interrupted(response, path, values=256):
             self.press(times, monkeypatch)
-            return dso.write_pcalib(response, path, values)
+            return write_pcalib(response, path, values)
 
-        monkeypatch.setattr("ospc.output.write_pcalib", interrupted)
+        monkeypatch.setattr("ospc.formats.dso.write_pcalib", interrupted)
         result = run(recording, "-o", tmp_path / "out")
         assert result.exit_code == 130
         assert stored(tmp_path / "out")["partial"] is True
