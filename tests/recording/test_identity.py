@@ -55,6 +55,34 @@ def test_an_unreadable_image_does_not_prevent_it(tum_folder: Make) -> None:
     assert identity(recording)["images_sha256"]
 
 
+class Unstored:
+    """A recording of a user, which has only what the protocol asks for."""
+
+    path, kind, size, max_grey, notes = Path("mine"), "mine", (3, 2), 255, ()
+
+    def __init__(self, frames: int, given: int) -> None:
+        self.exposures_ms, self.stamps_s = np.ones(frames), np.arange(float(frames))
+        self.given, self.passes = given, 0
+
+    def __len__(self) -> int:
+        return len(self.exposures_ms)
+
+    def __iter__(self) -> Iterator[Frame]:
+        self.passes += 1
+        for index in range(self.given):
+            yield Frame.of_array(np.full((2, 3), index, np.uint8), 1.0, index=index)
+
+
+def test_a_recording_without_stored_images_is_read_once() -> None:
+    mine = Unstored(100, given=100)
+    assert identity(mine)["images_sha256"]
+    assert mine.passes == 1
+
+
+def test_a_recording_that_ends_early_has_an_identity_too() -> None:
+    assert identity(Unstored(100, given=99))["images_sha256"] != identity(Unstored(100, given=100))["images_sha256"]
+
+
 def test_few_images_of_many_are_looked_at() -> None:
     recording = ArrayRecording(np.zeros((100, 2, 2), np.uint8), np.ones(100))
     assert identity(recording)["images_hashed"] == [0, 24, 49, 74, 99]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
@@ -151,10 +152,25 @@ def _images_sha256(recording: Recording, indices: list[int]) -> str:
     """Hash a few images; an unreadable one counts as empty."""
     channel = getattr(recording, "channel", None)
     total = sha256(b"" if channel is None else channel.value.encode())
-    for index in indices:
+    for load in _stored(recording, indices):
         try:
-            stored = stored_bytes(recording, index)
+            stored = load()
         except FrameError:
             stored = b""
         total.update(sha256(stored).digest())
     return total.hexdigest()
+
+
+def _stored(recording: Recording, indices: list[int]) -> Iterator[Callable[[], bytes]]:
+    """Give what loads the stored form of some frames, or their pixels, in one pass over the frames at most."""
+    stored: Callable[[int], bytes] | None = getattr(recording, "stored_bytes", None)
+    if stored is not None:
+        yield from (partial(stored, index) for index in indices)
+        return
+    for frame in recording:
+        if frame.index in indices:
+            yield partial(_pixels, frame)
+
+
+def _pixels(frame: Frame) -> bytes:
+    return frame.image.tobytes()
