@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import json
@@ -46,6 +47,15 @@ def test_all_public_names_are_there_and_listed():
     assert set(dir(ospc)) >= NAMES
     for name in NAMES:
         assert getattr(ospc, name) is not None
+
+
+def test_tools_that_do_not_run_the_package_find_the_names():
+    (names,) = (
+        node.value
+        for node in ast.parse(inspect.getsource(ospc)).body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "__all__"
+    )
+    assert set(ast.literal_eval(names)) == NAMES
 
 
 def test_names_are_those_of_the_modules_they_live_in():

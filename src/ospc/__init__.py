@@ -39,8 +39,23 @@ _HOME = {
 }
 _MODULES = {name: module for module, names in _HOME.items() for name in names}
 
-__all__ = ["__version__"]
-__all__.extend(_MODULES)
+__all__ = [
+    "Calibration",
+    "Frame",
+    "LiveCalibrator",
+    "Observations",
+    "OnlineCalibrator",
+    "OspcError",
+    "Recording",
+    "Response",
+    "Vignette",
+    "__version__",
+    "calibrate",
+    "fit",
+    "open_recording",
+    "simulate",
+]
+"""Written out, because tools that check types do not run the package."""
 
 
 def __getattr__(name: str) -> Any:
