@@ -68,6 +68,12 @@ def test_unknown_parts_are_not_invented_and_the_verdict_is_told(tmp_path):
             export(Photometry("nothing", None, None), program, tmp_path / "out.yml")
 
 
+def test_nothing_is_written_for_a_program_that_is_not_known(tmp_path):
+    with pytest.raises(SettingError, match="'dsoo' is not a program; known: dso, lensfun"):
+        export(Photometry("half", RESPONSE, None), "dsoo", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_missing_knowledge_of_the_optics_is_named(tmp_path):
     for program in ("lensfun", "adobe"):
         with pytest.raises(SettingError, match=r"focal|crop"):

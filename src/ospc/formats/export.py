@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, NotObservableError, SettingError
@@ -119,10 +119,12 @@ def export(
     NotObservableError
         If no part that the program can take is known.
     SettingError
-        If ``settings`` lack something that the program needs.
+        If ``settings`` lack something that the program needs, or there is no such program.
     FormatError
         If the format cannot hold it, or a file cannot be written.
     """
+    if program not in get_args(Program):
+        raise SettingError(f"{program!r} is not a program; known: {', '.join(get_args(Program))}")
     chosen, place = settings or ExportSettings(), Path(out)
     if program in ("lensfun", "adobe"):
         return _to_lens_profile(photometry, program, place, chosen)
