@@ -274,9 +274,10 @@ def test_kinds_are_told_from_content_where_the_name_says_nothing(folder):
         kind = kind_of(folder / name)
         renamed = (folder / name).rename(folder / f"{kind[0]}.dat")
         assert kind_of(renamed) == kind
-    (folder / "notes.md").write_text("hello")
-    with pytest.raises(FormatError, match="neither name nor content"):
-        kind_of(folder / "notes.md")
+    for text in ("hello", "Pinhole", "FOV\nis short for field of view"):
+        (folder / "notes.md").write_text(text)
+        with pytest.raises(FormatError, match="neither name nor content"):
+            kind_of(folder / "notes.md")
 
 
 def test_nothing_to_check_is_an_error(tmp_path):

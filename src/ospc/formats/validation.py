@@ -83,8 +83,10 @@ def kind_of(path: str | Path) -> Kind:
     first, second, *_ = [*read_text(place).split("\n"), "", ""]
     if leading_numbers(first)[0].size > MOST_COLUMNS:
         return "pcalib"
-    named = first.split(maxsplit=1)[:1] in [[name] for name in MODELS]
-    if named or (len(scanned(first, "f" * 5)) == 5 and len(scanned(second, "ddd")) == 2):
+    words = first.split(maxsplit=1)
+    if (len(words) > 1 and words[0] in MODELS) or (
+        len(scanned(first, "f" * 5)) == 5 and len(scanned(second, "ddd")) == 2
+    ):
         return "camera"
     if len(scanned(second if first.startswith("#") else first, "dff")) == 3:
         return "times"
