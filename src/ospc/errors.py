@@ -76,6 +76,8 @@ class MissingExtraError(OspcError):
 
     def __init__(self, feature: str, extra: str) -> None:
         super().__init__(f"{feature} needs an optional dependency: pip install 'ospc[{extra}]'")
+        self.feature = feature
+        self.extra = extra
 
 
 @contextmanager
