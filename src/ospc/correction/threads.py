@@ -18,11 +18,11 @@ _MOST_WORKERS = 8
 def mapped(
     work: Callable[[Item], Result], items: Iterable[Item], workers: int | None = None, ahead: int = 2
 ) -> Iterator[Result]:
-    """Yield the results of ``work``, called in other threads, one per processor, in the order of the items.
+    """Yield the results of ``work``, called in other threads, in the order of the items.
 
-    Only the calling thread draws items, at most ``workers + ahead`` before their results are yielded, which bounds
-    the memory. An error of the work or of the items is raised after the work in progress is finished; the rest is
-    dropped.
+    There is one thread per processor, up to a few, unless ``workers`` says how many. Only the calling thread draws
+    items, at most ``workers + ahead`` before their results are yielded, which bounds the memory. An error of the work
+    or of the items is raised after the work in progress is finished; the rest is dropped.
     """
     count = workers or min(os.cpu_count() or 1, _MOST_WORKERS)
     pending: deque[Future[Result]] = deque()

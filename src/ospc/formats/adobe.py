@@ -30,7 +30,7 @@ def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit
     """Write a profile with one entry and return the polynomial that stands for the vignette, about its own centre.
 
     SettingError if ``optics`` has no focal length, in pixels, or in millimetres with the crop factor; FormatError if
-    the polynomial is no vignette.
+    the polynomial is no vignette, or the file cannot be written.
     """
     fit = fit_radial(vignette, about_its_centre=True)
     width, height = fit.size

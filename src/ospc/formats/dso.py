@@ -32,7 +32,7 @@ def write_pcalib(response: Response, path: str | Path, values: int = FEWEST_VALU
 
     One line of values from 0 to 255 with nine significant digits, strictly increasing as 32-bit floats. ``values`` is
     the number of grey levels: 256 for 8 bit; DSO's descendants for deeper images take up to 65536. SettingError if no
-    program reads that many.
+    program reads that many; FormatError if the file cannot be written.
     """
     if not FEWEST_VALUES <= values <= MOST_VALUES:
         raise SettingError(f"a pcalib.txt has {FEWEST_VALUES} to {MOST_VALUES} values, not {values}")
@@ -62,7 +62,8 @@ def write_vignette(vignette: Vignette, path: str | Path, description: str = "") 
     """Write a vignette as a grey 16-bit PNG of its own size, atomically, and return the path.
 
     The largest value becomes 65535. A value that would round to 0 becomes 1, because the programs divide by it. A
-    ``description`` is stored in the PNG as text. FormatError if the vignette is negative or not finite somewhere.
+    ``description`` is stored in the PNG as text. FormatError if the vignette is negative or not finite somewhere,
+    or the file cannot be written.
     """
     image = vignette.image().astype(np.float64)
     if not np.all(np.isfinite(image)) or image.min() < 0 or image.max() <= 0:
@@ -110,7 +111,8 @@ def write_times(
     Raises
     ------
     FormatError
-        If the three differ in length, an id is not such an integer, or a stamp is not finite.
+        If the three differ in length, an id is not such an integer, a stamp is not finite, or the file cannot be
+        written.
     ExposureError
         If an exposure is not a positive number: zero means unknown to DSO.
     """

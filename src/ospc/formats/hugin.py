@@ -106,7 +106,8 @@ def write_pto(
     """Write a project file with one image line, to be used as a template.
 
     The response is written only with its base curves; otherwise the file has the mean response of EMoR. ``size`` is
-    that of the images if there is no vignette. FormatError if what is fitted is no vignette, or no response.
+    that of the images if there is no vignette. FormatError if what is fitted is no vignette or no response, or the
+    file cannot be written.
 
     Returns
     -------

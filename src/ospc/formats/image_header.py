@@ -149,8 +149,16 @@ _TIFF_FORMATS = {1: "B", 3: "H", 4: "I"}
 """Format of the numbers of each field type that is read, for :mod:`struct`."""
 
 _TIFF_TAGS = {
-    **{256: "width", 257: "height", 258: "bits", 277: "channels", 273: "strips", 279: "strip bytes"},
-    **{322: "tile width", 323: "tile height", 324: "tiles", 325: "tile bytes"},
+    256: "width",
+    257: "height",
+    258: "bits",
+    273: "strips",
+    277: "channels",
+    279: "strip bytes",
+    322: "tile width",
+    323: "tile height",
+    324: "tiles",
+    325: "tile bytes",
 }
 """Tags of the TIFF specification, of images in strips and in tiles; other tags are skipped."""
 

@@ -27,7 +27,8 @@ def write_lensfun(
 ) -> RadialFit:
     """Write a database file with one lens and return the polynomial, about the image centre, of its vignette.
 
-    SettingError if ``optics`` lacks crop factor, aperture or focal length; FormatError if that is no vignette.
+    SettingError if ``optics`` lacks crop factor, aperture or focal length; FormatError if the polynomial
+    is no vignette, or the file cannot be written.
     """
     if optics.crop_factor is None or optics.aperture is None:
         raise SettingError("lensfun needs optics; add --crop-factor, --aperture and --focal-mm (or --focal-px)")

@@ -44,7 +44,8 @@ def write_opencv(path: str | Path, response: Response | None = None, vignette: V
     """Write a response, a vignette or both into a YAML file of OpenCV, atomically, and return its path.
 
     The matrix ``response`` is for OpenCV's functions, ``inverse_response`` is the exact table, and ``vignette`` the
-    attenuation of every pixel as 32-bit floats. FormatError if the suffix is not .yml or .yaml.
+    attenuation of every pixel as 32-bit floats. FormatError if the suffix is not .yml or .yaml, or
+    the file cannot be written.
     """
     place = Path(path)
     if place.suffix.lower() not in _SUFFIXES:

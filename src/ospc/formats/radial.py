@@ -25,10 +25,10 @@ _FITTED_PIXELS = 1_000_000
 
 @dataclass(frozen=True)
 class RadialFit:
-    """A vignette as 1 + v₁R² + v₂R⁴ + v₃R⁶ about a centre; this and R are in half diagonals from the image centre.
+    """A vignette as 1 + v₁R² + v₂R⁴ + v₃R⁶, for R in half diagonals from a centre.
 
-    ``rms`` and ``worst`` are the root mean square and the largest residual over the pixels, relative to the centre; 0
-    if nothing had to be fitted.
+    ``centre`` is relative to the image centre, in half diagonals, too. ``rms`` and ``worst`` are the root mean square
+    and the largest residual over the pixels, relative to the value at the centre; 0 if nothing had to be fitted.
     """
 
     size: ImageSize

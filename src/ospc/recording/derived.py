@@ -140,8 +140,8 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
     recording itself is returned. ``mask`` is True where pixels may be used, shape (height, width), or the image of a
     mask; pixels outside the region are not used either.
 
-    FrameError if the mask is none; SettingError if it has the wrong shape, the region is not inside the images, or
-    hardly any pixels are left.
+    FrameError if the mask is neither of bool nor of uint8, or has not two dimensions; SettingError if it has the
+    wrong shape, the region is not inside the images, or hardly any pixels are left.
     """
     if mask is None and region is None:
         return recording

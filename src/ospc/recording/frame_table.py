@@ -32,8 +32,9 @@ Where = Callable[[Sequence[int]], str]
 class FrameTable:
     """A checked list of frames from the file ``source``; stamps increase, and exposures are finite and positive.
 
-    ``ids`` are the names of the images in the list, empty if they are not named; ``notes`` say what was inferred;
-    ``stamped`` tells whether the list has time stamps: otherwise the frames are numbered, one per second.
+    Both have shape (frames,). ``ids`` are the names of the images in the list, empty if they are not named; ``notes``
+    say what was inferred; ``stamped`` tells whether the list has time stamps: otherwise the frames are numbered, one
+    per second.
     """
 
     source: str

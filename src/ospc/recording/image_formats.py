@@ -35,7 +35,7 @@ directories claim thousands of entries there, files that are cut off a few."""
 
 @dataclass(frozen=True)
 class Shot:
-    """How a photograph was taken; None for what its file does not state, and an empty name of the camera."""
+    """How a photograph was taken: None where its file does not say, or an empty text where it names no camera."""
 
     time_s: float | None = None
     iso: float | None = None
