@@ -80,8 +80,9 @@ MUTATIONS = (
     Mutation("linearised-at-measured", "LatentModel.__call__",
         replaced("LATENT_ITERATIONS if self.trusted else 0", "0"),
         "linearises at the noisy grey level measured, which attenuates the fit"),
-    Mutation("any-place", "FlatSampler._usable", body("return np.ones(len(places), dtype=bool)"),
-        "samples edges and clipped pixels too"),
+    Mutation("any-place", "FlatSampler.__call__",
+        replaced("flat & exposed", "found & (gradient0 < self.max_gradient) & ~keyframe.clipped"),
+        "samples what are edges and clipped pixels in the second frame"),
     Mutation("nothing-forgotten", "Reservoir.forget_before", body("return None"),
         "keeps the early pairs, which were registered before the vignette was known"),
     Mutation("exposures-late", "read_times", exposures_late, "gives every frame the exposure of the one before it"),
@@ -102,9 +103,11 @@ def mutate(sources: Path, mutation: Mutation) -> None:
     LookupError
         If not exactly one function has that name, or its body isn't what the mutation expects.
     """
+    begin = f"def {mutation.function.rpartition('.')[2]}("
+    modules = [path for path in sorted(sources.rglob("*.py")) if begin in path.read_text(encoding="utf-8")]
     found = [
         (path, node)
-        for path in sorted(sources.rglob("*.py"))
+        for path in modules
         for name, node in _functions(ast.parse(path.read_text(encoding="utf-8")))
         if name == mutation.function
     ]
