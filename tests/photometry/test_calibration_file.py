@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import tracemalloc
 import zipfile
 from dataclasses import fields, replace
 from typing import get_args
@@ -282,6 +283,20 @@ def test_damage_anywhere_is_refused_by_name_or_harmless(data, vignette, remove, 
         assert str(place) in refusal
     else:
         check_usable(loaded)
+
+
+def test_the_map_of_a_vignette_is_not_listed_with_the_rest():
+    width, height = 640, 480
+    values = np.linspace(0.5, 1, width * height, dtype=np.float32).reshape(height, width)
+    found = Calibration((width, height), vignette=RasterVignette(values))
+    tracemalloc.start()
+    try:
+        content = found.as_dict()
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert sorted(content["vignette"]) == ["model", "profile", "profile_radius", "profile_sigma"]
+    assert peak < 20 * width * height  # a number in a list takes 32 bytes
 
 
 def check_usable(loaded):

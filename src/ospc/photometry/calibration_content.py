@@ -56,17 +56,24 @@ _WRITTEN = (
 
 def to_dict(calibration: Calibration) -> dict[str, Any]:
     """Return the content of a calibration; see :meth:`Calibration.as_dict`."""
-    content = {"schema": SCHEMA, **{name: _plain(getattr(calibration, name)) for name in _WRITTEN}}
-    ratios, vignette = calibration.exposure_ratios, calibration.vignette
+    content: dict[str, Any] = {"schema": SCHEMA}
+    for name in _WRITTEN:
+        content[name] = _vignette(calibration) if name == "vignette" else _plain(getattr(calibration, name))
+    ratios = calibration.exposure_ratios
     content["exposure_ratios"]["bias"] = ratios.bias if ratios.metadata.size else None
-    if vignette is not None:
-        content["vignette"] = {
-            "model": vignette.as_dict(),
-            "profile_radius": PROFILE_RADII.tolist(),
-            "profile": diagonal_profile(vignette, PROFILE_RADII).tolist(),
-            "profile_sigma": _plain(calibration.vignette_sigma),
-        }
     return content
+
+
+def _vignette(calibration: Calibration) -> dict[str, Any] | None:
+    # Not by its fields: a map is written beside the file, and anyone's vignette has an as_dict.
+    if calibration.vignette is None:
+        return None
+    return {
+        "model": calibration.vignette.as_dict(),
+        "profile_radius": PROFILE_RADII.tolist(),
+        "profile": diagonal_profile(calibration.vignette, PROFILE_RADII).tolist(),
+        "profile_sigma": _plain(calibration.vignette_sigma),
+    }
 
 
 def _plain(value: Any) -> Any:
