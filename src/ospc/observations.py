@@ -160,7 +160,8 @@ class Observations(ByValue):
             width = _WIDTHS.get(name, ())
             ends = np.empty((n, 2, *width))
             try:
-                ends[:, 0], ends[:, 1] = first[name], second[name]
+                for number, end in enumerate((first, second)):
+                    ends[:, number] = np.broadcast_to(np.asarray(end[name], np.float64), (n, *width))
             except ValueError:
                 given = f"{np.shape(first[name])} and {np.shape(second[name])}"
                 raise SettingError(

@@ -126,6 +126,7 @@ def test_exposures_that_do_not_fit_are_refused(exposures_ms, said):
         (0, np.full(30, np.nan), "grey must be finite"),
         (2, np.zeros(30), "position0 and position1"),
         (3, np.full((30, 2), 320.0), "half diagonals"),
+        (3, np.zeros((1, 30, 2)), "position0 and position1"),
         (4, np.zeros(7), "frame0 and frame1"),
         (5, np.full(30, -1), "frame numbers"),
     ],
