@@ -93,7 +93,8 @@ def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> Floa
     """Return the covariance of ln γ at grey levels, shape (n,) -> (n, n): random walks from the middle outwards."""
     offset = grey - PRIOR_MIDDLE_GREY
     same_side = offset[:, None] * offset > 0
-    near, far = (pick(np.abs(offset)[:, None], np.abs(offset)) for pick in (np.minimum, np.maximum))
+    distance = np.abs(offset)
+    near, far = np.minimum(distance[:, None], distance), np.maximum(distance[:, None], distance)
     walk = np.where(same_side, near, 0.0)
     drift = np.where(same_side, near**2 * (3 * far - near) / 6, 0.0)
     level = LEVEL_SIGMA**2 + SLOPE_SIGMA**2 * offset[:, None] * offset
