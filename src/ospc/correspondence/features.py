@@ -76,7 +76,10 @@ class OrbExtractor(OpenCvExtractor):
 
 
 class SurfExtractor:
-    """Speeded-up robust features (Bay et al. 2006) by the package mahotas; keeps the ``max_features`` strongest."""
+    """Speeded-up robust features (Bay et al. 2006) by the package mahotas; keeps the ``max_features`` strongest.
+
+    MissingExtraError if mahotas is not installed.
+    """
 
     norm = cv2.NORM_L2
 

@@ -42,7 +42,7 @@ class Keyframe(ReducedFrame):
     variance: Float32Array
     gradient: Float32Array
     clipped: BoolArray
-    """The values of the frame there, shape (n,)."""
+    """This and the three before it are the frame's values at these places, shape (n,)."""
 
 
 @dataclass(frozen=True)

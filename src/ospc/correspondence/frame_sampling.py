@@ -21,9 +21,11 @@ class FrameSampler:
     longest_pause_frames: int
     """Most frames skipped between two processed ones."""
     comparison_period_frames: int
+    """Frames from the beginning of one run of compared frames to that of the next."""
     comparison_run_frames: int
-    """Of each period, the first so many frames are compared."""
+    """Frames that are compared in each of these periods, the first ones."""
     processed: int = 0
+    """Frames processed so far."""
     number: int = 0
     """Number of the next frame."""
     _pause: int = 0

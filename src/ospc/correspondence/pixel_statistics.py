@@ -86,19 +86,23 @@ class PixelReport(ByValue):
     """Share of the places of each frame that are well exposed, in 10 equal ranges of R from 0 to 1 (the corner),
     shape (frames, 10); NaN where there are no places."""
     saturated_share: float
+    """Share of all pixels at the upper end."""
     black_share: float
-    """Share of all pixels at the upper and the lower end."""
+    """Share of all pixels at the lower end."""
     lowest_grey: int
+    """Lowest grey value of all frames."""
     highest_grey: int
+    """Highest grey value of all frames."""
     max_grey: int
-    """Extreme grey values, and the largest that the sensor delivers."""
+    """Largest grey value that the sensor delivers."""
     empty_low_bits: int
     """Lowest bits that are zero in every grey value."""
     missing_levels_share: float
     """Share of the grey values between the extremes that never occur; of 8-bit images only, else 0."""
     piled_low: bool
+    """Whether many pixels share the lowest value though it is not the end of the scale."""
     piled_high: bool
-    """Whether many pixels share the lowest or highest value though it is not the end of the scale."""
+    """The same of the highest value."""
     lit: BoolArray
     """Small image of the places that show the scene, shape (h, w)."""
     surround: str

@@ -81,7 +81,7 @@ def _mean(
 
 
 def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
-    """Return what differs between the frames of a pair, by the same residuals; nothing if the pairs agree.
+    """Return what differs between the frames of a pair, by the residuals of a fit; nothing if the pairs agree.
 
     With one response and one vignette, the radiances that two frames show of the same points differ by chance alone.
     With another exponent in one frame, their logarithms differ in proportion to ln M; with a vignette that was moved,

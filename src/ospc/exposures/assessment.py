@@ -42,9 +42,9 @@ class AssessmentState:
 
     ``log_exposure`` is ln of the exposures as written, shape (frames,), corrected by ``lag_frames`` during the run,
     and ``trusted`` where the images were found to agree with them. ``evidence`` is None before the first usable
-    frame; with ``next_assessment`` changes of brightness exposures are assessed next. ``known_lag`` is the
-    latest that was certain, None where none was; at the latest look exposures seemed to be written ``suspected_lag``
-    frames later.
+    frame. The exposures are assessed again once there are ``next_assessment`` changes of brightness. ``known_lag`` is
+    the latest lag that was certain, None where none was; at the latest look, exposures seemed to be written
+    ``suspected_lag`` frames later than that.
     """
 
     log_exposure: FloatArray
@@ -136,7 +136,7 @@ class ExposureAssessment:
 
     @property
     def lag_is_open(self) -> bool:
-        """Whether more changes of brightness may still settle which frames the exposures belong to."""
+        """Whether more changes of brightness may still settle that exposures belong to their frames, or to which."""
         if self.choice == "trusted":
             return False
         few = self.evidence is None or len(self.evidence) < _MOST_OPEN_CHANGES

@@ -168,7 +168,10 @@ class Corrector:
         return look_up(roots, np.rint(np.stack(greys, axis=-1) * np.iinfo(kind).max).astype(kind))
 
     def saturated(self, image: Image) -> BoolArray:
-        """Return which pixels have the largest grey value: only a lower bound of their irradiance is known."""
+        """Return which pixels have the largest grey value: only a lower bound of their irradiance is known.
+
+        FrameError as for :meth:`correct`.
+        """
         return np.asarray(self._checked(image) >= self.max_grey)
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float) -> Image:

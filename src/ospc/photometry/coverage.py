@@ -41,8 +41,9 @@ class Coverage(ByValue):
     """Number of observations by the radius of the point in the first and in the second frame, in equal classes from
     the centre to the corner, shape (radii, radii)."""
     residual_by_grey: FloatArray | None = None
+    """:data:`QUANTILES` of the residuals in each class of grey levels, shape (greys, 3)."""
     residual_by_radius: FloatArray | None = None
-    """:data:`QUANTILES` of the residuals in each class, shapes (greys, 3) and (radii, 3)."""
+    """:data:`QUANTILES` of the residuals in each class of radii, shape (radii, 3)."""
     residual_by_place: FloatArray | None = None
     """Median residual in equal cells of the image, shape (rows, columns)."""
 

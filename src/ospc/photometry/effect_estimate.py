@@ -14,8 +14,9 @@ class EffectEstimate:
 
     name: str
     value: float
+    """Its size, in the unit that :doc:`/theory/effects` gives."""
     sigma: float
-    """Its size and the standard deviation of that, in the unit that :doc:`/theory/effects` gives."""
+    """Standard deviation of its size."""
     corrected: bool = False
     """Whether response and vignette are those without it. Otherwise it cannot be distinguished from zero, and its
     standard deviation is part of theirs."""

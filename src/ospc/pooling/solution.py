@@ -33,8 +33,8 @@ _SIMPLER = (VignetteBasis(VIGNETTE.radial, free_centre=True), VignetteBasis(VIGN
 class Information:
     """The sum of summaries: A and b of their common likelihood, and the errors that more samples do not reduce.
 
-    The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,). Recordings err
-    independently of one another. Scene points and groups of them are behind it.
+    The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,): recordings err
+    independently of one another. ``points`` and ``groups`` count the scene points behind them, and their groups.
     """
 
     matrix: FloatArray

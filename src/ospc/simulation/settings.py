@@ -54,88 +54,128 @@ _MAX_FOV_DEG = 140
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """Settings of a simulated recording. The same settings give the same recording, bit for bit."""
+    """Settings of a simulated recording. The same settings give the same recording, bit for bit.
+
+    Attributes
+    ----------
+    size
+        Width and height of the images in pixels.
+    frames
+        Number of images.
+    fps
+        Images per second.
+    seed
+        Seed of everything random: scene, motion, noise, metadata errors.
+    scene_seed
+        Seed of the scene, if it differs from ``seed``: films one scene in several ways.
+    bit_depth
+        Bits per grey value, 8 to 16; above 8 the images are stored as 16-bit words, right-aligned.
+    response
+        Name of one of :data:`ospc.simulation.responses.RESPONSES`, a pcalib.txt, or a response.
+    vignette
+        Name of one of :data:`ospc.simulation.responses.VIGNETTES`, a vignette.png, or a vignette.
+    vignette_coefficients
+        (v₁, v₂, v₃) of the vignettes ``"polynomial"`` and ``"decentred"``, radius 1 at the corner.
+    vignette_centre
+        Centre of ``"decentred"`` relative to the image centre, in half diagonals.
+    noise
+        Preset of the two sensor settings that follow.
+    full_well_electrons
+        Electrons that give the largest grey value at gain 1, inf for no shot noise; None for that of the preset.
+    read_noise_electrons
+        Standard deviation of the read noise in electrons; None for that of the preset.
+    motion
+        ``"handheld"`` walks and looks around, ``"pan"`` turns on the spot, ``"forward"`` moves along the optical
+        axis, ``"static"`` stands on a tripod.
+    speed
+        Factor on the speed of the motion.
+    horizontal_fov_deg
+        Horizontal field of view in degrees.
+    motion_blur_samples
+        Number of instants of the exposure that are averaged; 1 for no motion blur.
+    exposure
+        ``"auto"``: exposure control. ``"sweep"``: logarithmic, from the smallest to the largest. ``"cycle"``: through
+        ``exposures_ms``. ``"file"``: ``exposures_ms`` frame by frame. ``"constant"``: ``exposure_ms``.
+    exposure_ms
+        Exposure time of ``"constant"``.
+    exposures_ms
+        Exposure times of ``"cycle"`` and ``"file"``.
+    exposure_min_ms, exposure_max_ms
+        Limits of ``"auto"`` and ``"sweep"``.
+    reference_exposure_ms
+        Exposure at which the median surface of the scene gives an irradiance of 0.12 of saturation.
+    auto_target
+        Mean grey level, in [0, 1], that the exposure control aims at.
+    auto_gain
+        Change of ln exposure per logarithmic deviation of the mean grey level in one step of the control.
+    auto_rate
+        Largest change of ln exposure from one frame to the next.
+    gain
+        Linear gain of every frame.
+    gain_max
+        Largest linear gain the control may use once the exposure time is at its maximum.
+    gain_in_metadata
+        Whether the metadata hold time times gain; false for a camera that hides its gain.
+    lag
+        The metadata of frame i hold the exposure of frame i − lag; positive if they are late.
+    metadata_error
+        Standard deviation of a multiplicative (log-normal) error of the metadata.
+    flicker
+        Relative amplitude of the oscillation of the light, below 1.
+    flicker_hz
+        Frequency of that oscillation in Hz.
+    moving_objects
+        Number of textured patches, up to 16, that move in front of the scene.
+    image_format
+        ``"png"`` or ``"jpg"`` (8 bit only).
+    jpg_quality
+        JPEG quality, 1 to 100.
+    archive
+        Whether the images go into ``images.zip`` instead of the folder ``images``.
+    """
 
     size: ImageSize = (640, 480)
-    """Width and height of the images in pixels."""
     frames: int = 500
-    """Number of images."""
     fps: float = 20.0
-    """Images per second."""
     seed: int = 0
-    """Seed of everything random: scene, motion, noise, metadata errors."""
     scene_seed: int | None = None
-    """Seed of the scene, if it differs from ``seed``: films one scene in several ways."""
     bit_depth: int = 8
-    """Bits per grey value, 8 to 16; above 8 the images are stored as 16-bit words, right-aligned."""
 
     response: str | Path | Response = "gamma2.2"
-    """Name of one of :data:`ospc.simulation.responses.RESPONSES`, a pcalib.txt, or a response."""
     vignette: str | Path | Vignette = "polynomial"
-    """Name of one of :data:`ospc.simulation.responses.VIGNETTES`, a vignette.png, or a vignette."""
     vignette_coefficients: tuple[float, ...] = (-0.35, 0.05, -0.15)
-    """(v₁, v₂, v₃) of the vignettes ``"polynomial"`` and ``"decentred"``, radius 1 at the corner."""
     vignette_centre: tuple[float, float] = (0.10, -0.06)
-    """Centre of ``"decentred"`` relative to the image centre, in half diagonals."""
     noise: NoisePreset = "low"
-    """Preset of the two sensor settings that follow."""
     full_well_electrons: float | None = None
-    """Electrons that give the largest grey value at gain 1, inf for no shot noise; None for that of the preset."""
     read_noise_electrons: float | None = None
-    """Standard deviation of the read noise in electrons; None for that of the preset."""
 
     motion: MotionKind = "handheld"
-    """``"handheld"`` walks and looks around, ``"pan"`` turns on the spot, ``"forward"`` moves along the optical axis,
-    ``"static"`` stands on a tripod."""
     speed: float = 1.0
-    """Factor on the speed of the motion."""
     horizontal_fov_deg: float = 75.0
-    """Horizontal field of view in degrees."""
     motion_blur_samples: int = 1
-    """Number of instants of the exposure that are averaged; 1 for no motion blur."""
 
     exposure: ExposureMode = "auto"
-    """``"auto"``: exposure control. ``"sweep"``: logarithmic, from the smallest to the largest. ``"cycle"``: through
-    ``exposures_ms``. ``"file"``: ``exposures_ms`` frame by frame. ``"constant"``: ``exposure_ms``."""
     exposure_ms: float = 10.0
-    """Exposure time of ``"constant"``."""
     exposures_ms: tuple[float, ...] = (2.5, 5.0, 10.0, 20.0)
-    """Exposure times of ``"cycle"`` and ``"file"``."""
     exposure_min_ms: float = 0.3
     exposure_max_ms: float = 40.0
-    """Limits of ``"auto"`` and ``"sweep"``."""
     reference_exposure_ms: float = 10.0
-    """Exposure at which the median surface of the scene gives an irradiance of 0.12 of saturation."""
     auto_target: float = 0.42
-    """Mean grey level, in [0, 1], that the exposure control aims at."""
     auto_gain: float = 0.6
-    """Change of ln exposure per logarithmic deviation of the mean grey level in one step of the control."""
     auto_rate: float = 0.12
-    """Largest change of ln exposure from one frame to the next."""
     gain: float = 1.0
-    """Linear gain of every frame."""
     gain_max: float = 1.0
-    """Largest linear gain the control may use once the exposure time is at its maximum."""
     gain_in_metadata: bool = True
-    """Whether the metadata hold time times gain; false for a camera that hides its gain."""
 
     lag: int = 0
-    """The metadata of frame i hold the exposure of frame i − lag; positive if they are late."""
     metadata_error: float = 0.0
-    """Standard deviation of a multiplicative (log-normal) error of the metadata."""
     flicker: float = 0.0
-    """Relative amplitude of the oscillation of the light, below 1."""
     flicker_hz: float = 2.3
-    """Frequency of that oscillation in Hz."""
     moving_objects: int = 0
-    """Number of textured patches, up to 16, that move in front of the scene."""
 
     image_format: ImageFormat = "png"
-    """``"png"`` or ``"jpg"`` (8 bit only)."""
     jpg_quality: int = 95
-    """JPEG quality, 1 to 100."""
     archive: bool = False
-    """Whether the images go into ``images.zip`` instead of the folder ``images``."""
 
     def __post_init__(self) -> None:
         """Check the settings."""
