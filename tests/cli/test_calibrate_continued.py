@@ -27,7 +27,7 @@ from ospc.output import OutputFolder, Written
 OutputFolder.draw = OutputFolder.report = lambda *_, **__: Written()
 main()
 """
-KILLS_S = (0.0, 0.1, 0.4)
+KILLS_S = (0.0, 0.3)
 """How long runs live after they wrote their first checkpoint."""
 
 

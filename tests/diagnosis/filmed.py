@@ -96,7 +96,7 @@ class Film:
         return _WALL_PX / 2 + wide * (self.speed_px > 0) + shake
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def observed(film: Film) -> tuple[ExposureEvidence, np.ndarray]:
     """Return what is seen of the exposures, and ln of those stated. Tests ask for the same film many times."""
     recording, evidence = film.recording(), ExposureEvidence(SIZE)

@@ -21,7 +21,7 @@ from synthetic_observations import POLYNOMIAL, SIZE
 
 GAMMA = RESPONSES["srgb"]()
 NOISE = NoiseModel(0.0, 0.0)
-FRAMES, POINTS = 120, 80
+FRAMES, POINTS = 120, 60
 TYPICAL_MS = 10.0
 
 

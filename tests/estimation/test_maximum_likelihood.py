@@ -172,7 +172,7 @@ def test_where_the_prior_does_not_pull_nothing_else_does():
     ids=["independent errors", "outliers", "errors common to a pair"],
 )
 def test_deviations_stated_are_those_that_happen(camera):
-    fits = [fitted(camera.pairs(seed, groups=24, points=70), 3, 16) for seed in range(30)]
+    fits = [fitted(camera.pairs(seed, groups=24, points=70), 3, 16) for seed in range(20)]
     steps = [(0.25, 0.75), (0.15, 0.5)]
     radii = np.array([0.6, 0.9])
     z = []

@@ -19,7 +19,7 @@ from ospc.photometry.vignette import radial_profile
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
 
-QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5)
+QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, longest_side_px=160)
 QUICK_FRAMES = 50
 
 

@@ -36,10 +36,12 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.recording import ArrayRecording, Recording, open_recording
 from ospc.recording.exposure_units import ExposureUnit
 from ospc.recording.options import ReadingOptions
+from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames
 
 SIZE = (160, 120)
 EXPOSURES_MS = (3.0, 6.0, 12.0, 24.0)
+QUICK = DefaultSettings(points_per_pair=80, rounds=3, response_intervals=8, radial_terms=2)
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ def filmed() -> Filmed:
 
 @pytest.fixture(scope="module")
 def expected(filmed: Filmed) -> Calibration:
-    return calibrate(ArrayRecording(filmed.images, filmed.ms))
+    return calibrate(ArrayRecording(filmed.images, filmed.ms), QUICK)
 
 
 def _put_images(folder: Path, filmed: Filmed, names: list[str] | None = None) -> None:
@@ -236,7 +238,7 @@ def test_frames_and_calibration_are_the_same(
     if recording.kind == "exif_photos":  # whose exposures cannot belong to other frames
         settled = Verdict("identifiable", "")
         expected = replace(expected, verdicts=expected.verdicts | {"exposures": settled})
-    assert_same(calibrate(recording), expected)
+    assert_same(calibrate(recording, QUICK), expected)
 
 
 def test_a_field_and_unit_named_by_the_user(filmed: Filmed, expected: Calibration, tmp_path: Path) -> None:
@@ -248,7 +250,7 @@ def test_a_field_and_unit_named_by_the_user(filmed: Filmed, expected: Calibratio
         exposure_unit=ExposureUnit.US100,
         image_topic="/cam/image_raw",
     )
-    assert_same(calibrate(open_recording(path, options=options)), expected)
+    assert_same(calibrate(open_recording(path, options=options), QUICK), expected)
 
 
 def assert_same(found: Calibration, expected: Calibration) -> None:

@@ -56,7 +56,7 @@ def uninterrupted(recording):
     return as_text(pushed(recording, OnlineCalibrator(QUICK)))
 
 
-@settings(max_examples=4)
+@settings(max_examples=3)
 @given(data=st.data())
 def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, uninterrupted, tmp_path_factory, data):
     place = tmp_path_factory.mktemp("state") / "state.ospc"
@@ -70,7 +70,7 @@ def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, unint
     assert as_text(pushed(recording, calibrator)) == uninterrupted
 
 
-@settings(max_examples=3)
+@settings(max_examples=2)
 @given(gone=st.integers(0, 47))
 def test_saved_after_the_recording_was_removed_it_ends_the_same(recording, uninterrupted, tmp_path_factory, gone):
     """From a frame on, none can be read, as when a disk is pulled out; later they are back."""
@@ -107,7 +107,8 @@ def test_saving_changes_nothing_and_equal_states_are_equal_files(recording, unin
     calibrator = OnlineCalibrator(QUICK)
     for frame in recording:
         calibrator.push(frame)
-        calibrator.save_state(tmp_path / "a.ospc")
+        if calibrator.frames % 3 == 0:
+            calibrator.save_state(tmp_path / "a.ospc")
     assert as_text(calibrator) == uninterrupted
     OnlineCalibrator.load_state(tmp_path / "a.ospc").save_state(tmp_path / "b.ospc")
     assert (tmp_path / "a.ospc").read_bytes() == (tmp_path / "b.ospc").read_bytes()
