@@ -91,6 +91,17 @@ def entries(tmp_path_factory):
     return found
 
 
+def test_a_scheduler_without_workers_is_said(machines, entries):
+    deadline_s = time.monotonic() + 30
+    while time.monotonic() < deadline_s:
+        try:
+            with pytest.raises(SettingError, match="the scheduler has no workers; start some"):
+                list(Cluster(machines.address, patience_s=0.0).run([Task(0, entries[1])]))
+            break
+        except AssertionError:
+            time.sleep(0.2)
+
+
 def test_every_recording_is_done_though_one_of_three_workers_is_killed(machines, entries, tmp_path):
     workers = [machines.start_worker() for _ in range(WORKERS)]
 
@@ -136,17 +147,6 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
     monkeypatch.setattr("ospc.batch.cluster._CONNECT_S", 0.5)
     with pytest.raises(SettingError, match="no Dask scheduler answers there"):
         list(Cluster("tcp://127.0.0.1:9").run([]))
-
-
-def test_a_scheduler_without_workers_is_said(machines, entries):
-    deadline_s = time.monotonic() + 30
-    while time.monotonic() < deadline_s:
-        try:
-            with pytest.raises(SettingError, match="the scheduler has no workers; start some"):
-                list(Cluster(machines.address, patience_s=0.0).run([Task(0, entries[1])]))
-            break
-        except AssertionError:
-            time.sleep(0.2)
 
 
 def test_without_dask_the_extra_is_named(monkeypatch):

@@ -7,6 +7,7 @@ import pytest
 from filmed import Film, found, wandering
 
 from ospc.calibrator import OnlineCalibrator, calibrate
+from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
 from ospc.recording import Frame
 
@@ -91,7 +92,9 @@ def test_a_lag_that_is_stated_settles_what_only_the_images_left_open() -> None:
     assert "stale" in found(STALE, 0).warnings[0]
 
 
-def test_photographs_hold_their_own_exposures_so_that_none_can_be_late() -> None:
+def test_photographs_hold_their_own_exposures_so_that_none_can_be_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Pairs of frames, which take most of the time, tell nothing of the exposures here.
+    monkeypatch.setattr(MaximumLikelihoodMethod, "push", lambda *_: None)
     recording = RISING.recording()
     assert OnlineCalibrator.of(recording).correct_lag == "auto"
     object.__setattr__(recording, "kind", "exif_photos")
@@ -110,7 +113,8 @@ def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:
     np.testing.assert_allclose(step, expected, atol=0.03)
 
 
-def test_a_frame_without_an_exposure_hides_nothing_of_the_others() -> None:
+def test_a_frame_without_an_exposure_hides_nothing_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(MaximumLikelihoodMethod, "push", lambda *_: None)
     recording = list(Film(wandering(FRAMES), lag=1).recording())
     broken = [Frame.of_array(f.image, float("nan") if f.index in (20, 21, 40) else f.exposure_ms) for f in recording]
     calibrator = OnlineCalibrator()

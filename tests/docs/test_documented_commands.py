@@ -31,7 +31,7 @@ RUN = [
 ]
 
 
-FEWER_FRAMES = {"demo": ["--frames", "8"], "simulate": ["--frames", "24"]}
+FEWER_FRAMES = {"demo": ["--frames", "8"], "simulate": ["--frames", "24", "--size", "192x144"]}
 """The last option of a name counts. What comes of as many frames as a page says, other tests tell."""
 
 

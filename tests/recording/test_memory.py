@@ -18,7 +18,7 @@ from ospc.recording.stream import frames_of
 SIZE = (160, 120)
 IMAGE_BYTES = SIZE[0] * SIZE[1]
 # Bags are read by chunks of a megabyte; both are longer than one.
-SHORT, LONG = 120, 240
+SHORT, LONG = 100, 200
 
 
 @cache
