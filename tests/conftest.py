@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Iterator
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 # Workers and the processes they start share the processor: their matrices are small, and threads only get in each
@@ -14,7 +14,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
-import threadpoolctl
 from hypothesis import settings
 
 import browser
@@ -28,9 +27,6 @@ settings.load_profile("repeatable")
 
 # Tests film the same few rooms in turn, and each takes longer to build than a short recording to film.
 scene._room = lru_cache(maxsize=4)(scene._room.__wrapped__)
-
-# Whoever limits the threads of the linear algebra looks through all libraries that are loaded, every time.
-threadpoolctl.ThreadpoolController = cache(threadpoolctl.ThreadpoolController)
 
 # Nothing that tests write has to survive a power failure, and each call waits for the disk.
 os.fsync = lambda _descriptor: None

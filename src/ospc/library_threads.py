@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import cache
 
 import cv2
-from threadpoolctl import threadpool_limits
+import scipy.linalg  # noqa: F401 (to be found: it has a linear algebra of its own beside NumPy's)
+from threadpoolctl import ThreadpoolController
 
 
 @contextmanager
@@ -15,7 +17,19 @@ def one_library_thread() -> Iterator[None]:
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        with threadpool_limits(1):
+        with _libraries().limit(limits=1):
             yield
     finally:
         cv2.setNumThreads(before)
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Keep the linear algebra from using threads."""
+    limit: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
+    return limit
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    # Looking through all libraries that are loaded takes a millisecond, and a run does it hundreds of times.
+    return ThreadpoolController()

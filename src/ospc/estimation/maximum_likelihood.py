@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from threadpoolctl import threadpool_limits
 
 from ospc.arrays import BoolArray, FloatArray
 from ospc.estimation.effects import Effects
@@ -23,6 +22,7 @@ from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.robust import robust_scale
@@ -70,7 +70,7 @@ class MaximumLikelihoodEstimator:
 
         It runs on one core: many small matrix products, which threads only slow down.
         """
-        with threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             return self._fit(observations, start)
 
     def _fit(self, observations: ExposedObservations, start: Fit | None) -> Fit:
@@ -136,7 +136,7 @@ class MaximumLikelihoodEstimator:
         about
             The same fit in parameters of this model, at which it is linearised, shape (p,).
         """
-        with threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             predict = LatentModel(
                 fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
             )

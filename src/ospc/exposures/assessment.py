@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
@@ -15,6 +14,7 @@ from ospc.exposures.evidence import ComparedAhead, EvidenceState, ExposureEviden
 from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, checked_lag_choice, leaves_frames
 from ospc.exposures.lag_change import LagChange, lag_change
 from ospc.exposures.table import ExposureTable
+from ospc.library_threads import one_blas_thread
 
 FIRST_ASSESSMENT = 39
 """Changes of brightness before the exposures are assessed the first time: fewer seldom settle a lag."""
@@ -125,7 +125,7 @@ class ExposureAssessment:
         every = _SUSPICIOUS_CHECK_CHANGES if self._suspected_lag else _LAG_CHECK_CHANGES
         if not explains and len(self.evidence) % every:
             return None
-        with threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             found = lag_change(self.evidence.changes, self.table.written, self._known_lag)
         suspected, self._suspected_lag = self._suspected_lag, 0 if found is None else found.later_frames
         if found is None or not found.proven or not (explains or suspected * found.later_frames > 0):
@@ -160,7 +160,7 @@ class ExposureAssessment:
 
     def _assessed(self, evidence: ExposureEvidence, log_exposure: FloatArray) -> ExposureFindings:
         # Its matrices are small: further threads of the linear algebra would only wait for each other.
-        with threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             return assess_exposures(evidence, log_exposure, self.choice, since=self._since)
 
     def state(self) -> AssessmentState:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from threadpoolctl import threadpool_limits
 
 from ospc.arrays import FloatArray
 from ospc.estimation.effects import Effects
@@ -17,6 +16,7 @@ from ospc.estimation.model import Model
 from ospc.estimation.model_choice import supported
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
 
 _MOST_ROUNDS = 12
@@ -73,7 +73,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
     The vignette is the common one, or one without its last parameters, which are zero then. The prior of a solution
     for nearly the same information and the same model is taken, which saves most of the time.
     """
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         model = Model(RESPONSE, vignette, Effects())
         parameters = model.typical if start is None else start.parameters
         p = len(parameters)
