@@ -59,7 +59,7 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
 
 @pytest.mark.parametrize("seed", [5, 6])
 def test_earlier_exposures_need_stronger_evidence_because_light_that_is_followed_looks_like_them(seed: int) -> None:
-    film = Film(wandering(FRAMES, seed) * 0.02, noise=2.0)
+    film = Film(wandering(FRAMES, seed) * 0.025, noise=2.0)
     assert proven(changes(film), stated(film.log_exposure, 0, 2), 0) is not None
     assert proven(changes(film), stated(film.log_exposure, 0, -2), 0) is None
 
