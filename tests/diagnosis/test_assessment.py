@@ -26,17 +26,23 @@ def thumbnail(number: int) -> Thumbnail:
     return Preprocessor().thumbnail(Frame.of_array(image(number), 1.0, index=number))
 
 
+def after(frames: int, choice: LagChoice = "auto") -> ExposureAssessment:
+    """Return what is known after so many frames of equal exposure."""
+    exposures = ExposureAssessment(choice)
+    exposures.begin(SIZE)
+    for number in range(frames):
+        exposures.table.append(1.0)
+        exposures.observe(thumbnail(number))
+        exposures.reassess()
+    return exposures
+
+
 def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evidence, "CAPACITY", 50)
     judged = []
     monkeypatch.setattr(ExposureAssessment, "_assessed", lambda self, *_: judged.append(len(self.table)) or found)
     found = assessment.assess_exposures(evidence.ExposureEvidence(SIZE), np.zeros(3))
-    exposures = ExposureAssessment("auto")
-    exposures.begin(SIZE)
-    for number in range(140):
-        exposures.table.append(1.0)
-        exposures.observe(thumbnail(number))
-        exposures.reassess()
+    after(140)
     assert judged == [40, 59, 88, 131]
 
 
@@ -48,12 +54,7 @@ def test_a_change_is_measured_against_the_latest_certain_lag(monkeypatch: pytest
     found, known_lags = iter([certain, uncertain]), []
     monkeypatch.setattr(ExposureAssessment, "_assessed", lambda *_: next(found))
     monkeypatch.setattr(assessment, "lag_change", lambda _changes, _exposures, known: known_lags.append(known))
-    exposures = ExposureAssessment("auto")
-    exposures.begin(SIZE)
-    for number in range(70):
-        exposures.table.append(1.0)
-        exposures.observe(thumbnail(number))
-        exposures.reassess()
+    exposures = after(70)
     assert next(found, None) is None
     assert exposures.change_of_lag(explains=True) is None
     assert known_lags == [0]
@@ -62,11 +63,7 @@ def test_a_change_is_measured_against_the_latest_certain_lag(monkeypatch: pytest
 
 @pytest.mark.parametrize(("choice", "lag"), [("auto", 2), (2, 2)])
 def test_a_new_epoch_keeps_the_lag_and_trusts_nothing_yet(choice: LagChoice, lag: int) -> None:
-    exposures = ExposureAssessment(choice)
-    exposures.begin(SIZE)
-    for number in range(20):
-        exposures.table.append(1.0)
-        exposures.observe(thumbnail(number))
+    exposures = after(20, choice)
     exposures.table.lag_frames, exposures.table.trusted = lag, True
     exposures.split(10)
     assert (exposures.table.lag_frames, exposures.table.trusted) == (lag, False)

@@ -70,7 +70,7 @@ def test_a_few_frames_prove_nothing() -> None:
 
 
 def test_what_happens_once_is_suspected_but_not_proven() -> None:
-    """A camera that sweeps past the edge of a wall is registered wrongly for a second, and errors look like a lag."""
+    """Light that fades for half a second, while the exposure changes ever faster, looks like a lag."""
     number, begin, end = np.arange(FRAMES), SWITCH + 8, SWITCH + 26
     course = 0.4 * np.sin(2 * np.pi * number / 40)
     after = number[end:] - end

@@ -39,9 +39,9 @@ _SUSPICIOUS_LEAD = 4.0
 finds as much; without the additional frames it took up to half a minute to prove a change."""
 
 _EVENT_FRAMES = 48
-"""Frames within which what happens is one event: a second at 50 frames/s. A camera that sweeps past the edge of a
-wall is registered wrongly for as long, and smooth exposures fit that at some lag. So the lead must be large enough
-without its best event: half of that had made three false changes in ten hours of film."""
+"""Frames within which what happens is one event: a second at 50 frames/s. Light that fades for half a second, while
+the exposure changes ever faster, looks like a lag. So the lead must be large enough without its best event: half of
+that made three false changes in ten hours of simulated film."""
 
 
 @dataclass(frozen=True)
