@@ -144,8 +144,9 @@ class LongFilm:
         state: float | None = None
         for first in range(0, self._count, block):
             stamps = np.arange(first, first + block) / self._rate
-            metered = np.arange(stamps[0], stamps[-1] + 2 * _METER_INTERVAL_S, _METER_INTERVAL_S)
-            wanted = np.interp(stamps, metered, np.log(0.16 / self._metered(metered)))
+            metered = np.arange(stamps[0] - _METER_INTERVAL_S, stamps[-1] + _METER_INTERVAL_S, _METER_INTERVAL_S)
+            # No control sees the light that comes: between two times it knows the one before.
+            wanted = np.interp(stamps - _METER_INTERVAL_S, metered, np.log(0.16 / self._metered(np.maximum(metered, 0.0))))
             log_exposures = np.empty(block)
             for i, target in enumerate(wanted.tolist()):
                 state = target if state is None else state + gain * (target - state)
