@@ -145,8 +145,9 @@ class LongFilm:
         for first in range(0, self._count, block):
             stamps = np.arange(first, first + block) / self._rate
             metered = np.arange(stamps[0] - _METER_INTERVAL_S, stamps[-1] + _METER_INTERVAL_S, _METER_INTERVAL_S)
+            light = self._metered(np.maximum(metered, 0.0))
             # No control sees the light that comes: between two times it knows the one before.
-            wanted = np.interp(stamps - _METER_INTERVAL_S, metered, np.log(0.16 / self._metered(np.maximum(metered, 0.0))))
+            wanted = np.interp(stamps - _METER_INTERVAL_S, metered, np.log(0.16 / light))
             log_exposures = np.empty(block)
             for i, target in enumerate(wanted.tolist()):
                 state = target if state is None else state + gain * (target - state)

@@ -57,9 +57,8 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
     assert proven(changes(film), stated(film.log_exposure, lag, lag), lag) is None
 
 
-@pytest.mark.parametrize("seed", [5, 6])
-def test_earlier_exposures_need_stronger_evidence_because_light_that_is_followed_looks_like_them(seed: int) -> None:
-    film = Film(wandering(FRAMES, seed) * 0.025, noise=2.0)
+def test_earlier_exposures_need_stronger_evidence_because_light_that_is_followed_looks_like_them() -> None:
+    film = Film(WANDERING.log_exposure * 0.015, noise=2.0)
     assert proven(changes(film), stated(film.log_exposure, 0, 2), 0) is not None
     assert proven(changes(film), stated(film.log_exposure, 0, -2), 0) is None
 
@@ -69,15 +68,12 @@ def test_a_few_frames_prove_nothing() -> None:
     assert proven(few, stated(WANDERING.log_exposure, 0, 2), 0) is None
 
 
-def test_what_happens_once_is_suspected_but_not_proven() -> None:
-    """Light that fades for half a second, while the exposure changes ever faster, looks like a lag."""
-    number, begin, end = np.arange(FRAMES), SWITCH + 8, SWITCH + 26
-    course = 0.4 * np.sin(2 * np.pi * number / 40)
-    after = number[end:] - end
-    course[end:] = course[end] + (course[end] - course[end - 1]) * after * np.exp(-after / 200)
-    # From one frame to the next, brightness follows the exposures of one frame later.
-    step = np.diff(course, append=course[-1])
-    film = Film(course, hidden_log_gain=step[np.clip(number, begin, end - 1)] - step[begin], noise=0.5)
+def test_what_slow_light_can_explain_is_suspected_but_not_proven() -> None:
+    """Exposures that change slowly say nothing if the light can change as they do."""
+    number = np.arange(FRAMES)
+    course = 0.4 * np.sin(2 * np.pi * number / 60)
+    # From the switch on, brightness follows the exposure of one frame later.
+    film = Film(course, hidden_log_gain=(number >= SWITCH) * np.diff(course, append=course[-1]), noise=0.5)
     change = lag_change(changes(film), course, 0)
     assert change is not None
     assert change.later_frames == 1
@@ -86,9 +82,9 @@ def test_what_happens_once_is_suspected_but_not_proven() -> None:
 
 def test_a_little_evidence_is_a_suspicion() -> None:
     """So that more frames are compared."""
-    until = SWITCH + 20
-    little = [change for change in changes(WANDERING) if change.frame1 < until]
-    change = lag_change(little, stated(WANDERING.log_exposure, 0, 2)[:until], 0)
+    film, until = Film(WANDERING.log_exposure * 0.02), SWITCH + 12
+    little = [change for change in changes(film) if change.frame1 < until]
+    change = lag_change(little, stated(film.log_exposure, 0, 2)[:until], 0)
     assert change is not None
     assert change.later_frames == 2
     assert not change.proven

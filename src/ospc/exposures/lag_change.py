@@ -10,7 +10,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_changes import BrightnessChanges
-from ospc.exposures.lag import MAX_LAG, MIN_PAIRS, estimate_lag
+from ospc.exposures.lag import MIN_PAIRS
 from ospc.exposures.lag_decision import MIN_LEAD, USUAL_LAG
 from ospc.exposures.lag_likelihood import fit_exposures
 from ospc.exposures.table import filled
@@ -23,14 +23,6 @@ _FEWEST_BEFORE = 100
 """Pairs of frames before a change: fewer can all be of one passing cloud, which an exposure control follows, so that
 the lag was not known as well as it seemed."""
 
-_MOST_CANDIDATES = 3
-"""Most lags that may be left open. Where more fit, something else changes the brightness: a passing cloud left five
-and more in simulated film."""
-
-_EARLY_LEAD = 60.0
-"""Log likelihood by which exposures that come earlier must lead: light that a smooth exposure control follows looks
-like them, by up to 30 in simulated film, but hardly like exposures that come later."""
-
 _EARLIER_LEAD = 1.0
 """Log likelihood that may be given away for a later beginning: pairs that tell nothing do not count as changed."""
 
@@ -38,10 +30,16 @@ _SUSPICIOUS_LEAD = 4.0
 """Log likelihood by which another lag must lead for more frames to be compared. One look in ten at unchanged film
 finds as much; without the additional frames it took up to half a minute to prove a change."""
 
-_EVENT_FRAMES = 48
-"""Frames within which what happens is one event: a second at 50 frames/s. Light that fades for half a second, while
-the exposure changes ever faster, looks like a lag. So the lead must be large enough without its best event: half of
-that made three false changes in ten hours of simulated film."""
+_LATE_LEAD, _EARLY_LEAD = 25.0, 50.0
+"""The same for a proof that exposures come later or earlier than before. Light that a smooth exposure control follows
+looks like earlier ones. In an hour of unchanged film, the largest false leads were 17 and 20."""
+
+_FASTEST_LIGHT_FRAMES = 48
+"""Shortest period of light that is told from exposures: a second at 50 frames/s. While light drifts, an exposure that
+changes its pace seems to be late or early; unless this is allowed for, leads of 60 are false."""
+
+_LATER = np.arange(-USUAL_LAG, USUAL_LAG + 1)
+"""By how many frames later than before exposures may be written."""
 
 
 @dataclass(frozen=True)
@@ -60,52 +58,50 @@ class LagChange:
 def lag_change(changes: Sequence[BrightnessChange], log_exposure: FloatArray, known: int) -> LagChange | None:
     """Return the change of the lag that the latest changes of brightness show; None if they show none.
 
-    A lag that fits all pairs since some frame better than the known one raises a suspicion. It is proven if that lag
-    fits much better, and not during one event only, and if the lags that the pairs since then allow, as estimated on
-    their own, are few and on the same side of the known one.
+    A lag that fits all pairs since some frame better than the known one raises a suspicion. It is proven if all pairs
+    together, with any slow change of light, are much more likely with another lag since then than with the known one
+    throughout, and if all lags that are nearly as likely are on its side.
 
     ``log_exposure`` is ln of the exposure written beside every frame, NaN where there is none, shape (frames,), and
     ``known`` the lag that was certain before, in frames.
     """
     first = max(0, len(log_exposure) - _WATCHED_FRAMES)
-    exposures = filled(log_exposure[first:])
-    reach = MAX_LAG + abs(known)
     watched = BrightnessChanges.of([c for c in changes if c.frame0 >= first])
-    latest = replace(watched, frame=watched.frame - first).within(len(exposures), -reach, reach)
+    latest = replace(watched, frame=watched.frame - first).within(len(log_exposure) - first, *(known + _LATER))
     if len(latest.driven) < MIN_PAIRS:
         return None
-    lag, frame, lead = _best_rival(latest, exposures, known)
-    suspected = LagChange(first + int(frame[0]), lag - known)
-    if lead.sum() < _SUSPICIOUS_LEAD or sum(c.frame0 < suspected.frame for c in changes) < _FEWEST_BEFORE:
+    exposures = filled(log_exposure[first:])
+    change = np.stack([latest.log_change(exposures, lag) for lag in (known + _LATER).tolist()])
+    best, begins, lead = _beginning(_leads(latest, change), latest.frame[latest.driven])
+    suspected = LagChange(first + begins, int(_LATER[best]))
+    if lead < _SUSPICIOUS_LEAD or sum(c.frame0 < suspected.frame for c in changes) < _FEWEST_BEFORE:
         return None
-    if _beside_best_event(frame, lead) < MIN_LEAD:
-        return suspected
-    found = estimate_lag(latest.where(latest.frame >= frame[0]), exposures, reach)
-    later = [lag - known for lag in found.candidates]
-    usual = [lag for lag in later if abs(lag) <= USUAL_LAG]
-    if found.state not in ("determined", "ambiguous") or not usual or len(later) > _MOST_CANDIDATES:
-        return suspected
-    late, early = (all(lag * sign > 0 for lag in usual) for sign in (1, -1))
-    much_better = found.score[found.lags == known + usual[0]] - found.score[found.lags == known] > _EARLY_LEAD
-    return replace(suspected, later_frames=usual[0], proven=late or (early and bool(much_better.item())))
+    since = np.where(latest.frame < begins, change[USUAL_LAG], change)
+    leads = _leads(latest, since, _slow_light(latest.frame)).sum(axis=1)
+    likely = _LATER[leads > leads.max() - MIN_LEAD]
+    late, early = leads.max() > _LATE_LEAD and likely.min() > 0, leads.max() > _EARLY_LEAD and likely.max() < 0
+    return LagChange(suspected.frame, int(_LATER[leads.argmax()]), proven=True) if late or early else suspected
 
 
-def _best_rival(latest: BrightnessChanges, log_exposure: FloatArray, known: int) -> tuple[int, IntArray, FloatArray]:
-    """Return the lag that fits better than the known one since some frame, and the pairs since then with its lead.
+def _leads(latest: BrightnessChanges, change: FloatArray, light: FloatArray | None = None) -> FloatArray:
+    """Return by how much each row of changes of exposure makes driven pairs likelier than the known lag's does.
 
-    Lags of usual size are tried; the pairs are given by their first frames.
+    Shape (lags, pairs).
     """
-    held = fit_exposures(latest, latest.log_change(log_exposure, known)).log_likelihood
-    rivals = [known + step for step in range(-USUAL_LAG, USUAL_LAG + 1) if step]
-    leads = [fit_exposures(latest, latest.log_change(log_exposure, lag)).log_likelihood - held for lag in rivals]
-    since = np.cumsum(np.array(leads)[:, ::-1], axis=1)[:, ::-1]
+    log_likelihood = np.array([fit_exposures(latest, row, light).log_likelihood for row in change])
+    return np.asarray(log_likelihood - log_likelihood[USUAL_LAG])
+
+
+def _beginning(leads: FloatArray, frame: IntArray) -> tuple[int, int, float]:
+    """Return the lag that leads most since some pair, the first frame of that pair, and the lead."""
+    since = np.cumsum(leads[:, ::-1], axis=1)[:, ::-1]
     best = int(np.argmax(since.max(axis=1)))
     begins = int(np.flatnonzero(since[best] > since[best].max() - _EARLIER_LEAD)[-1])
-    return rivals[best], latest.frame[latest.driven[begins:]], leads[best][begins:]
+    return best, int(frame[begins]), float(since[best, begins])
 
 
-def _beside_best_event(frame: IntArray, lead: FloatArray) -> float:
-    """Return the lead without that within the best :data:`_EVENT_FRAMES` frames."""
-    summed = np.concatenate([[0.0], np.cumsum(lead)])
-    event = summed[np.searchsorted(frame, frame + _EVENT_FRAMES)] - summed[:-1]
-    return float(summed[-1] - event.max())
+def _slow_light(frame: IntArray) -> FloatArray:
+    """Return cosines of which any change of brightness that is slow enough is a sum, shape (pairs, cosines)."""
+    frames = frame[-1] + 1 - frame[0]
+    halves = np.arange(2 * frames // _FASTEST_LIGHT_FRAMES + 1)
+    return np.asarray(np.cos(np.pi * np.outer(frame - frame[0] + 0.5, halves) / frames))
