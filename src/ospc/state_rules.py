@@ -26,7 +26,7 @@ from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
 from ospc.exposures.assessment import AssessmentState
 from ospc.exposures.brightness import GREY_BINS
 from ospc.exposures.evidence import CAPACITY, MOST_REPEATED, EvidenceState
@@ -50,7 +50,7 @@ _LARGEST = 1e12
 _LOG = 50.0
 """Largest magnitude of the logarithm of an exposure in milliseconds or of a ratio."""
 
-_LARGEST_GREY, _LONGEST_LAG_FRAMES, _MOST_INTERVALS, _MOST_RADIAL = 65535, 1000, 256, 16
+_LARGEST_GREY, _LONGEST_LAG_FRAMES, _MOST_INTERVALS, _MOST_RADIAL = 65535, 1000, 256, 32
 """Largest grey value, of 16 bits; largest lag that a command takes; most terms of response and of vignette, eight and
 three times those of any preset."""
 
@@ -191,7 +191,11 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     Effects: {"chosen log_typical_exposure groups typical": ELSEWHERE},
     TypicalLight: {"frame_moments surround_moments dark": ELSEWHERE},
     EffectEstimate: {"name value sigma corrected contradicts": ELSEWHERE},
-    VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "free_centre non_radial": ANYTHING},
+    VignetteBasis: {
+        "radial": Numbers(0, _MOST_RADIAL),
+        "free_centre non_radial": ANYTHING,
+        "usable_radius": Numbers(LEAST_RADIUS, 1),
+    },
     ErrorModel: {
         "constant shot read": UNIT,
         "registration_sigma_px radiance_sigma": Numbers(0, 100),

@@ -19,6 +19,7 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
+from ospc.settings import DefaultSettings
 from ospc.simulation.responses import RESPONSES
 from synthetic_observations import NONE, POLYNOMIAL, SIZE, Camera, reordered
 
@@ -184,6 +185,19 @@ def test_deviations_stated_are_those_that_happen(camera):
     spread, mean = np.std(z, axis=0), np.mean(z, axis=0)
     assert np.all((spread > 0.5) & (spread < 2))
     assert np.all(np.abs(mean) < 1)
+
+
+def test_a_far_corner_that_is_not_seen_is_as_uncertain_as_it_is_wrong():
+    """ln(1 − 0.35 R² + 0.05 R⁴ − 0.15 R⁶) about a centre beside that of the image: zero lies not far beyond."""
+    zeros = np.roots([-0.15, 0.05, -0.35, 1.0])
+    truth = LogVignette(SIZE, tuple(-np.sum(zeros**-i).real / i for i in np.arange(1.0, 61.0)), (0.11, 0.08))
+    corner = np.array([[-0.8, -0.6]])
+    for seed in range(3):
+        everywhere = Camera(GAMMA, truth).pairs(seed, groups=40)
+        seen = everywhere.seen_twice(np.linalg.norm(everywhere.position - truth.centre, axis=1) < 1.05)
+        fit = fitted(seen, DefaultSettings().radial_terms, free_centre=True)
+        error = fit.vignette_basis.log_value(fit.vignette_parameters, corner) - truth.log_at_normalised(corner)
+        assert abs(error[0]) < 2 * fit.worst_log_vignette_sigma(1.0) < 0.15
 
 
 def test_what_halves_of_the_observations_disagree_on_is_uncertain():

@@ -67,7 +67,8 @@ def fit(
     exposed = observations.with_exposures(_Exposures(_log_exposure(exposures_ms, observations)))
     _check_observable(exposed, known, vignette)
     intervals = known.response_intervals if vignette else known.series_intervals
-    widest = VignetteBasis(known.radial_terms, free_centre=True, non_radial=True) if vignette else VignetteBasis(0)
+    reach = min(1.0, float(np.linalg.norm(exposed.position, axis=1).max()))
+    widest = VignetteBasis(known.radial_terms, True, True, reach) if vignette else VignetteBasis(0)
     response = ResponseBasis(intervals, known.response_functions)
     return fit_with_chosen_effects(exposed, response, widest, noise, known.rounds)
 

@@ -8,7 +8,10 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.photometry.vignette import NON_RADIAL, LogVignette, non_radial_terms
-from ospc.settings.estimation import VIGNETTE_SIGMA
+from ospc.settings.estimation import DARK_RADIUS, VIGNETTE_SIGMA
+
+LEAST_RADIUS = 0.01
+"""Smallest usable radius that is read from files, in half diagonals: few pixels, which tell nothing of a vignette."""
 
 
 @dataclass(frozen=True)
@@ -16,12 +19,13 @@ class VignetteBasis:
     """So many radial terms R², R⁴, …, optionally about a free centre and with non-radial terms.
 
     A free centre is two more parameters, in which ln V is not linear; the non-radial terms are those of
-    :data:`~ospc.photometry.vignette.NON_RADIAL`.
+    :data:`~ospc.photometry.vignette.NON_RADIAL`. The usable radius, in half diagonals, is how far the image reaches.
     """
 
     radial: int
     free_centre: bool = False
     non_radial: bool = False
+    usable_radius: float = 1.0
 
     def __len__(self) -> int:
         """Return the number of parameters."""
@@ -31,11 +35,11 @@ class VignetteBasis:
     def prior_sigma(self) -> FloatArray:
         """Prior standard deviation of each parameter about zero, shape (len,).
 
-        It decreases like one over the order of a radial term, as the coefficients of the cos⁴ law do: a few samples
-        must not let high orders decide what the corners look like.
+        That of the radial terms decreases as the coefficients of ln(1 − R²/D²) do, where D is the radius at which V
+        may reach zero: a few samples must not let high orders decide what the corners look like.
         """
-        sigma = np.full(len(self), VIGNETTE_SIGMA)
-        sigma[: self.radial] /= np.arange(1, self.radial + 1)
+        sigma, order = np.full(len(self), VIGNETTE_SIGMA), np.arange(1, self.radial + 1)
+        sigma[: self.radial] /= order * (DARK_RADIUS * self.usable_radius) ** (2.0 * (order - 1))
         return sigma
 
     @property

@@ -49,6 +49,9 @@ _REFINEMENT_POINTS = 5000
 _REFINEMENT_ROUNDS = 3
 """Rounds of a quick fit that starts from the one before."""
 
+_REFINEMENT_TERMS = 5
+"""Radial terms of its vignette: more would take longer to be known, and pairs registered until then are worse."""
+
 _RELIABLE_SIGMA = 0.05
 """Standard deviation of the vignette at the corner, by chance, up to which frames are registered without it."""
 
@@ -264,7 +267,7 @@ class MaximumLikelihoodMethod:
             some = self._reservoir.some(_REFINEMENT_POINTS).with_exposures(exposures)
             if some.log_exposure_change >= self._settings.min_log_exposure_change:
                 rounds = self._settings.rounds if self._fit is None else _REFINEMENT_ROUNDS
-                vignette = VignetteBasis(self._settings.radial_terms)
+                vignette = VignetteBasis(_REFINEMENT_TERMS, usable_radius=self._circle.usable_radius())
                 estimator = MaximumLikelihoodEstimator(self._basis, vignette, self._noise.model(), rounds)
                 self._trusts_stated = exposures.trusted
                 self._rely_on(estimator.fit(some, self._fit))
@@ -281,7 +284,7 @@ class MaximumLikelihoodMethod:
         sigma = fit.response(self._max_grey).inverse_sigma
         self._response_sigma = None if sigma is None else float(sigma.max())
         reliable = fit.chance_vignette_sigma_at_corner < _RELIABLE_SIGMA
-        vignette = fit.vignette(self._size)
+        vignette = fit.vignette(self._size, self._circle.usable_radius())
         self._normalize = ExposureNormalizer(
             fit.response(255), vignette if reliable else None, trusts_stated=self._trusts_stated
         )
@@ -329,10 +332,12 @@ class MaximumLikelihoodMethod:
             return None
         basis = self._series_basis if self._series_stands_in else self._basis
         noise = None if self._series_stands_in else grey_range.stretched_noise(self._noise.model())
-        widest = VignetteBasis(settings.radial_terms, free_centre=True, non_radial=True)
-        if self._standing_still:
-            widest = VignetteBasis(0)
+        widest = VignetteBasis(0) if self._standing_still else self._widest_vignette
         return fit_with_chosen_effects(observations, basis, widest, noise, settings.rounds)
+
+    @property
+    def _widest_vignette(self) -> VignetteBasis:
+        return VignetteBasis(self._settings.radial_terms, True, True, self._circle.usable_radius())
 
 
 def _log_exposure(exposures: ExposureTable, number: int) -> float:

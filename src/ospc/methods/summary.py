@@ -87,7 +87,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         response=fit.response(inputs.max_grey, (low, high), inputs.grey_range) if fit and response_known else None,
         vignette=fit.vignette(inputs.size, inputs.usable_radius) if fit is not None and vignette_known else None,
         verdicts=verdicts,
-        vignette_sigma=vignette_sigma(fit) if fit is not None and vignette_known else None,
+        vignette_sigma=vignette_sigma(fit, inputs.usable_radius) if fit is not None and vignette_known else None,
         noise=inputs.noise,
         exposure_ratios=ratios,
         covariance={} if fit is None else covariance_of(fit, response_known, vignette_known),
@@ -105,11 +105,15 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     )
 
 
-def vignette_sigma(fit: Fit) -> FloatArray:
-    """Return the standard deviation of the profile at :data:`PROFILE_RADII`, shape (51,)."""
-    along = np.stack([PROFILE_RADII, PROFILE_RADII], axis=1) / np.sqrt(2)
+def vignette_sigma(fit: Fit, usable_radius: float) -> FloatArray:
+    """Return the standard deviation of the profile at :data:`PROFILE_RADII`, shape (51,).
+
+    Beyond the usable radius it is that at this radius, as the vignette is.
+    """
+    radii = np.minimum(PROFILE_RADII, usable_radius)
+    along = np.stack([radii, radii], axis=1) / np.sqrt(2)
     value = np.exp(fit.vignette_basis.log_value(fit.vignette_parameters, along))
-    return np.asarray(value * fit.log_vignette_sigma(PROFILE_RADII))
+    return np.asarray(value * fit.log_vignette_sigma(radii))
 
 
 def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:

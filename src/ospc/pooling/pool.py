@@ -19,7 +19,7 @@ from ospc.state.run import KIND as RUN_KIND
 from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
 
-KIND, VERSION = "pool", 4
+KIND, VERSION = "pool", 5
 """What files say they hold."""
 
 

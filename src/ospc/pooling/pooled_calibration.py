@@ -57,12 +57,13 @@ def merge(pool: Pool) -> Merged:
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)
     names = sorted(s.name for s in pool.summaries)
+    radius = usable_radius(fit, used)
     calibration = Calibration(
         size=pool.size,
         response=fit.response(pool.max_grey, support, used[0].grey_range) if response else None,
-        vignette=fit.vignette(pool.size, usable_radius(fit, used)) if vignette else None,
+        vignette=fit.vignette(pool.size, radius) if vignette else None,
         verdicts=verdicts,
-        vignette_sigma=vignette_sigma(fit) if vignette else None,
+        vignette_sigma=vignette_sigma(fit, radius) if vignette else None,
         # Of the recording with the most scene points.
         noise=max(used, key=lambda s: (s.points, s.key)).noise if used else None,
         covariance=covariance_of(fit, response, vignette),

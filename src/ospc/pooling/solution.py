@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -34,7 +34,8 @@ class Information:
     """The sum of summaries: A and b of their common likelihood, and the errors that more samples do not reduce.
 
     The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,): recordings err
-    independently of one another. ``points`` and ``groups`` count the scene points behind them, and their groups.
+    independently of one another. ``points`` and ``groups`` count the scene points behind them, and their groups. The
+    usable radius is the smallest of theirs.
     """
 
     matrix: FloatArray
@@ -42,6 +43,7 @@ class Information:
     systematic: FloatArray
     points: int = 0
     groups: int = 0
+    usable_radius: float = 1.0
 
     @classmethod
     def of(cls, summaries: Sequence[Summary]) -> Information:
@@ -53,18 +55,20 @@ class Information:
             np.sum([nothing, *(s.systematic_matrix for s in summaries)], axis=0),
             sum(s.points for s in summaries),
             sum(s.groups for s in summaries),
+            min((s.usable_radius for s in summaries if not s.standing_still), default=1.0),
         )
 
     def without(self, summary: Summary) -> Information:
         """Return what remains without one of the summaries."""
         matrix, vector = self.matrix - summary.matrix, self.vector - summary.vector
         systematic = self.systematic - summary.systematic_matrix
-        return Information(matrix, vector, systematic, self.points - summary.points, self.groups - summary.groups)
+        points, groups = self.points - summary.points, self.groups - summary.groups
+        return Information(matrix, vector, systematic, points, groups, self.usable_radius)
 
     def weakened(self, factor: float) -> Information:
         """Return the information with all variances multiplied by a factor."""
         matrix, vector, systematic = self.matrix / factor, self.vector / factor, self.systematic / factor
-        return Information(matrix, vector, systematic, self.points, self.groups)
+        return replace(self, matrix=matrix, vector=vector, systematic=systematic)
 
 
 def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: Fit | None = None) -> Fit:
@@ -74,6 +78,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
     for nearly the same information and the same model is taken, which saves most of the time.
     """
     with one_blas_thread():
+        vignette = replace(vignette, usable_radius=information.usable_radius)
         model = Model(RESPONSE, vignette, Effects())
         parameters = model.typical if start is None else start.parameters
         p = len(parameters)

@@ -199,7 +199,7 @@ class DefaultSettings:
     response_functions: str = "hats"
     response_intervals: int = 32
     series_intervals: int = 64
-    radial_terms: int = 5
+    radial_terms: int = 10
     rounds: int = 8
     still_px: float = 0.7
     series_points: int = 1_500
