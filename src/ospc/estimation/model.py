@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.effects import Effects, Seen
@@ -113,8 +113,9 @@ class LinearSystem:
             matrix += rows.T @ weighted
             vector += weighted.T @ target
             misfit = target - rows @ self.about
-            shape = (len(scores), len(rows))
-            scores += csr_matrix((misfit, (block[part][member], np.arange(len(rows)))), shape=shape) @ weighted
+            # One column for each row, which holds its misfit in the line of its block.
+            by_block = csc_matrix((misfit, block[part][member], np.arange(len(rows) + 1)), (len(scores), len(rows)))
+            scores += by_block @ weighted
         return NormalEquations(matrix, vector, scores.T @ scores, blocks=len(scores))
 
     def disagreement(self, parameters: FloatArray) -> FloatArray:
