@@ -12,7 +12,7 @@ import cv2
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
-from filmed import Film, wandering  # (made for the tests of checks)
+from filmed import LARGE, Film, wandering  # (made for the tests of checks)
 
 from command_line import ospc
 from ospc.errors import ExposureError, OspcError
@@ -25,7 +25,7 @@ STATES = ("identifiable", "marginal", "not identifiable")
 @pytest.fixture(scope="module")
 def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("checked") / "late"
-    convert_recording(Film(wandering(FRAMES), lag=2).recording(), place)
+    convert_recording(Film(wandering(FRAMES), lag=2, size=LARGE).recording(), place)
     return place
 
 

@@ -13,7 +13,7 @@ from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposure
 from ospc.recording import ArrayRecording
 from ospc.settings import DefaultSettings
 
-SIZE = (160, 120)
+SIZE, LARGE = (128, 96), (160, 120)
 _WALL_PX = 700
 
 
@@ -43,6 +43,8 @@ class Film:
         True where the image is always black, shape (h, w).
     movers
         Number of discs that move in front of the wall.
+    size
+        Width and height of the images.
     seed
         Seeds everything.
     """
@@ -58,6 +60,7 @@ class Film:
     black: np.ndarray | None = field(default=None, repr=False)
     movers: int = 0
     max_grey: int = 255
+    size: tuple[int, int] = SIZE
     seed: int = 0
 
     def recording(self) -> ArrayRecording:
@@ -65,16 +68,17 @@ class Film:
         rng = np.random.default_rng(self.seed)
         wall, place = _wall(rng), self._path()
         frames, signal = len(self.log_exposure), self.log_exposure + self.hidden_log_gain
-        width, height = SIZE
+        width, height = self.size
         dtype = np.uint8 if self.max_grey == 255 else np.uint16
         discs = [
-            (rng.uniform(0, 1, 2) * SIZE, rng.uniform(-2, 2, 2), rng.uniform(0.05, 0.6)) for _ in range(self.movers)
+            (rng.uniform(0, 1, 2) * self.size, rng.uniform(-2, 2, 2), rng.uniform(0.05, 0.6))
+            for _ in range(self.movers)
         ]
         images = []
         for i in range(frames):
-            light = cv2.getRectSubPix(wall, SIZE, place[i].tolist())
+            light = cv2.getRectSubPix(wall, self.size, place[i].tolist())
             for start, step, value in discs:
-                x, y = ((start + i * step) % SIZE).astype(int).tolist()
+                x, y = ((start + i * step) % self.size).astype(int).tolist()
                 cv2.circle(light, (x, y), 8, value, -1)
             grey = np.clip(light * np.exp(signal[i]), 0, 1) ** (1 / self.gamma)
             if self.local_tone:
@@ -99,7 +103,7 @@ class Film:
 @lru_cache(maxsize=16)
 def observed(film: Film) -> tuple[ExposureEvidence, np.ndarray]:
     """Return what is seen of the exposures, and ln of those stated. Tests ask for the same film many times."""
-    recording, evidence = film.recording(), ExposureEvidence(SIZE)
+    recording, evidence = film.recording(), ExposureEvidence(film.size)
     preprocess = DefaultSettings().preprocessor()
     for frame in recording:
         evidence.observe(preprocess.thumbnail(frame))

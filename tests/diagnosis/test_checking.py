@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from filmed import SIZE, Film, jumping, wandering
+from filmed import LARGE, SIZE, Film, jumping, wandering
 
 from ospc.calibrator import calibrate
 from ospc.diagnosis import RecordingReport, check_recording
@@ -31,7 +31,7 @@ def good() -> RecordingReport:
 
 @pytest.fixture(scope="module")
 def still() -> RecordingReport:
-    return check(speed_px=0.0, log_exposure=wandering(40))
+    return check(speed_px=0.0, log_exposure=wandering(40), size=LARGE)
 
 
 @pytest.fixture

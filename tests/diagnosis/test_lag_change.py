@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from filmed import Film, jumping, observed, wandering
+from filmed import LARGE, Film, jumping, observed, wandering
 
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.lag_change import LagChange, lag_change
@@ -58,7 +58,7 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
 
 
 def test_earlier_exposures_need_stronger_evidence_because_light_that_is_followed_looks_like_them() -> None:
-    film = Film(WANDERING.log_exposure * 0.015, noise=2.0)
+    film = Film(WANDERING.log_exposure * 0.015, noise=2.0, size=LARGE)
     assert proven(changes(film), stated(film.log_exposure, 0, 2), 0) is not None
     assert proven(changes(film), stated(film.log_exposure, 0, -2), 0) is None
 
@@ -73,7 +73,8 @@ def test_what_slow_light_can_explain_is_suspected_but_not_proven() -> None:
     number = np.arange(FRAMES)
     course = 0.4 * np.sin(2 * np.pi * number / 60)
     # From the switch on, brightness follows the exposure of one frame later.
-    film = Film(course, hidden_log_gain=(number >= SWITCH) * np.diff(course, append=course[-1]), noise=0.5)
+    gain = (number >= SWITCH) * np.diff(course, append=course[-1])
+    film = Film(course, hidden_log_gain=gain, noise=0.5, size=LARGE)
     change = lag_change(changes(film), course, 0)
     assert change is not None
     assert change.later_frames == 1
@@ -82,7 +83,7 @@ def test_what_slow_light_can_explain_is_suspected_but_not_proven() -> None:
 
 def test_a_little_evidence_is_a_suspicion() -> None:
     """So that more frames are compared."""
-    film, until = Film(WANDERING.log_exposure * 0.02), SWITCH + 12
+    film, until = Film(WANDERING.log_exposure * 0.02, size=LARGE), SWITCH + 12
     little = [change for change in changes(film) if change.frame1 < until]
     change = lag_change(little, stated(film.log_exposure, 0, 2)[:until], 0)
     assert change is not None
