@@ -13,11 +13,14 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import cv2
 import pytest
 from hypothesis import settings
 
 import browser
 from ospc.simulation import scene
+
+cv2.setNumThreads(1)  # OpenCV reads none of these
 
 # How long an example takes says something about the machine, not about the property; and what is tested is the same
 # everywhere: to look for more, run with --hypothesis-seed and other profiles.
@@ -26,7 +29,7 @@ settings.load_profile("repeatable")
 
 
 # Tests film the same few rooms in turn, and each takes longer to build than a short recording to film.
-scene._room = lru_cache(maxsize=4)(scene._room.__wrapped__)
+scene._room = lru_cache(maxsize=6)(scene._room.__wrapped__)
 
 # Nothing that tests write has to survive a power failure, and each call waits for the disk.
 os.fsync = lambda _descriptor: None

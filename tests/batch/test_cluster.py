@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -51,12 +52,13 @@ class Machines:
         )
 
 
-@pytest.fixture
-def machines(tmp_path):
+@contextmanager
+def scheduler(folder):
+    """Start a scheduler, and end it and its workers."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    found = Machines(f"tcp://127.0.0.1:{port}", str(tmp_path), [])
+    found = Machines(f"tcp://127.0.0.1:{port}", str(folder), [])
     try:
         found.start(
             "distributed.cli.dask_scheduler",
@@ -72,6 +74,24 @@ def machines(tmp_path):
         for process in found.processes:
             process.kill()
             process.wait()
+
+
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory):
+    with scheduler(tmp_path_factory.mktemp("machines")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def workers(machines):
+    """Workers that read nothing once there is a file ``blind`` with their process's number."""
+    Path(machines.folder, "sitecustomize.py").write_text(
+        "import os\nfrom ospc.batch import cluster\nreadable_of = cluster._readable_of\n"
+        "cluster._readable_of = lambda paths: [] if os.path.exists(f'blind{os.getpid()}') else readable_of(paths)\n"
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", machines.folder, prepend=os.pathsep)
+        return [machines.start_worker() for _ in range(WORKERS)]
 
 
 @pytest.fixture(scope="module")
@@ -91,20 +111,19 @@ def entries(tmp_path_factory):
     return found
 
 
-def test_a_scheduler_without_workers_is_said(machines, entries):
+def test_a_scheduler_without_workers_is_said(entries, tmp_path):
     deadline_s = time.monotonic() + 30
-    while time.monotonic() < deadline_s:
-        try:
-            with pytest.raises(SettingError, match="the scheduler has no workers; start some"):
-                list(Cluster(machines.address, patience_s=0.0).run([Task(0, entries[1])]))
-            break
-        except AssertionError:
-            time.sleep(0.2)
+    with scheduler(tmp_path) as lonely:
+        while time.monotonic() < deadline_s:
+            try:
+                with pytest.raises(SettingError, match="the scheduler has no workers; start some"):
+                    list(Cluster(lonely.address, patience_s=0.0).run([Task(0, entries[1])]))
+                break
+            except AssertionError:
+                time.sleep(0.2)
 
 
-def test_every_recording_is_done_though_one_of_three_workers_is_killed(machines, entries, tmp_path):
-    workers = [machines.start_worker() for _ in range(WORKERS)]
-
+def test_every_recording_is_done_though_one_of_three_workers_is_killed(machines, workers, entries, tmp_path):
     def kill_one(stage):
         if stage.name == "calibrating" and stage.done == 8:
             os.kill(workers[1].pid, signal.SIGKILL)
@@ -125,20 +144,15 @@ def test_every_recording_is_done_though_one_of_three_workers_is_killed(machines,
             assert kept.read_bytes() == work(Task(0, entries[number])).result
 
 
-def test_a_recording_goes_to_a_worker_that_can_read_it(machines, entries, tmp_path, monkeypatch):
+def test_a_recording_goes_to_a_worker_that_can_read_it(machines, workers, entries):
     from distributed import Client
 
-    (tmp_path / "sitecustomize.py").write_text(
-        "import os\nfrom ospc.batch import cluster\n"
-        "cluster._readable_of = lambda paths: list(paths) if os.environ.get('HAS_DISK') else []\n"
-    )
-    before = os.environ.get("PYTHONPATH")
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, (str(tmp_path), before))))
-    machines.start_worker()
-    monkeypatch.setenv("HAS_DISK", "1")
-    reading = machines.start_worker()
+    *blind, reading = [worker for worker in workers if worker.poll() is None]
+    assert blind
+    for worker in blind:
+        Path(machines.folder, f"blind{worker.pid}").touch()
     with Client(machines.address, set_as_default=False, timeout=30) as client:
-        client.wait_for_workers(2, timeout=30)
+        client.wait_for_workers(len(blind) + 1, timeout=30)
     answers = list(Cluster(machines.address).run(Task(n, entries[n]) for n in (1, 2, 3)))
     assert {int(answer.worker.rsplit(":", 1)[1]) for answer in answers} == {reading.pid}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -267,34 +268,39 @@ def assert_same_fit(a, b):
 SOME = Camera(RESPONSES["srgb"](), outliers=0.03).pairs(5, groups=20, points=60)
 
 
+@cache
+def fit_of_some(**options):
+    return fitted(SOME, **options)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_order_of_the_points_does_not_matter(seed):
     order = np.random.default_rng(seed).permutation(len(SOME.starts))
-    assert_same_fit(fitted(SOME), fitted(reordered(SOME, order)))
+    assert_same_fit(fit_of_some(), fitted(reordered(SOME, order)))
 
 
 def test_the_order_of_the_two_frames_does_not_matter():
     swapped = SOME.where(np.arange(len(SOME)).reshape(-1, 2)[:, ::-1].ravel())
-    assert_same_fit(fitted(SOME), fitted(swapped))
+    assert_same_fit(fit_of_some(), fitted(swapped))
 
 
 @pytest.mark.parametrize("factor", [1e-6, 0.5, 2.0, 3e4])
 def test_a_factor_on_all_exposures_does_not_matter(factor):
-    assert_same_fit(fitted(SOME), fitted(replace(SOME, log_exposure=SOME.log_exposure + np.log(factor))))
+    assert_same_fit(fit_of_some(), fitted(replace(SOME, log_exposure=SOME.log_exposure + np.log(factor))))
 
 
 @pytest.mark.parametrize("sign", [(-1, 1), (1, -1), (-1, -1)])
 def test_mirroring_the_images_mirrors_the_vignette(sign):
     mirrored = replace(SOME, position=SOME.position * sign)
-    assert_same_fit(fitted(SOME), fitted(mirrored))
-    plain, other = fitted(SOME, free_centre=True), fitted(mirrored, free_centre=True)
+    assert_same_fit(fit_of_some(), fitted(mirrored))
+    plain, other = fit_of_some(free_centre=True), fitted(mirrored, free_centre=True)
     centres = [fit.vignette_basis.centre(fit.vignette_parameters) for fit in (plain, other)]
     np.testing.assert_allclose(centres[1], centres[0] * sign, atol=2e-4)
     assert log_step(plain) == pytest.approx(log_step(other), abs=0.1 * plain.log_response_step_sigma(0.25, 0.75))
 
 
 def test_the_same_observations_give_the_same_fit_bit_for_bit():
-    one, other = fitted(SOME), fitted(SOME)
+    one, other = fit_of_some(), fitted(SOME)
     np.testing.assert_array_equal(one.parameters, other.parameters)
     np.testing.assert_array_equal(one.covariance, other.covariance)
 
