@@ -25,7 +25,7 @@ STATES = ("identifiable", "marginal", "not identifiable")
 @pytest.fixture(scope="module")
 def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("checked") / "late"
-    convert_recording(Film(wandering(FRAMES), lag=2, size=LARGE).recording(), place)
+    convert_recording(Film(wandering(FRAMES), lag=2, size=LARGE, speed_px=2.5).recording(), place)
     return place
 
 
