@@ -32,7 +32,7 @@ finds as much; without the additional frames it took up to half a minute to prov
 
 _LATE_LEAD, _EARLY_LEAD = 25.0, 50.0
 """The same for a proof that exposures come later or earlier than before. Light that a smooth exposure control follows
-looks like earlier ones. In an hour of unchanged film, the largest false leads were 17 and 20."""
+looks like earlier ones. In ten hours of unchanged film, the largest false leads were 21 and 32."""
 
 _FASTEST_LIGHT_FRAMES = 48
 """Shortest period of light that is told from exposures: a second at 50 frames/s. While light drifts, an exposure that
