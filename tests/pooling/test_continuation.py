@@ -79,7 +79,7 @@ def test_what_the_prior_says_of_the_vignette_counts_once():
     before = summarise(inputs_of(CAMERA, 50, groups=6), DefaultSettings())  # so few that the prior matters
     earlier = PriorCalibration("before", Pool.of([summary_of_calibration(before, "before")]))
     found = earlier.continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
-    np.testing.assert_allclose(found.vignette_sigma[1:], before.vignette_sigma[1:], rtol=0.1)
+    np.testing.assert_allclose(found.vignette_sigma[1:], before.vignette_sigma[1:], rtol=0.02)
     np.testing.assert_allclose(found.vignette.image(), before.vignette.image(), atol=0.001)
 
 

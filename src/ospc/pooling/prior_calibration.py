@@ -282,11 +282,13 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
         given, place = [*given, *vignette.non_radial], [*place, *range(VIGNETTE.radial + 2, len(VIGNETTE))]
     if len(vignette.coefficients) != VIGNETTE.radial or covariance.shape != (len(place), len(place)):
         raise ValueError("another number of terms")
-    prior_sigma = replace(VIGNETTE, usable_radius=_usable_radius(vignette)).prior_sigma
     estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / _GIVEN_UP_SIGMA**2
     estimate[place] = given
     precision = np.linalg.inv(covariance).astype(np.float64)
-    matrix[np.ix_(place, place)] = _positive(precision - np.diag(1 / prior_sigma[place] ** 2))
+    # In units of the prior, in which terms of any order are alike.
+    sigma = replace(VIGNETTE, usable_radius=_usable_radius(vignette)).prior_sigma[place]
+    unit = np.outer(sigma, sigma)
+    matrix[np.ix_(place, place)] = _positive(precision * unit - np.eye(len(place))) / unit
     # The prior is centred on zero: it shares in the precision, but not in b.
     vector = np.zeros(len(VIGNETTE))
     vector[place] = precision @ estimate[place]
