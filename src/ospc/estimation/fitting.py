@@ -12,7 +12,7 @@ from ospc.errors import NotObservableError, SettingError, counted
 from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
@@ -67,8 +67,10 @@ def fit(
     exposed = observations.with_exposures(_Exposures(_log_exposure(exposures_ms, observations)))
     _check_observable(exposed, known, vignette)
     intervals = known.response_intervals if vignette else known.series_intervals
-    reach = min(1.0, float(np.linalg.norm(exposed.position, axis=1).max()))
-    widest = VignetteBasis(known.radial_terms, True, True, reach) if vignette else VignetteBasis(0)
+    widest = VignetteBasis(0)
+    if vignette:
+        reach = float(np.clip(np.linalg.norm(exposed.position, axis=1).max(), LEAST_RADIUS, 1.0))
+        widest = VignetteBasis(known.radial_terms, free_centre=True, non_radial=True, usable_radius=reach)
     response = ResponseBasis(intervals, known.response_functions)
     return fit_with_chosen_effects(exposed, response, widest, noise, known.rounds)
 

@@ -11,7 +11,7 @@ from ospc.photometry.vignette import NON_RADIAL, LogVignette, non_radial_terms
 from ospc.settings.estimation import DARK_RADIUS, VIGNETTE_SIGMA
 
 LEAST_RADIUS = 0.01
-"""Smallest usable radius that is read from files, in half diagonals: few pixels, which tell nothing of a vignette."""
+"""Smallest usable radius, in half diagonals: few pixels, which tell nothing of a vignette."""
 
 
 @dataclass(frozen=True)

@@ -332,12 +332,11 @@ class MaximumLikelihoodMethod:
             return None
         basis = self._series_basis if self._series_stands_in else self._basis
         noise = None if self._series_stands_in else grey_range.stretched_noise(self._noise.model())
-        widest = VignetteBasis(0) if self._standing_still else self._widest_vignette
+        widest = VignetteBasis(0)
+        if not self._standing_still:
+            reach = self._circle.usable_radius()
+            widest = VignetteBasis(settings.radial_terms, free_centre=True, non_radial=True, usable_radius=reach)
         return fit_with_chosen_effects(observations, basis, widest, noise, settings.rounds)
-
-    @property
-    def _widest_vignette(self) -> VignetteBasis:
-        return VignetteBasis(self._settings.radial_terms, True, True, self._circle.usable_radius())
 
 
 def _log_exposure(exposures: ExposureTable, number: int) -> float:

@@ -50,14 +50,14 @@ def merge(pool: Pool) -> Merged:
     agreed = agreement(pool.summaries)
     used = agreeing(pool, agreed)
     fit = solve_with_chosen_vignette(Information.of(used).weakened(agreed.scatter))
+    radius = usable_radius(fit, used)
     verdicts = {
         "response": _judged("response", _response_verdict(fit, used), agreed, len(pool)),
-        "vignette": _judged("vignette", _vignette_verdict(fit, used), agreed, len(pool)),
+        "vignette": _judged("vignette", _vignette_verdict(fit, used, radius), agreed, len(pool)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)
     names = sorted(s.name for s in pool.summaries)
-    radius = usable_radius(fit, used)
     calibration = Calibration(
         size=pool.size,
         response=fit.response(pool.max_grey, support, used[0].grey_range) if response else None,
@@ -107,9 +107,9 @@ def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
     A mask may hide what other recordings show, so the largest of theirs counts if V is known there. A dark or short
     recording does not show where a fisheye's image ends, so otherwise it is the smallest.
     """
-    radii = [s.usable_radius for s in used if not s.standing_still] or [1.0]
-    largest = max(radii)
-    return largest if fit.worst_log_vignette_sigma(largest) <= SURE_VIGNETTE else min(radii)
+    largest = max((s.usable_radius for s in used if not s.standing_still), default=1.0)
+    # The basis of the fit has the smallest.
+    return largest if fit.worst_log_vignette_sigma(largest) <= SURE_VIGNETTE else fit.vignette_basis.usable_radius
 
 
 def _response_alone(summary: Summary) -> Summary:
@@ -140,12 +140,11 @@ def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
     return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
 
 
-def _vignette_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
+def _vignette_verdict(fit: Fit, used: Sequence[Summary], radius: float) -> Verdict:
     standing_still = bool(used) and all(s.standing_still for s in used)
     unexplained = float(np.median([s.unexplained for s in used])) if used else 0.0
     reach = max((s.reach for s in used), default=0.0)
-    farthest = usable_radius(fit, used)
-    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained, usable_radius=farthest)
+    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained, usable_radius=radius)
 
 
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:
