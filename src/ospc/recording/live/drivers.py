@@ -99,10 +99,11 @@ class RealSenseCamera(Camera):
         pipeline = rs.pipeline()
         playback = None
         try:
-            profile = pipeline.start(config)
             if recording is not None:
-                playback = profile.get_device().as_playback()
+                # Before the start: playback at its own pace may lose the first frames.
+                playback = config.resolve(rs.pipeline_wrapper(pipeline)).get_device().as_playback()
                 playback.set_real_time(False)
+            pipeline.start(config)
         except RuntimeError as error:
             raise RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?") from None
 
