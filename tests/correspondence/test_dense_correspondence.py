@@ -16,6 +16,7 @@ from ospc.correspondence.registration import (
     Registration,
     SecondThread,
     displacement_at,
+    log_area_ratio_at,
     make_registrar,
 )
 from ospc.errors import SettingError
@@ -206,6 +207,30 @@ def test_displacements_are_read_in_the_pixels_of_the_larger_image():
     np.testing.assert_allclose(forward_backward_error, 0.5, atol=1e-6)
 
 
+@pytest.mark.parametrize("magnification", [0.8, 1.0, 1.3])
+def test_the_ratio_of_areas_is_that_of_the_magnification_up_to_the_border(magnification):
+    registration = zoomed(magnification, turned=0.3)
+    ratio = log_area_ratio_at(registration, np.array([[1.0, 2.0], [320.0, 200.0], [638.0, 477.0]]), 2.0)
+    np.testing.assert_allclose(ratio, 2 * np.log(magnification), atol=0.01)
+
+
+def test_the_ratio_of_areas_follows_a_lens_that_magnifies_towards_the_border():
+    places = pixel_grid(SIZE)
+    homography = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1e-3, 0.0, 1.0]])
+    there = cv2.perspectiveTransform(places, homography)
+    registration = Registration((there - places).astype(np.float32), np.zeros(SIZE[::-1], np.float32))
+    at = places[::40, ::40].reshape(-1, 2)
+    expected = -3 * np.log1p(1e-3 * at[:, 0])  # the determinant of the homography's Jacobian
+    np.testing.assert_allclose(log_area_ratio_at(registration, at, 1.0), expected, atol=0.02)
+
+
+def zoomed(magnification, turned=0.0):
+    """Return the true registration of a view with one that is turned and magnified about the first pixel."""
+    turn = magnification * np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    forward = pixel_grid(SIZE) @ (turn - np.eye(2)).T
+    return Registration(forward.astype(np.float32), np.zeros(SIZE[::-1], np.float32))
+
+
 # Sampling.
 
 
@@ -251,6 +276,29 @@ def test_samples_are_the_same_scene_point_in_both_frames(reduction):
     radial = np.linalg.norm(first, axis=1) - np.linalg.norm(second, axis=1)
     assert samples.radial_motion == pytest.approx(np.sqrt(np.mean(radial**2)), rel=0.05)
     assert samples.motion_px == pytest.approx(reduction * np.hypot(6, 3), rel=1e-3)
+
+
+@pytest.mark.parametrize("magnification", [0.75, 1.3])
+def test_a_magnified_extreme_is_read_as_if_it_were_not_magnified(magnification):
+    """Smoothing by so many pixels covers less of what is magnified: its extremes would be more extreme."""
+    places = pixel_grid(SIZE)
+    maker = Preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
+    views = [
+        maker(of_array(np.rint(radiance_of(at) * 65535).astype(np.uint16), index=number))
+        for number, at in enumerate((places, places / magnification))
+    ]
+    made = sampled(FlatSampler(max_points=100_000), *views, zoomed(magnification), 0).observations
+    read = made.grey.reshape(-1, 2).T
+    half = (np.array(SIZE) - 1) / 2
+    at = [(made.position[i::2] * np.linalg.norm(half) + half).astype(np.float32) for i in (0, 1)]
+    unchanged, around = (
+        [cv2.remap(image, there, None, cv2.INTER_LINEAR)[:, 0] for image, there in zip(images, at, strict=True)]
+        for images in ([view.grey for view in views], [cv2.GaussianBlur(view.grey, (0, 0), 6.0) for view in views])
+    )
+    contrast = read[0] - around[0]
+    excess, excess_unchanged = (np.polyfit(contrast, second - first, 1)[0] for first, second in (read, unchanged))
+    assert abs(excess_unchanged) > 0.1
+    assert abs(excess) < abs(excess_unchanged) / 3
 
 
 def test_steep_clipped_lost_and_outer_places_are_left_out():

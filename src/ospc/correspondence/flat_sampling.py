@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
-from ospc.correspondence.registration import Registration, displacement_at
+from ospc.correspondence.registration import Registration, displacement_at, log_area_ratio_at
 from ospc.correspondence.thumbnail_registration import MIN_OVERLAP, values_at
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
@@ -40,9 +40,11 @@ class Keyframe(ReducedFrame):
     """Places (x, y) of the grid on which scene points are chosen, in reduced pixels, shape (n, 2)."""
     grey: Float32Array
     variance: Float32Array
+    grey_by_log_area: Float32Array
+    variance_by_log_area: Float32Array
     gradient: Float32Array
     clipped: BoolArray
-    """This and the three before it are the frame's values at these places, shape (n,)."""
+    """This and the five before it are the frame's values at these places, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,10 @@ class FlatSampler:
 
     Any registration is wrong by a fraction of a pixel; where the image is flat that does no harm. Corners would bias
     the result: they are extreme grey values, and any error leads to a less extreme one.
+
+    Flat places, too, are often extremes, and the larger the area that is averaged, the less extreme is the mean. A
+    pinhole camera magnifies what moves towards the border. So grey levels are read over equal areas of the scene, not
+    of the image; between two smoothings they change evenly with the logarithm of the area, as natural scenes do.
     """
 
     spacing_px: int = 8
@@ -95,6 +101,8 @@ class FlatSampler:
             places=_grid(frame.reduced_size, self.spacing_px, self.margin_px),
             grey=frame.grey[rows, columns].ravel(),
             variance=frame.variance[rows, columns].ravel(),
+            grey_by_log_area=frame.grey_by_log_area[rows, columns].ravel(),
+            variance_by_log_area=frame.variance_by_log_area[rows, columns].ravel(),
             gradient=frame.gradient[rows, columns].ravel(),
             clipped=frame.clipped[rows, columns].ravel(),
         )
@@ -125,10 +133,13 @@ class FlatSampler:
         grey = np.sqrt(np.clip(keyframe.grey[index] * _at(frame.grey, places1[index]), 0, 1))
         chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
         places0, places1 = places0[chosen], places1[chosen]
+        # The view that shows a place larger is read over as much larger an area: over the same part of the scene.
+        log_area = log_area_ratio_at(registration, places0, scale)
+        further0, further1 = np.maximum(-log_area, 0), np.maximum(log_area, 0)
         observations = Observations.alternating(
             {
-                "grey": keyframe.grey[chosen],
-                "grey_variance": keyframe.variance[chosen],
+                "grey": _over(further0, keyframe.grey[chosen], keyframe.grey_by_log_area[chosen]),
+                "grey_variance": _over(further0, keyframe.variance[chosen], keyframe.variance_by_log_area[chosen]),
                 "position": position0[chosen],
                 "gradient": keyframe.gradient[chosen],
                 "frame_moments": keyframe.moments,
@@ -136,8 +147,10 @@ class FlatSampler:
                 "frame": keyframe.number,
             },
             {
-                "grey": _at(frame.grey, places1),
-                "grey_variance": _at(frame.variance, places1),
+                "grey": _over(further1, _at(frame.grey, places1), _at(frame.grey_by_log_area, places1)),
+                "grey_variance": _over(
+                    further1, _at(frame.variance, places1), _at(frame.variance_by_log_area, places1)
+                ),
                 "position": position1[chosen],
                 "gradient": _at(frame.gradient, places1),
                 "frame_moments": frame.moments,
@@ -195,6 +208,13 @@ def _at(image: Float32Array, places: FloatArray) -> FloatArray:
     if len(places) == 0:
         return np.empty(0)
     return values_at(image, places.astype(np.float32).reshape(-1, 1, 2)).astype(np.float64).reshape(-1)
+
+
+def _over(
+    further_log_area: FloatArray, values: FloatArray | Float32Array, by_log_area: FloatArray | Float32Array
+) -> FloatArray:
+    """Return grey levels or their variances as they are over larger areas, shape (n,)."""
+    return np.clip(values + further_log_area * by_log_area, 0.0, 1.0)
 
 
 def _surroundings(frame: ReducedFrame, places: FloatArray) -> FloatArray:

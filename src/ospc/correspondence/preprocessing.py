@@ -26,8 +26,9 @@ bloom, a few pixels, and veiling glare, the whole image. Local tone mapping reac
 SURROUND_WIDTH = 64
 """Width of the coarse image whose surroundings are averaged: the means are as smooth as six of its pixels."""
 
-_MIN_FURTHER_VARIANCE_PX2 = 0.25
-"""Least variance of the further smoothing before gradients are taken: OpenCV refuses a smoothing of width zero."""
+_LEAST_FLAT_AREA = 2.0
+"""Smallest area over which the image has to be flat, in areas over which grey levels are averaged: their difference
+tells how grey levels change with the area."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,9 @@ class PreprocessedFrame(ReducedFrame):
     """Grey levels in [0, 1], smoothed, shape (h, w)."""
     variance: Float32Array
     """Variance of the pixels that each of these is a mean over, noise included, shape (h, w)."""
+    grey_by_log_area: Float32Array
+    variance_by_log_area: Float32Array
+    """Change of both per logarithm of the area that they are taken over, shape (h, w)."""
     gradient: Float32Array
     """Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w)."""
     clipped: BoolArray
@@ -122,12 +126,17 @@ class Preprocessor:
         grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px)
         grey /= np.float32(white)
         squares = _reduced(cv2.multiply(image, image, dtype=cv2.CV_32F), reduction)
-        variance = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px, dst=squares)
-        variance /= np.float32(white) ** 2
-        variance -= grey**2
-        np.maximum(variance, 0, out=variance)
-        # Variances of smoothings add up, so that the one for gradients continues from that of the grey levels.
-        further = max(self.flatness_px**2 - self.smoothing_px**2, _MIN_FURTHER_VARIANCE_PX2)
+        squares = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px, dst=squares)
+        squares /= np.float32(white) ** 2
+        flat_area = max((self.flatness_px / self.smoothing_px) ** 2, _LEAST_FLAT_AREA)
+        # Variances of smoothings add up, so that the wider one continues from that of the grey levels.
+        further_px = self.smoothing_px * float(np.sqrt(flat_area - 1))
+        wide_grey, wide_squares = (cv2.GaussianBlur(narrow, (0, 0), further_px) for narrow in (grey, squares))
+        gradient = gradient_magnitude(wide_grey)
+        variance, wide_variance = _variance(grey, squares), _variance(wide_grey, wide_squares)
+        per_log_area = np.float32(1 / np.log(flat_area))
+        grey_by_log_area = _difference(wide_grey, grey, per_log_area)
+        variance_by_log_area = _difference(wide_variance, variance, per_log_area)
         small = _reduced(reduced, self._further_reduction(max(reduced.shape)))
         return PreprocessedFrame(
             frame.index,
@@ -137,7 +146,9 @@ class Preprocessor:
             thumbnail_of(frame.index, reduced, white, frame.mask, size),
             grey,
             variance,
-            gradient_magnitude(grey, float(np.sqrt(further))),
+            grey_by_log_area,
+            variance_by_log_area,
+            gradient,
             self._clipped_nearby(frame, reduction, grey_range),
         )
 
@@ -172,6 +183,19 @@ class Preprocessor:
             return clipped
         masked = cv2.blur(_reduced((~frame.mask).view(np.uint8), reduction), (side, side))
         return np.asarray(clipped | (masked > 0))
+
+
+def _variance(mean: Float32Array, squares: Float32Array) -> Float32Array:
+    """Return the variance from the mean and, in its memory, from the mean of the squares."""
+    squares -= mean**2
+    return np.asarray(np.maximum(squares, 0, out=squares))
+
+
+def _difference(first: Float32Array, second: Float32Array, factor: np.float32) -> Float32Array:
+    """Return the difference of two images times a factor, in the memory of the first."""
+    first -= second
+    first *= factor
+    return first
 
 
 def _reduced(image: Image, factor: int) -> Float32Array:

@@ -42,6 +42,14 @@ easily reaches."""
 _FEWEST_SUPPORTS = 16
 """Fewest places that must support a homography: one through four places fits them whatever their errors."""
 
+_AREA_CELL_PX = 8
+"""Side of the squares within which displacements are averaged before their slopes give the ratio of areas, in pixels
+of the small images: an error of half a pixel between two of them then changes the ratio by some per cent."""
+
+_MOST_AREA_RATIO = 2.5
+"""Largest ratio of areas, and the inverse of the smallest: about that from the centre to the corner of a view of 75°;
+more is an error of the registration at an edge in depth."""
+
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
 
@@ -177,8 +185,30 @@ def displacement_at(registration: Registration, points: FloatArray, scale: float
     """
     if len(points) == 0:
         return np.empty((0, 2)), np.empty(0)
-    small = ((points + 0.5) / scale - 0.5).astype(np.float32).reshape(-1, 1, 2)
+    small = _small_places(points, scale)
     forward, error = (
         values_at(image, small) for image in (registration.forward, registration.forward_backward_error)
     )
     return forward.reshape(-1, 2).astype(np.float64) * scale, error.reshape(-1).astype(np.float64) * scale
+
+
+def log_area_ratio_at(registration: Registration, points: FloatArray, scale: float) -> FloatArray:
+    """Return ln of how many times larger the second view shows what is at places of the first, shape (n,).
+
+    The places (x, y), shape (n, 2), and the scale are those of :func:`displacement_at`.
+    """
+    if len(points) == 0:
+        return np.empty(0)
+    height, width = registration.forward.shape[:2]
+    cells = max(2, width // _AREA_CELL_PX), max(2, height // _AREA_CELL_PX)
+    coarse = cv2.resize(registration.forward, cells, interpolation=cv2.INTER_AREA)
+    by_y, by_x = np.gradient(coarse, height / cells[1], width / cells[0], axis=(0, 1))
+    area = (1 + by_x[..., 0]) * (1 + by_y[..., 1]) - by_x[..., 1] * by_y[..., 0]
+    there = _small_places(points, scale * width / cells[0], scale * height / cells[1])
+    ratio = values_at(area, there).reshape(-1).astype(np.float64)
+    return np.log(np.clip(ratio, 1 / _MOST_AREA_RATIO, _MOST_AREA_RATIO))
+
+
+def _small_places(points: FloatArray, *scale: float) -> Float32Array:
+    """Return places of an image at the size of one that is smaller by this scale, or these along x and y."""
+    return ((points + 0.5) / scale - 0.5).astype(np.float32).reshape(-1, 1, 2)

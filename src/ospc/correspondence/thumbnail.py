@@ -59,14 +59,13 @@ def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | 
     near = cv2.dilate(clipped, np.ones((side, side), np.uint8))
     # The square root leaves dark images more than a handful of levels to equalize.
     levels = cv2.convertScaleAbs(np.sqrt(small), alpha=255.0)
-    gradient = gradient_magnitude(grey, _GRADIENT_SMOOTHING_PX)
+    gradient = gradient_magnitude(cv2.GaussianBlur(grey, (0, 0), _GRADIENT_SMOOTHING_PX))
     return Thumbnail(frame, grey, gradient, near == 0, cv2.equalizeHist(levels))
 
 
-def gradient_magnitude(image: Float32Array, smoothing_px: float) -> Float32Array:
-    """Return the magnitude of an image's gradient per pixel, after smoothing by this standard deviation."""
-    smooth = cv2.GaussianBlur(image, (0, 0), smoothing_px)
-    along_x, along_y = (cv2.Sobel(smooth, cv2.CV_32F, dx, 1 - dx, ksize=3, scale=1 / 8) for dx in (1, 0))
+def gradient_magnitude(image: Float32Array) -> Float32Array:
+    """Return the magnitude of an image's gradient per pixel."""
+    along_x, along_y = (cv2.Sobel(image, cv2.CV_32F, dx, 1 - dx, ksize=3, scale=1 / 8) for dx in (1, 0))
     return np.asarray(cv2.magnitude(along_x, along_y), dtype=np.float32)
 
 
