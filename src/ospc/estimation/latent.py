@@ -44,7 +44,8 @@ class Latent:
     precision, weight
         One over the variance of h, and the robust weight.
     texture
-        What the texture lowers h by, if all of the variance seen is texture.
+        What the texture lowers h by, if all of the variance seen is texture and all observations of a point have the
+        same over their grey level squared.
     offset
         ln of the exposure and of the gain by vignette and effects.
     total, mean
@@ -157,16 +158,17 @@ class LatentModel:
         # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
         level, slope, irradiance = self.basis.grid[index], self._log_response_slope[index], self._irradiance[index]
-        excess, texture = np.clip(observations.grey, DARKEST_GREY, 1.0) - level, np.zeros(len(level))
+        excess, even = np.clip(observations.grey, DARKEST_GREY, 1.0) - level, np.zeros(len(level))
         if self.trusted:
             # Neither noise nor texture leave the mean of pixels at the grey level of their mean irradiance.
-            texture = self._pixel_means.by_texture(observations, index)
-            excess = excess - self._pixel_means.by_noise[index] + self.texture_share * texture
+            means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
+            excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
+            even = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
         linear_log = self.log_response[index] + slope * excess
         precision = 1 / (self.errors.variance(level, 1 / slope, irradiance, observations.gradient) * slope**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
         return Latent(
-            index, level, slope, irradiance, linear_log, precision, weight, slope * texture, offset, total, mean
+            index, level, slope, irradiance, linear_log, precision, weight, slope * even, offset, total, mean
         )
 
 
@@ -190,17 +192,3 @@ def weighted_means(
         mean = np.add.reduceat(weighted, observations.starts, axis=0)
     mean /= np.maximum(total, 1e-300)[:, None]
     return np.repeat(total, counts), np.repeat(mean, counts, axis=0).reshape(values.shape)
-
-
-def refitted_share(share: float, latent: Latent, weight: FloatArray, observations: ExposedObservations) -> float:
-    """Return the share of the shift by texture that the residuals show, by weighted least squares, from 0 to 1.
-
-    Not all of the variance beside noise is texture of the scene: sharpening, compression and noise that neighbours
-    share add to it. The shift of a power law is alike for all observations of a point and leaves the share open.
-    ``share`` was taken out of the linearised observations, ``weight`` has their robust weights, shape (n,).
-    """
-    weight = weight * latent.precision
-    shift = latent.texture - weighted_means(latent.texture, weight, observations)[1]
-    square = float(weight @ shift**2)
-    missing = -float(weight @ (shift * latent.residual)) / square if square > 0 else 0.0
-    return float(np.clip(share + missing, 0.0, 1.0))

@@ -16,7 +16,7 @@ from ospc.arrays import BoolArray, FloatArray
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
-from ospc.estimation.latent import Latent, LatentModel, refitted_share
+from ospc.estimation.latent import Latent, LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import PriorHyperparameters
@@ -34,6 +34,7 @@ from ospc.settings.estimation import (
     SETTLED_SIGMAS,
     START_DRIFT,
     START_WALK,
+    TEXTURE_SHARE_INFORMATION,
     WEIGHT_CUT_SIGMAS,
     WEIGHT_SCALE_SIGMAS,
 )
@@ -99,15 +100,19 @@ class MaximumLikelihoodEstimator:
                     latent.irradiance,
                     observations.gradient,
                 )
-                texture_share = refitted_share(texture_share, latent, weight, observations)
             system = LinearSystem(model, parameters, observations, latent, weight)
             prior = model.prior(parameters)
-            equations = system.equations().scaled(prior.precision(hyperparameters), sandwich_factor)
+            with_share, of_prior = system.equations(), prior.precision(hyperparameters)
+            equations = with_share.part(np.arange(len(parameters))).scaled(of_prior, sandwich_factor)
+            if trusted:
+                in_units = of_prior / equations.information_scale
+                change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
+                texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
             hyperparameters = equations.maximize_evidence(prior)
             parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
             precision = equations.posterior_precision(prior, hyperparameters)
-            change = parameters - system.about
-            if round_number > 1 and float(change @ precision @ change) < SETTLED_SIGMAS**2 * len(change):
+            moved = parameters - system.about
+            if round_number > 1 and float(moved @ precision @ moved) < SETTLED_SIGMAS**2 * len(moved):
                 break
         return Fit(
             self.response_basis,
@@ -151,7 +156,9 @@ class MaximumLikelihoodEstimator:
             here = self.response_basis.log_of(model.split(about)[0])
             latent = replace(latent, linear_log=latent.linear_log + (here - predict.log_response)[latent.index])
             equations = LinearSystem(model, about, observations, latent, weight).equations()
-            return equations.scaled(model.prior(about).precision(fit.hyperparameters), sandwich_factor)
+            return equations.part(np.arange(len(about))).scaled(
+                model.prior(about).precision(fit.hyperparameters), sandwich_factor
+            )
 
     def _first_parameters(self, start: Fit | None) -> FloatArray:
         if start is None:

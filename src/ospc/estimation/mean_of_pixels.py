@@ -60,18 +60,25 @@ class PixelMeans:
         by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
         return cls(by_noise, basis.grid, basis.bend_of(coefficients), noise.variance(basis.grid))
 
-    def by_texture(self, observations: Observations, index: IntArray) -> FloatArray:
-        """Return what texture takes from the mean, (n,); zero where the variance of the pixels is unknown.
+    def texture(self, observations: Observations, index: IntArray) -> FloatArray:
+        """Return the variance of the texture over the grey level squared, (n,); zero where it is unknown.
 
         ``index`` has the place of each observation's grey level in the grid, shape (n,).
         """
-        grey, noise = np.maximum(self.grid[index], DARKEST_GREY), self.noise_variance[index]
-        texture = np.where(observations.grey_variance > 0, observations.grey_variance - noise, 0.0)
-        most = (MAX_TEXTURE * grey) ** 2
+        grey, noise = self._grey(index), self.noise_variance[index]
+        texture = np.where(observations.grey_variance > 0, observations.grey_variance - noise, 0.0) / grey**2
+        most = MAX_TEXTURE**2
         share = np.minimum(1, most / np.maximum(np.abs(texture), most)) / (1 + (noise / (MAX_NOISE * grey) ** 2) ** 2)
         # The same of all observations of a point: what is corrected in one only would look like another exposure.
         least = np.repeat(np.minimum.reduceat(share, observations.starts), observations.counts)
-        return np.asarray(self.bend[index] / 2 * texture * least)
+        return np.asarray(texture * least)
+
+    def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
+        """Return what texture takes from the mean, (n,), given what :meth:`texture` returns."""
+        return np.asarray(self.bend[index] / 2 * texture * self._grey(index) ** 2)
+
+    def _grey(self, index: IntArray) -> FloatArray:
+        return np.maximum(self.grid[index], DARKEST_GREY)
 
 
 def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) -> FloatArray:

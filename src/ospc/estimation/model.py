@@ -103,8 +103,9 @@ class LinearSystem:
     weight: FloatArray
 
     def equations(self) -> NormalEquations:
-        """Return the normal equations."""
-        p = len(self.about)
+        """Return the normal equations of the parameters and, last, of a change of the share of texture."""
+        about = np.append(self.about, 0.0)
+        p = len(about)
         block = _blocks_of(self.observations.group)
         matrix, vector, scores = np.zeros((p, p)), np.zeros(p), np.zeros((int(block.max()) + 1, p))
         for part in _chunks(self.observations):
@@ -112,7 +113,7 @@ class LinearSystem:
             weighted = rows * factor[:, None]
             matrix += rows.T @ weighted
             vector += weighted.T @ target
-            misfit = target - rows @ self.about
+            misfit = target - rows @ about
             # One column for each row, which holds its misfit in the line of its block.
             by_block = csc_matrix((misfit, block[part][member], np.arange(len(rows) + 1)), (len(scores), len(rows)))
             scores += by_block @ weighted
@@ -129,8 +130,8 @@ class LinearSystem:
         scores = np.zeros((len(sides), len(parameters)))
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
-            misfit = target - rows @ parameters
-            scores += (sides[:, part][:, member] * (factor * misfit)) @ rows
+            misfit = target - rows[:, :-1] @ parameters
+            scores += (sides[:, part][:, member] * (factor * misfit)) @ rows[:, :-1]
         return np.asarray(DISAGREEMENT_SHARE * scores.T @ scores)
 
     def _free_of_radiance(self, part: slice) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
@@ -147,7 +148,7 @@ class LinearSystem:
         return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
     def _rows(self, seen: ExposedObservations, part: slice) -> tuple[FloatArray, FloatArray]:
-        """Return rows and right-hand sides, linear in all parameters."""
+        """Return rows, linear in all parameters and the share of texture, and right-hand sides."""
         model, index = self.model, self.latent.index[part]
         gamma, vignette, values = model.split(self.about)
         jacobian = model.vignette_basis.jacobian(vignette, seen.position)
@@ -162,7 +163,7 @@ class LinearSystem:
             slopes = model.effects.jacobian(values, known)
             rows = np.concatenate([rows, -slopes], axis=1)
             target = target + model.effects.log_gain(values, known) - slopes @ values
-        return rows, target
+        return np.column_stack([rows, self.latent.texture[part]]), target
 
 
 def _blocks_of(group: IntArray) -> IntArray:

@@ -63,6 +63,17 @@ class NormalEquations:
         vector = self.vector[:n] - carried.T @ self.vector[n:]
         return replace(self, matrix=matrix, vector=vector, scatter=self.scatter[:n, :n])
 
+    def last_fitted(self, precision: FloatArray, mean: FloatArray, own_precision: float, own_mean: float) -> float:
+        """Return the last parameter, fitted together with all others.
+
+        The others have a prior of a precision, shape (p − 1, p − 1), and a mean, (p − 1,), and it has one of its own;
+        precisions are in units of :attr:`matrix`.
+        """
+        factor, column = cho_factor(self.matrix[:-1, :-1] + precision), self.matrix[:-1, -1]
+        seen = self.matrix[-1, -1] - column @ cho_solve(factor, column)
+        value = self.vector[-1] - column @ cho_solve(factor, self.vector[:-1] + precision @ mean)
+        return float((value + own_precision * own_mean) / (seen + own_precision))
+
     def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
         """Return the equations with the information scale that follows from the scatter between groups.
 
