@@ -107,15 +107,14 @@ class NormalEquations:
         """Return the hyperparameters of the prior with the largest marginal likelihood (empirical Bayes)."""
         mean = prior.mean
         # All candidates at once: one after the other, small matrices take several times as long.
-        of_prior = np.stack([prior.precision(hyperparameters) for hyperparameters in CANDIDATES])
+        of_prior, log_determinant_of_prior = prior.of_candidates()
         precision = self.information_scale * self.matrix + of_prior
         target = self.information_scale * self.vector + of_prior @ mean
         factor = np.linalg.cholesky(precision)
         solution = np.linalg.solve(precision, target[:, :, None])[:, :, 0]
         fit = np.sum(target * solution, axis=1) - of_prior @ mean @ mean
         log_determinant = 2 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-        of_candidates = np.array([prior.log_determinant(hyperparameters) for hyperparameters in CANDIDATES])
-        return CANDIDATES[int(np.argmax(fit - log_determinant + of_candidates))]
+        return CANDIDATES[int(np.argmax(fit - log_determinant + log_determinant_of_prior))]
 
     def solve(self, prior: Prior, hyperparameters: PriorHyperparameters, floor: FloatArray) -> FloatArray:
         """Return the most probable parameters, shape (p,), by non-negative least squares.

@@ -68,15 +68,23 @@ class Prior:
 
     def precision(self, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision matrix of the parameters, shape (p, p)."""
-        n, p = len(self.knots), len(self.knots) + len(self.further_sigma)
-        matrix = np.zeros((p, p))
-        matrix[:n, :n] = _precision(n, hyperparameters)[0] / np.outer(self.about, self.about)
-        matrix[n:, n:] = np.diag(1 / self.further_sigma**2)
-        return matrix
+        return self._with_further(_precision(len(self.knots), hyperparameters)[0])
 
-    def log_determinant(self, hyperparameters: PriorHyperparameters) -> float:
-        """Return the part of the log determinant of the precision that depends on the hyperparameters."""
-        return _precision(len(self.knots), hyperparameters)[1]
+    def of_candidates(self) -> tuple[FloatArray, FloatArray]:
+        """Return the precision matrix for each of :data:`CANDIDATES`, shape (c, p, p), and the log determinant, (c,).
+
+        Of the log determinant it is the part that depends on the hyperparameters.
+        """
+        precisions, log_determinants = _of_candidates(len(self.knots))
+        return self._with_further(precisions), log_determinants
+
+    def _with_further(self, precision: FloatArray) -> FloatArray:
+        """Return the precision of all parameters, (..., p, p), from that of ln γ at the knots, (..., n, n)."""
+        n, p = len(self.knots), len(self.knots) + len(self.further_sigma)
+        matrix = np.zeros((*precision.shape[:-2], p, p))
+        matrix[..., :n, :n] = precision / np.outer(self.about, self.about)
+        matrix[..., n:, n:] = np.diag(1 / self.further_sigma**2)
+        return matrix
 
 
 @cache
@@ -87,6 +95,13 @@ def _precision(knots: int, hyperparameters: PriorHyperparameters) -> tuple[Float
     precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
     precision.setflags(write=False)
     return precision, -float(np.linalg.slogdet(covariance)[1])
+
+
+@cache
+def _of_candidates(knots: int) -> tuple[FloatArray, FloatArray]:
+    """Return what :func:`_precision` returns for each candidate, shapes (c, knots, knots) and (c,)."""
+    precisions, log_determinants = zip(*(_precision(knots, candidate) for candidate in CANDIDATES), strict=True)
+    return np.stack(precisions), np.array(log_determinants)
 
 
 def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> FloatArray:

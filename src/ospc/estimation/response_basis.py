@@ -14,7 +14,7 @@ To use other functions Bⱼ, write a class that satisfies :class:`LocalFunctions
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -32,13 +32,21 @@ from ospc.settings.estimation import (
     TYPICAL_GAMMA_RISE,
 )
 
+_KEPT_TABLES = 4
+"""Bases whose tables are kept: a run has two, and those of other settings are soon made again."""
+
 
 class LocalFunctions(Protocol):
     """The functions Bⱼ of grey level that the local gamma is a sum of.
 
     The estimator and its prior rely on three properties: no function is negative, they sum to one everywhere, and
-    each is one at its own knot. So a coefficient is the local gamma at its knot.
+    each is one at its own knot. So a coefficient is the local gamma at its knot. Tables of them are kept, for which
+    the object must be hashable, as those of any class are that does not define what equality means.
     """
+
+    def __hash__(self) -> int:
+        """Return the hash of the object."""
+        ...
 
     def knots(self, intervals: int) -> FloatArray:
         """Return increasing grey levels from 0 to 1, shape (intervals + 1,)."""
@@ -96,12 +104,12 @@ class ResponseBasis:
     @cached_property
     def grid(self) -> FloatArray:
         """Fine grid of grey levels on which the functions are tabulated, shape (4097,)."""
-        return np.linspace(0.0, 1.0, RESPONSE_GRID_STEPS + 1)
+        return _grid()
 
     @cached_property
     def gamma_table(self) -> FloatArray:
         """Bⱼ on the grid, shape (4097, len)."""
-        return FUNCTIONS[self.functions].values(self.grid, self.intervals)
+        return _gamma_table(FUNCTIONS[self.functions], self.intervals)
 
     @cached_property
     def log_table(self) -> FloatArray:
@@ -109,28 +117,11 @@ class ResponseBasis:
 
         ln g tends to −∞ at M = 0, so the first value is taken a quarter of a step above black, below any measurement.
         """
-        edges = np.concatenate([[FIRST_GRID_STEP_BEGINS / RESPONSE_GRID_STEPS], self.grid[1:]])
-        # Gauss–Legendre quadrature on each step in ln m: the 1/m drops out and the integrand is the function.
-        nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
-        log_edges = np.log(edges)
-        half = np.diff(log_edges)[:, None] / 2
-        places = np.exp((log_edges[:-1] + log_edges[1:])[:, None] / 2 + half * nodes)
-        values = (FUNCTIONS[self.functions].values(place, self.intervals) for place in places.T)
-        steps = half * sum(weight * value for weight, value in zip(weights, values, strict=True))
-        table = np.zeros((RESPONSE_GRID_STEPS + 1, len(self)))
-        table[:-1] = -steps[::-1].cumsum(axis=0)[::-1]
-        return table
+        return _log_table(FUNCTIONS[self.functions], self.intervals)
 
     @cached_property
     def _smooth_gamma_table(self) -> FloatArray:
-        # A smoothed γ is a sum of smoothed functions: this is done once for a basis, not for every response.
-        # The window is so wide that Fourier transforms take a tenth of the time.
-        sigma = BEND_SMOOTHING * RESPONSE_GRID_STEPS
-        reach = round(4 * sigma)
-        window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-        continued = np.pad(self.gamma_table, ((reach, reach), (0, 0)), mode="edge")
-        spectrum = np.fft.rfft(continued, axis=0) * np.fft.rfft(window / window.sum(), len(continued))[:, None]
-        return np.asarray(np.fft.irfft(spectrum, len(continued), axis=0)[2 * reach :])
+        return _smooth_gamma_table(FUNCTIONS[self.functions], self.intervals)
 
     def bend_of(self, coefficients: FloatArray) -> FloatArray:
         """Return g″/g′ of a smoothed γ on the grid, shape (4097,).
@@ -159,6 +150,54 @@ class ResponseBasis:
         lower = np.minimum(at.astype(np.int64), RESPONSE_GRID_STEPS - 1)
         part = (at - lower)[:, None]
         return np.asarray(self.log_table[lower] * (1 - part) + self.log_table[lower + 1] * part)
+
+
+# All bases of the same functions share their tables: making them takes as long as a round of a small fit.
+
+
+@cache
+def _grid() -> FloatArray:
+    return _read_only(np.linspace(0.0, 1.0, RESPONSE_GRID_STEPS + 1))
+
+
+@lru_cache(maxsize=_KEPT_TABLES)
+def _gamma_table(functions: LocalFunctions, intervals: int) -> FloatArray:
+    return _read_only(functions.values(_grid(), intervals))
+
+
+@lru_cache(maxsize=_KEPT_TABLES)
+def _log_table(functions: LocalFunctions, intervals: int) -> FloatArray:
+    edges = np.concatenate([[FIRST_GRID_STEP_BEGINS / RESPONSE_GRID_STEPS], _grid()[1:]])
+    # Gauss–Legendre quadrature on each step in ln m: the 1/m drops out and the integrand is the function.
+    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
+    log_edges = np.log(edges)
+    half = np.diff(log_edges)[:, None] / 2
+    places = np.exp((log_edges[:-1] + log_edges[1:])[:, None] / 2 + half * nodes)
+    values = (functions.values(place, intervals) for place in places.T)
+    steps = half * sum(weight * value for weight, value in zip(weights, values, strict=True))
+    table = np.zeros((RESPONSE_GRID_STEPS + 1, intervals + 1))
+    table[:-1] = -steps[::-1].cumsum(axis=0)[::-1]
+    return _read_only(table)
+
+
+@lru_cache(maxsize=_KEPT_TABLES)
+def _smooth_gamma_table(functions: LocalFunctions, intervals: int) -> FloatArray:
+    """Return the smoothed functions on the grid, shape (4097, len).
+
+    A smoothed γ is a sum of smoothed functions: this is done once for a basis, not for every response.
+    """
+    # The window is so wide that Fourier transforms take a tenth of the time.
+    sigma = BEND_SMOOTHING * RESPONSE_GRID_STEPS
+    reach = round(4 * sigma)
+    window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    continued = np.pad(_gamma_table(functions, intervals), ((reach, reach), (0, 0)), mode="edge")
+    spectrum = np.fft.rfft(continued, axis=0) * np.fft.rfft(window / window.sum(), len(continued))[:, None]
+    return _read_only(np.fft.irfft(spectrum, len(continued), axis=0)[2 * reach :])
+
+
+def _read_only(table: FloatArray) -> FloatArray:
+    table.setflags(write=False)
+    return table
 
 
 def typical_gamma(grey: npt.ArrayLike) -> FloatArray:
