@@ -19,4 +19,5 @@ class Recorded:
 def recorded(**settings) -> Recorded:
     """Simulate a small recording."""
     chosen = replace(SimulationSettings(size=(320, 240)), **settings)
-    return Recorded(list(frames(chosen)), truth(chosen))
+    known = truth(chosen)
+    return Recorded(list(frames(chosen, known)), known)

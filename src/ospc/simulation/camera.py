@@ -121,14 +121,15 @@ class SimulatedRecording(Truth):
     path: Path
 
 
-def frames(settings: SimulationSettings = _DEFAULT) -> Iterator[Frame]:
+def frames(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) -> Iterator[Frame]:
     """Yield the frames of a simulated recording without writing it.
 
     Their exposures are those of the metadata, as in a recording on disk; the true ones, and the errors, are those of
-    :func:`~ospc.simulation.truth.truth`.
+    :func:`~ospc.simulation.truth.truth`. If it was called for the same settings, ``known`` is what it returned: auto
+    exposure need not be simulated again.
     """
     scene = Scene.of(settings)
-    known = plan(settings, scene)
+    known = known or plan(settings, scene)
     for index, image in enumerate(_images(scene, known)):
         yield Frame.of_array(
             image,
@@ -186,13 +187,14 @@ def simulate(
     return SimulatedRecording(**vars(known), path=place)
 
 
-def irradiances(settings: SimulationSettings = _DEFAULT) -> Iterator[Float32Array]:
+def irradiances(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) -> Iterator[Float32Array]:
     """Yield the irradiance e·V·L of every frame as a share of saturation, before noise and response.
 
-    Each has shape (height, width). For tests, and for what an ideal sensor would record.
+    Each has shape (height, width). For tests, and for what an ideal sensor would record. ``known`` is that of
+    :func:`frames`.
     """
     scene = Scene.of(settings)
-    yield from _irradiances(scene, plan(settings, scene))
+    yield from _irradiances(scene, known or plan(settings, scene))
 
 
 def _images(scene: Scene, known: Truth) -> Iterator[Image]:

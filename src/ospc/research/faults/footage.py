@@ -209,7 +209,7 @@ def good_footage(source: GoodSource) -> Footage:
 def _simulated(source: SimulatedSource) -> Footage:
     known: Truth = simulated_truth(source.settings)
     sensor = Sensor(known.response, source.settings)
-    light = np.stack(list(irradiances(source.settings)))
+    light = np.stack(list(irradiances(source.settings, known)))
 
     def expose(irradiance: Float32Array, frame: int) -> Image:
         return sensor.expose(irradiance, frame=frame, gain=float(known.gains[frame]))
