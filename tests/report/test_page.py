@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from recordings import VIGNETTE, before_a_wall, calibration, coverage
 
+import ospc.report.page
 from ospc.errors import FormatError
 from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import ExposureRatios, Verdict
@@ -178,8 +180,23 @@ FINDINGS = [
 ]
 
 
+@pytest.fixture(scope="module")
+def draw_once():
+    """Draw equal charts once: a chart depends on nothing but what it holds, and most of these findings are alike."""
+    drawn, draw = {}, ospc.report.page._drawn
+
+    def once(chart):
+        content = pickle.dumps(chart)
+        if content not in drawn:
+            drawn[content] = draw(chart)
+        return drawn[content]
+
+    return once
+
+
 @pytest.mark.parametrize("findings", FINDINGS)
-def test_whatever_is_known_makes_a_page_of_finite_figures(findings):
+def test_whatever_is_known_makes_a_page_of_finite_figures(findings, draw_once, monkeypatch):
+    monkeypatch.setattr("ospc.report.page._drawn", draw_once)
     content = page(findings)
     Outline(content)
     for drawn in re.findall(r' (?:d|x|y|width|height|viewBox)="([^"]*)"', content):
