@@ -40,6 +40,25 @@ gc.disable()
 gc.set_threshold(10_000)
 
 
+# Each of two workers begins with half of the tests, and whoever is done takes over the last tests of the other. So
+# the last ones of each half are those that share little: what they share would be made by both workers. A dot stands
+# for the tests of all other folders.
+_FOLDERS = (
+    *("accuracy", "batch", "cli", "diagnosis", "docs", "formats", "photometry", ".", "recording"),
+    *("live", "methods", "pooling", "report", "research", "state", "unknown_exposures"),
+    *("correspondence", "estimation", "evaluation", "simulation"),
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    place = {Path(__file__).parent / folder: number for number, folder in enumerate(_FOLDERS)}
+
+    def of(item: pytest.Item) -> int:
+        return next((place[folder] for folder in item.path.parents if folder in place), len(place))
+
+    items.sort(key=of)
+
+
 def pytest_collection_finish() -> None:
     gc.freeze()
     gc.enable()
