@@ -20,10 +20,18 @@ def count_of_pages(place):
     return content.count(b"/Type /Page ") + content.count(b"/Type /Page\n")
 
 
-def test_it_has_a_page_for_every_part(tmp_path):
+def written(place):
     recording, known = before_a_wall(np.geomspace(2, 10, 8)), calibration()
-    findings = Findings(known, recording.exposures_ms, examples_of(known, recording, 4))
-    assert count_of_pages(write_pdf(findings, tmp_path / "report.pdf")) == 4
+    return write_pdf(Findings(known, recording.exposures_ms, examples_of(known, recording, 4)), place / "report.pdf")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    return written(tmp_path_factory.mktemp("written"))
+
+
+def test_it_has_a_page_for_every_part(report):
+    assert count_of_pages(report) == 4
 
 
 @pytest.mark.parametrize(
@@ -56,9 +64,8 @@ def test_no_text_is_cut_off():
             assert box.x1 <= figure.bbox.x1
 
 
-def test_the_same_calibration_gives_the_same_bytes(tmp_path):
-    first, second = (write_pdf(Findings(calibration()), tmp_path / name).read_bytes() for name in ("a.pdf", "b.pdf"))
-    assert first == second
+def test_the_same_calibration_gives_the_same_bytes(report, tmp_path):
+    assert written(tmp_path).read_bytes() == report.read_bytes()
 
 
 def test_a_folder_that_is_not_there_is_an_error(tmp_path):

@@ -30,8 +30,12 @@ def test_every_picture_is_drawn(with_truth, max_grey):
         assert np.ptp(image) > 200
 
 
-def test_a_picture_of_several_charts_is_the_one_of_each_side_by_side():
-    pictures = pictures_of(Findings(calibration(), EXPOSURES_MS))
+@pytest.fixture(scope="module")
+def pictures():
+    return pictures_of(Findings(calibration(), EXPOSURES_MS))
+
+
+def test_a_picture_of_several_charts_is_the_one_of_each_side_by_side(pictures):
     response, whole = pictures["plot_response.png"], pictures["figure.png"]
     assert whole.shape == (response.shape[0], 3 * response.shape[1], 3)
     np.testing.assert_array_equal(whole[:, : response.shape[1]], response)
@@ -54,10 +58,10 @@ def test_the_overview_draws_even_if_nothing_is_known():
     assert set(pictures_of(Findings(nothing))) == {"figure.png"}
 
 
-def test_pictures_depend_on_the_calibration_only():
-    first, second = (pictures_of(Findings(calibration())) for _ in range(2))
-    for name in first:
-        np.testing.assert_array_equal(first[name], second[name])
+def test_pictures_depend_on_the_calibration_only(pictures):
+    again = pictures_of(Findings(calibration(), EXPOSURES_MS))
+    for name in pictures:
+        np.testing.assert_array_equal(again[name], pictures[name])
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
