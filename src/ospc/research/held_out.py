@@ -84,12 +84,13 @@ def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:
     """
     response, vignette = make_response(settings.response), make_vignette(settings)
     views = _radiances(settings)
+    typical = [float(np.median(radiance)) for radiance in views]
     longest_shift = 0.0 if settings.motion == "static" else _LONGEST_SHIFT
     random = np.random.default_rng([settings.seed, 77])
     pairs: list[HeldOutPair] = []
     for number in range(4 * PAIRS):
         radiance = views[number % len(views)]
-        metered = float(response.inverse(_METERED_GREY)) / float(np.median(radiance))
+        metered = float(response.inverse(_METERED_GREY)) / typical[number % len(views)]
         exposure0 = metered * np.exp(_METER_SPREAD * random.standard_normal())
         ratio = float(np.exp(random.choice([-1, 1]) * random.uniform(*_LOG_RATIOS)))
         points0, points1 = _places(random, settings.size, longest_shift)
