@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import nnls
@@ -78,13 +79,13 @@ class ErrorModel:
         over = slope**2 / irradiance
         regressors = np.stack([np.ones_like(grey), over, over / irradiance, gradient**2, slope**2])
         cell = _quantile_index(grey, GREY_CELLS) * GRADIENT_CELLS + _quantile_index(gradient, GRADIENT_CELLS)
+        order, cells = _by_cell(cell, GREY_CELLS * GRADIENT_CELLS)
+        by_cell, squared_by_cell = regressors[:, order], squared[order]
         rows, targets = [], []
-        for number in range(GREY_CELLS * GRADIENT_CELLS):
-            inside = np.flatnonzero(cell == number)
-            if len(inside) >= MIN_PER_CELL:
-                variance = float(np.median(squared[inside])) / MEDIAN_OF_SQUARED_NORMAL
-                targets.append(max(variance, MIN_CELL_SIGMA**2))
-                rows.append(np.median(regressors[:, inside], axis=1))
+        for inside in cells.values():
+            variance = float(np.median(squared_by_cell[inside])) / MEDIAN_OF_SQUARED_NORMAL
+            targets.append(max(variance, MIN_CELL_SIGMA**2))
+            rows.append(np.median(by_cell[:, inside], axis=1))
         if len(rows) < len(regressors):
             return self
         relative = np.array(rows) / np.array(targets)[:, None]
@@ -100,16 +101,24 @@ class ErrorModel:
         return replace(law, factors=_factors(squared / law.variance(grey, slope, irradiance, gradient), grey))
 
 
+def _by_cell(cell: IntArray, count: int) -> tuple[IntArray, dict[int, slice]]:
+    """Return the order of observations by cell, and where each cell is in it that holds enough of them."""
+    # Words of 16 bits are sorted by counting them.
+    order = np.argsort(cell.astype(np.int16), kind="stable")
+    bounds = np.searchsorted(cell[order], np.arange(count + 1)).tolist()
+    found = {number: slice(*ends) for number, ends in enumerate(pairwise(bounds))}
+    return order, {number: inside for number, inside in found.items() if inside.stop - inside.start >= MIN_PER_CELL}
+
+
 def _factors(ratio: FloatArray, grey: FloatArray) -> tuple[float, ...]:
     """Return the ratio of squared residuals to the fitted law around each of the grey levels of the factors."""
     greys = np.array(FACTOR_GREYS)
     edges = (greys[1:] + greys[:-1]) / 2
-    near = np.searchsorted(edges, grey)
+    order, near = _by_cell(np.searchsorted(edges, grey), len(greys))
+    by_grey = ratio[order]
     factors = np.full(len(greys), np.nan)
-    for number in range(len(factors)):
-        inside = ratio[near == number]
-        if len(inside) >= MIN_PER_CELL:
-            factors[number] = np.clip(np.median(inside) / MEDIAN_OF_SQUARED_NORMAL, *FACTOR_RANGE)
+    for number, inside in near.items():
+        factors[number] = np.clip(np.median(by_grey[inside]) / MEDIAN_OF_SQUARED_NORMAL, *FACTOR_RANGE)
     known = np.isfinite(factors)
     if not known.any():
         return ()
