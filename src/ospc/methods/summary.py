@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import median
@@ -63,11 +64,17 @@ class FitInputs:
     grey_range: GreyRange = FULL_RANGE
     single_pixels: bool = False
 
+    @cached_property
+    def ratios(self) -> ExposureRatios:
+        """The exposure ratios of all pairs of frames; none without a fit."""
+        if self.fit is None or self.observations is None:
+            return ExposureRatios.none()
+        return exposure_ratios(self.fit, self.observations)
+
 
 def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     """Return the calibration that follows from the inputs; parts that they do not determine are None."""
-    fit, observations = inputs.fit, inputs.observations
-    ratios = ExposureRatios.none() if fit is None or observations is None else exposure_ratios(fit, observations)
+    fit, observations, ratios = inputs.fit, inputs.observations, inputs.ratios
     reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
     points = 0 if observations is None else len(observations.starts)
     low, high = inputs.grey_range.grey((0.0, 1.0) if observations is None else measured_greys(observations)).tolist()

@@ -21,7 +21,7 @@ from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
 from ospc.methods.identifiability import unexplained_share
-from ospc.methods.summary import FitInputs, exposure_ratios
+from ospc.methods.summary import FitInputs
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration_content import LARGEST_GREY
 from ospc.photometry.geometry import image_size
@@ -196,7 +196,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         standing_still=inputs.standing_still,
         support=(low, high),
         grey_range=inputs.grey_range,
-        unexplained=unexplained_share(exposure_ratios(fit, observations)),
+        unexplained=unexplained_share(inputs.ratios),
         noise=inputs.noise,
         usable_radius=inputs.usable_radius,
     )
