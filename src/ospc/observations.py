@@ -215,7 +215,7 @@ class Observations(ByValue):
         They tell it with the square of their displacement: half of what is told comes from points that move farther.
         """
         radius = np.linalg.norm(self.position, axis=1)
-        reach = np.maximum.reduceat(radius, self.starts) - np.minimum.reduceat(radius, self.starts)
+        reach = self.combined(np.maximum, radius) - self.combined(np.minimum, radius)
         return weighted_median(reach, reach**2)
 
     @cached_property
@@ -227,6 +227,17 @@ class Observations(ByValue):
     def counts(self) -> IntArray:
         """Number of observations of each point, shape (points,)."""
         return np.diff(self.starts, append=len(self))
+
+    @cached_property
+    def in_pairs(self) -> bool:
+        """Whether every point has two observations."""
+        return bool(np.all(self.counts == 2))
+
+    def combined(self, combine: np.ufunc, values: FloatArray) -> FloatArray:
+        """Return what ``np.add`` or the like makes of the values of each point, shape (n, ...) -> (points, ...)."""
+        if self.in_pairs:  # in a tenth of the time
+            return np.asarray(combine(values[0::2], values[1::2]))
+        return np.asarray(combine.reduceat(values, self.starts, axis=0))
 
     def of_points(self: AnyObservations, chosen: Any) -> AnyObservations:
         """Return the observations of some points, by a mask, shape (points,), or indices into :attr:`starts`."""
@@ -281,7 +292,7 @@ class ExposedObservations(Observations):
         """Largest change of ln exposure between the observations of one scene point."""
         if not len(self):
             return 0.0
-        highest, lowest = (end.reduceat(self.log_exposure, self.starts) for end in (np.maximum, np.minimum))
+        highest, lowest = (self.combined(end, self.log_exposure) for end in (np.maximum, np.minimum))
         return float(np.max(highest - lowest))
 
     def stretched(self, grey_range: GreyRange) -> ExposedObservations:

@@ -62,11 +62,19 @@ class ErrorModel:
         Grey level, slope dM/d ln e and irradiance g are those expected; the gradient is that of the grey level around
         the sample, per pixel, shape (n,) each.
         """
+        return self.with_gradient(*self.flat_variance(grey, slope, irradiance), gradient)
+
+    def flat_variance(
+        self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what depends on the grey level alone: the sum without the gradient, and the factor on it, (n,)."""
         carried = slope**2 * ((self.read / irradiance + self.shot) / irradiance + self.radiance_sigma**2)
-        variance = self.constant + carried + (self.registration_sigma_px * gradient) ** 2
-        if self.factors:
-            variance = variance * np.exp(np.interp(grey, FACTOR_GREYS, np.log(self.factors)))
-        return np.asarray(variance)
+        factor = np.exp(np.interp(grey, FACTOR_GREYS, np.log(self.factors))) if self.factors else np.ones_like(grey)
+        return self.constant + carried, factor
+
+    def with_gradient(self, flat: FloatArray, factor: FloatArray, gradient: FloatArray) -> FloatArray:
+        """Return the variance, given what :meth:`flat_variance` returns, shape (n,) each."""
+        return np.asarray((flat + (self.registration_sigma_px * gradient) ** 2) * factor)
 
     def refitted(
         self, squared: FloatArray, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray

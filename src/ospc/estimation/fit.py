@@ -139,8 +139,8 @@ class Fit(Model):
         """
         log_radiance = self.log_radiance(observations)
         exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
-        count = np.add.reduceat(exposed.astype(np.float64), observations.starts)
-        total = np.add.reduceat(np.where(exposed, log_radiance, 0.0), observations.starts)
+        count = observations.combined(np.add, exposed.astype(np.float64))
+        total = observations.combined(np.add, np.where(exposed, log_radiance, 0.0))
         mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
         return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 

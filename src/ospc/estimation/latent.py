@@ -139,6 +139,10 @@ class LatentModel:
         return np.maximum(np.exp(self.log_response), 1e-12)
 
     @cached_property
+    def _flat_variance(self) -> tuple[FloatArray, FloatArray]:
+        return self.errors.flat_variance(self.basis.grid, 1 / self._log_response_slope, self._irradiance)
+
+    @cached_property
     def _pixel_means(self) -> PixelMeans:
         return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise)
 
@@ -165,7 +169,8 @@ class LatentModel:
             excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
             even = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
         linear_log = self.log_response[index] + slope * excess
-        precision = 1 / (self.errors.variance(level, 1 / slope, irradiance, observations.gradient) * slope**2)
+        flat, factor = (table[index] for table in self._flat_variance)
+        precision = 1 / (self.errors.with_gradient(flat, factor, observations.gradient) * slope**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
         return Latent(
             index, level, slope, irradiance, linear_log, precision, weight, slope * even, offset, total, mean
@@ -182,13 +187,6 @@ def weighted_means(
     columns = values if values.ndim == 2 else values[:, None]
     weighted = columns * weights[:, None]
     counts = observations.counts
-    if len(counts) and np.all(counts == counts[0]):
-        # Pairs and static series have the same number of observations of every point: plain sums are faster.
-        shape = (len(counts), counts[0])
-        total = weights.reshape(shape).sum(axis=1)
-        mean = weighted.reshape(*shape, -1).sum(axis=1)
-    else:
-        total = np.add.reduceat(weights, observations.starts)
-        mean = np.add.reduceat(weighted, observations.starts, axis=0)
+    total, mean = (observations.combined(np.add, each) for each in (weights, weighted))
     mean /= np.maximum(total, 1e-300)[:, None]
     return np.repeat(total, counts), np.repeat(mean, counts, axis=0).reshape(values.shape)

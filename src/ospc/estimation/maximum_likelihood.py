@@ -123,7 +123,7 @@ class MaximumLikelihoodEstimator:
             cho_solve(cho_factor(precision), np.eye(len(parameters))),
             errors,
             hyperparameters,
-            int(np.count_nonzero(np.add.reduceat(weight, observations.starts))),
+            int(np.count_nonzero(observations.combined(np.add, weight))),
             len(np.unique(observations.group)),
             predict.pixel_noise,
             texture_share,

@@ -11,6 +11,7 @@ response.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import nnls
@@ -65,20 +66,25 @@ class PixelMeans:
 
         ``index`` has the place of each observation's grey level in the grid, shape (n,).
         """
-        grey, noise = self._grey(index), self.noise_variance[index]
-        texture = np.where(observations.grey_variance > 0, observations.grey_variance - noise, 0.0) / grey**2
-        most = MAX_TEXTURE**2
-        share = np.minimum(1, most / np.maximum(np.abs(texture), most)) / (1 + (noise / (MAX_NOISE * grey) ** 2) ** 2)
+        variance = observations.grey_variance
+        texture = np.where(variance > 0, variance - self.noise_variance[index], 0.0) / self._squared_grey[index]
+        share = np.minimum(1, MAX_TEXTURE**2 / np.maximum(np.abs(texture), MAX_TEXTURE**2)) / self._distrust[index]
         # The same of all observations of a point: what is corrected in one only would look like another exposure.
-        least = np.repeat(np.minimum.reduceat(share, observations.starts), observations.counts)
+        least = np.repeat(observations.combined(np.minimum, share), observations.counts)
         return np.asarray(texture * least)
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return what texture takes from the mean, (n,), given what :meth:`texture` returns."""
-        return np.asarray(self.bend[index] / 2 * texture * self._grey(index) ** 2)
+        return np.asarray((self.bend / 2 * self._squared_grey)[index] * texture)
 
-    def _grey(self, index: IntArray) -> FloatArray:
-        return np.maximum(self.grid[index], DARKEST_GREY)
+    @cached_property
+    def _squared_grey(self) -> FloatArray:
+        return np.maximum(self.grid, DARKEST_GREY) ** 2
+
+    @cached_property
+    def _distrust(self) -> FloatArray:
+        """By how much noise reduces the share of the texture that is taken out, on the grid."""
+        return 1 + (self.noise_variance / (MAX_NOISE**2 * self._squared_grey)) ** 2
 
 
 def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) -> FloatArray:

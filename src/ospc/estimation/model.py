@@ -139,7 +139,7 @@ class LinearSystem:
         seen = self.observations.where(part)
         rows, target = self._rows(seen, part)
         factor = self.weight[part] * self.latent.precision[part]
-        if np.all(seen.counts == 2):
+        if seen.in_pairs:
             # Minus their weighted mean, the two observations of a pair give the same equation: keep one difference.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)

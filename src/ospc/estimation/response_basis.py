@@ -141,8 +141,8 @@ class ResponseBasis:
 
     def index_of(self, grey: npt.ArrayLike) -> IntArray:
         """Return the index of the grid point nearest to each grey level, never black itself, shape (n,) -> (n,)."""
-        nearest = np.rint(np.asarray(grey, dtype=np.float64) * RESPONSE_GRID_STEPS).astype(np.int64)
-        return np.clip(nearest, 1, RESPONSE_GRID_STEPS)
+        nearest = np.rint(np.asarray(grey, dtype=np.float64) * RESPONSE_GRID_STEPS)
+        return np.clip(nearest, 1, RESPONSE_GRID_STEPS).astype(np.int64)
 
     def log_rows(self, grey: npt.ArrayLike) -> FloatArray:
         """Return Hⱼ at grey levels, shape (n,) -> (n, len)."""
