@@ -85,7 +85,7 @@ class ErrorModel:
         It is returned unchanged if too few cells hold enough observations.
         """
         over = slope**2 / irradiance
-        regressors = np.stack([np.ones_like(grey), over, over / irradiance, gradient**2, slope**2])
+        regressors = np.stack([over, over / irradiance, gradient**2, slope**2])
         cell = _quantile_index(grey, GREY_CELLS) * GRADIENT_CELLS + _quantile_index(gradient, GRADIENT_CELLS)
         order, cells = _by_cell(cell, GREY_CELLS * GRADIENT_CELLS)
         by_cell, squared_by_cell = regressors[:, order], squared[order]
@@ -93,8 +93,8 @@ class ErrorModel:
         for inside in cells.values():
             variance = float(np.median(squared_by_cell[inside])) / MEDIAN_OF_SQUARED_NORMAL
             targets.append(max(variance, MIN_CELL_SIGMA**2))
-            rows.append(np.median(by_cell[:, inside], axis=1))
-        if len(rows) < len(regressors):
+            rows.append([1.0, *np.median(by_cell[:, inside], axis=1)])
+        if len(rows) <= len(regressors):
             return self
         relative = np.array(rows) / np.array(targets)[:, None]
         scale = np.maximum(relative.max(axis=0), 1e-300)

@@ -137,33 +137,36 @@ class LinearSystem:
     def _free_of_radiance(self, part: slice) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
         """Return rows, right-hand sides, weights, and whose they are, with each point's radiance eliminated."""
         seen = self.observations.where(part)
-        rows, target = self._rows(seen, part)
+        columns, target = self._columns(seen, part)
         factor = self.weight[part] * self.latent.precision[part]
         if seen.in_pairs:
             # Minus their weighted mean, the two observations of a pair give the same equation: keep one difference.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
-            return rows[0::2] - rows[1::2], target[0::2] - target[1::2], factor, slice(0, None, 2)
+            rows = np.concatenate([each[0::2] - each[1::2] for each in columns], axis=1)
+            return rows, target[0::2] - target[1::2], factor, slice(0, None, 2)
+        rows = np.concatenate(columns, axis=1)
         _, mean = weighted_means(np.column_stack([rows, target]), factor, seen)
         return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
-    def _rows(self, seen: ExposedObservations, part: slice) -> tuple[FloatArray, FloatArray]:
-        """Return rows, linear in all parameters and the share of texture, and right-hand sides."""
+    def _columns(self, seen: ExposedObservations, part: slice) -> tuple[list[FloatArray], FloatArray]:
+        """Return the parts of rows, linear in all parameters and the share of texture, and right-hand sides."""
         model, index = self.model, self.latent.index[part]
         gamma, vignette, values = model.split(self.about)
         jacobian = model.vignette_basis.jacobian(vignette, seen.position)
         # Where ln V is not linear in its parameters (the centre), what the linearisation leaves goes to the right.
         constant = model.vignette_basis.log_value(vignette, seen.position) - jacobian @ vignette
-        rows = np.concatenate([model.response_basis.log_table[index], -jacobian], axis=1)
+        by_response = model.response_basis.log_table[index]
+        columns = [by_response, -jacobian]
         # h at the measured grey level is h at the predicted one, which the rows hold, plus this much.
-        excess = self.latent.linear_log[part] - rows[:, : len(gamma)] @ gamma
+        excess = self.latent.linear_log[part] - by_response @ gamma
         target = seen.log_exposure + constant - excess
         if len(model.effects):
             known = model.seen(self.about, seen, index)
             slopes = model.effects.jacobian(values, known)
-            rows = np.concatenate([rows, -slopes], axis=1)
+            columns.append(-slopes)
             target = target + model.effects.log_gain(values, known) - slopes @ values
-        return np.column_stack([rows, self.latent.texture[part]]), target
+        return [*columns, self.latent.texture[part, None]], target
 
 
 def _blocks_of(group: IntArray) -> IntArray:
