@@ -45,8 +45,13 @@ _MODULES = {"import": "import_"}
 _LEAST_MEMORY_MIB = 1024
 """Address space below which OpenBLAS may end the process, or never return, instead of raising an error."""
 
-_M_ARENA_MAX = -8
-"""What glibc calls the limit of its pools of freed memory, in ``malloc.h``."""
+_MALLOC = {
+    "MALLOC_ARENA_MAX": (-8, 1),
+    "MALLOC_TRIM_THRESHOLD_": (-1, 32 * 2**20),
+    "MALLOC_MMAP_THRESHOLD_": (-3, 32 * 2**20),
+}
+"""Variables by which glibc is told what to do with freed memory; the same for ``mallopt``, and the values here: one
+pool for all threads, and so many bytes that stay in it. An image has one or two megabytes."""
 
 _ALLOCATIONS_PER_COLLECTION = 20_000
 """New objects after which Python looks for garbage in cycles; it would look ten to thirty times as often."""
@@ -72,7 +77,7 @@ class _Commands(click.Group):
         """Call a command, which returns its exit code or None; the context's object is the interruption."""
         with Interruption() as ctx.obj:
             _check_memory_limit()
-            _share_freed_memory()
+            _reuse_freed_memory()
             # Before NumPy is imported: matrices are small, and further threads of OpenBLAS only wait and take memory.
             os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
             # Nearly all objects are made by imports and stay: looking through them often takes a thirtieth of a run.
@@ -106,15 +111,17 @@ def _check_memory_limit() -> None:
         raise OspcError(f"{given} MiB of memory are too few; allow {_LEAST_MEMORY_MIB} MiB at least (ulimit -v)")
 
 
-def _share_freed_memory() -> None:
-    """Let all threads share one pool of freed memory: glibc would give each its own, which takes a sixth more."""
-    if sys.platform != "linux" or "MALLOC_ARENA_MAX" in os.environ:
+def _reuse_freed_memory() -> None:
+    """Have glibc reuse memory: each thread has its own by default, and what an image took is given back at once."""
+    if sys.platform != "linux":
         return
     import ctypes
 
-    os.environ["MALLOC_ARENA_MAX"] = "1"  # for processes started from here: this one has read it already
-    with suppress(AttributeError):  # there are other C libraries
-        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
+    for name, (parameter, value) in _MALLOC.items():
+        if name not in os.environ:
+            os.environ[name] = str(value)  # for processes started from here: this one has read it already
+            with suppress(AttributeError):  # there are other C libraries
+                ctypes.CDLL(None).mallopt(parameter, value)
 
 
 @click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "show_default": True})
