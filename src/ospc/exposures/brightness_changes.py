@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -102,12 +103,28 @@ class BrightnessChanges:
         """Return the change of ln exposure of each pair if metadata are late by a lag, shape (n,)."""
         return np.asarray(log_exposure[self.frame + self.step + lag] - log_exposure[self.frame + lag])
 
-    @property
+    @cached_property
     def share(self) -> FloatArray:
         """Weights that sum to one in each pair, shape (n, bins)."""
         return np.asarray(self.weight / self.weight.sum(axis=1, keepdims=True))
 
-    @property
+    @cached_property
+    def means(self) -> tuple[FloatArray, FloatArray]:
+        """Weighted means of the change and of what moved over the bins of each pair, shapes (n,) and (n, 4)."""
+        return np.sum(self.share * self.log_ratio, axis=1), np.einsum("ib,ibk->ik", self.share, self.moved)
+
+    @cached_property
+    def products(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Weighted products of each pair, for normal equations; d is the change and q what moved.
+
+        They are d and q of each bin, shapes (n, bins) and (n, bins, 4), and d q and q qᵀ summed over the bins, shapes
+        (n, 4) and (n, 4, 4).
+        """
+        weighted = self.weight[:, :, None] * self.moved
+        by_change = np.einsum("ib,ibk->ik", self.log_ratio, weighted)
+        return self.weight * self.log_ratio, weighted, by_change, np.einsum("ibk,ibl->ikl", weighted, self.moved)
+
+    @cached_property
     def driven(self) -> IntArray:
         """Positions of the pairs that come right after :data:`ORDER` others, shape (m,)."""
         consecutive = np.diff(self.frame, prepend=self.frame[:1] - 2) == 1

@@ -102,8 +102,9 @@ def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: Flo
     """
     changing = bool(np.any(np.abs(log_change) > _LEAST_LOG_CHANGE))
     slopes, vignette = _slopes(seen, log_change)
-    observed = np.sum(seen.share * (seen.log_ratio - seen.moved @ vignette), axis=1)
-    predicted = np.sum(seen.share * slopes, axis=1) * log_change
+    mean_change, mean_moved = seen.means
+    observed = mean_change - mean_moved @ vignette
+    predicted = seen.share @ slopes * log_change
     causes = np.empty((len(seen), 0)) if nuisance is None else nuisance
     columns = np.column_stack([predicted, causes]) if changing else causes
     driven = seen.driven
@@ -125,31 +126,29 @@ def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: Flo
 def _slopes(seen: BrightnessChanges, log_change: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return β of each bin, and a, by iterated reweighting of whole pairs."""
     robust = np.ones(len(seen))
-    x, share = log_change[:, None], seen.share
+    mean_change, mean_moved = seen.means
+    changes, moves, moved_changes, squared_moves = seen.products
     bins, terms = seen.moved.shape[1:]
     slopes, vignette = np.zeros(bins), np.zeros(terms)
     solution = np.zeros(bins + terms)
     normal = np.zeros((bins + terms, bins + terms))
     for _ in range(_ROUNDS):
-        weight = seen.weight * robust[:, None]
-        xx = (weight * x**2).sum(axis=0)
-        xd = (weight * x * seen.log_ratio).sum(axis=0)
+        by_x = robust * log_change
+        xx, xd = (by_x * log_change) @ seen.weight, by_x @ changes
         pool = _POOLING * xx.mean() + 1e-9
         normal[:bins, :bins] = np.diag(xx + pool)
-        weighted = weight[:, :, None] * seen.moved
-        normal[:bins, bins:] = np.tensordot(log_change, weighted, axes=1)
+        normal[:bins, bins:] = np.tensordot(by_x, moves, axes=1)
         normal[bins:, :bins] = normal[:bins, bins:].T
-        normal[bins:, bins:] = np.tensordot(weighted, seen.moved, axes=((0, 1), (0, 1))) + 1e-6 * np.eye(terms)
-        target = np.concatenate(
-            [xd + pool * xd.sum() / max(xx.sum(), 1e-12), np.tensordot(seen.log_ratio, weighted, axes=2)]
-        )
+        normal[bins:, bins:] = np.tensordot(robust, squared_moves, axes=1) + 1e-6 * np.eye(terms)
+        target = np.concatenate([xd + pool * xd.sum() / max(xx.sum(), 1e-12), robust @ moved_changes])
         before, solution = solution, np.linalg.solve(normal, target)
         slopes, vignette = np.maximum(solution[:bins], 0.0), solution[bins:]
         if np.abs(solution - before).max() < _SETTLED:
             break
-        left = np.sum(share * (seen.log_ratio - slopes * x - seen.moved @ vignette), axis=1)
+        explained = seen.share @ slopes * log_change
+        left = mean_change - explained - mean_moved @ vignette
         scale = max(robust_scale(left), _SMALLEST_SCALE)
-        allowed = np.hypot(scale, _SLOPE_ERROR * np.abs(share @ slopes * log_change))
+        allowed = np.hypot(scale, _SLOPE_ERROR * np.abs(explained))
         if seen.scatter > 0:
             allowed = np.maximum(allowed, _SCATTERED_OUTLIER * np.abs(left).mean())
         robust = (_FREEDOM + 1) / (_FREEDOM + (left / allowed) ** 2)
