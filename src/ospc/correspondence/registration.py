@@ -42,7 +42,7 @@ easily reaches."""
 _FEWEST_SUPPORTS = 16
 """Fewest places that must support a homography: one through four places fits them whatever their errors."""
 
-_AREA_CELL_PX = 8
+_AREA_CELL_PX = 32
 """Side of the squares within which displacements are averaged before their slopes give the ratio of areas, in pixels
 of the small images: an error of half a pixel between two of them then changes the ratio by some per cent."""
 
