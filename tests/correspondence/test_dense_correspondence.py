@@ -219,7 +219,7 @@ def test_the_ratio_of_areas_follows_a_lens_that_magnifies_towards_the_border():
     homography = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1e-3, 0.0, 1.0]])
     there = cv2.perspectiveTransform(places, homography)
     registration = Registration((there - places).astype(np.float32), np.zeros(SIZE[::-1], np.float32))
-    at = places[::40, ::40].reshape(-1, 2)
+    at = places[16::40, 16::40].reshape(-1, 2)
     expected = -3 * np.log1p(1e-3 * at[:, 0])  # the determinant of the homography's Jacobian
     np.testing.assert_allclose(log_area_ratio_at(registration, at, 1.0), expected, atol=0.02)
 

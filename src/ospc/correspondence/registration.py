@@ -200,9 +200,9 @@ def log_area_ratio_at(registration: Registration, points: FloatArray, scale: flo
     if len(points) == 0:
         return np.empty(0)
     height, width = registration.forward.shape[:2]
-    cells = max(2, width // _AREA_CELL_PX), max(2, height // _AREA_CELL_PX)
+    cells = max(3, width // _AREA_CELL_PX), max(3, height // _AREA_CELL_PX)
     coarse = cv2.resize(registration.forward, cells, interpolation=cv2.INTER_AREA)
-    by_y, by_x = np.gradient(coarse, height / cells[1], width / cells[0], axis=(0, 1))
+    by_y, by_x = np.gradient(coarse, height / cells[1], width / cells[0], axis=(0, 1), edge_order=2)
     area = (1 + by_x[..., 0]) * (1 + by_y[..., 1]) - by_x[..., 1] * by_y[..., 0]
     there = _small_places(points, scale * width / cells[0], scale * height / cells[1])
     ratio = values_at(area, there).reshape(-1).astype(np.float64)
