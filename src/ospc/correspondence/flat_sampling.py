@@ -39,9 +39,9 @@ class Keyframe(ReducedFrame):
     places: FloatArray
     """Places (x, y) of the grid on which scene points are chosen, in reduced pixels, shape (n, 2)."""
     grey: Float32Array
-    variance: Float32Array
-    grey_by_log_area: Float32Array
-    variance_by_log_area: Float32Array
+    squares: Float32Array
+    wide_grey: Float32Array
+    wide_squares: Float32Array
     gradient: Float32Array
     clipped: BoolArray
     """This and the five before it are the frame's values at these places, shape (n,)."""
@@ -100,9 +100,9 @@ class FlatSampler:
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
             places=_grid(frame.reduced_size, self.spacing_px, self.margin_px),
             grey=frame.grey[rows, columns].ravel(),
-            variance=frame.variance[rows, columns].ravel(),
-            grey_by_log_area=frame.grey_by_log_area[rows, columns].ravel(),
-            variance_by_log_area=frame.variance_by_log_area[rows, columns].ravel(),
+            squares=frame.squares[rows, columns].ravel(),
+            wide_grey=frame.wide_grey[rows, columns].ravel(),
+            wide_squares=frame.wide_squares[rows, columns].ravel(),
             gradient=frame.gradient[rows, columns].ravel(),
             clipped=frame.clipped[rows, columns].ravel(),
         )
@@ -135,11 +135,15 @@ class FlatSampler:
         places0, places1 = places0[chosen], places1[chosen]
         # The view that shows a place larger is read over as much larger an area: over the same part of the scene.
         log_area = log_area_ratio_at(registration, places0, scale)
-        further0, further1 = np.maximum(-log_area, 0), np.maximum(log_area, 0)
+        share0, share1 = (np.maximum(further, 0) / frame.log_area for further in (-log_area, log_area))
+        means0 = (keyframe.grey, keyframe.squares, keyframe.wide_grey, keyframe.wide_squares)
+        means1 = (frame.grey, frame.squares, frame.wide_grey, frame.wide_squares)
+        grey0, variance0 = _over_area(share0, *(values[chosen] for values in means0))
+        grey1, variance1 = _over_area(share1, *(_at(image, places1) for image in means1))
         observations = Observations.alternating(
             {
-                "grey": _over(further0, keyframe.grey[chosen], keyframe.grey_by_log_area[chosen]),
-                "grey_variance": _over(further0, keyframe.variance[chosen], keyframe.variance_by_log_area[chosen]),
+                "grey": grey0,
+                "grey_variance": variance0,
                 "position": position0[chosen],
                 "gradient": keyframe.gradient[chosen],
                 "frame_moments": keyframe.moments,
@@ -147,10 +151,8 @@ class FlatSampler:
                 "frame": keyframe.number,
             },
             {
-                "grey": _over(further1, _at(frame.grey, places1), _at(frame.grey_by_log_area, places1)),
-                "grey_variance": _over(
-                    further1, _at(frame.variance, places1), _at(frame.variance_by_log_area, places1)
-                ),
+                "grey": grey1,
+                "grey_variance": variance1,
                 "position": position1[chosen],
                 "gradient": _at(frame.gradient, places1),
                 "frame_moments": frame.moments,
@@ -210,11 +212,17 @@ def _at(image: Float32Array, places: FloatArray) -> FloatArray:
     return values_at(image, places.astype(np.float32).reshape(-1, 1, 2)).astype(np.float64).reshape(-1)
 
 
-def _over(
-    further_log_area: FloatArray, values: FloatArray | Float32Array, by_log_area: FloatArray | Float32Array
-) -> FloatArray:
-    """Return grey levels or their variances as they are over larger areas, shape (n,)."""
-    return np.clip(values + further_log_area * by_log_area, 0.0, 1.0)
+def _over_area(share: FloatArray, *means: FloatArray | Float32Array) -> tuple[FloatArray, FloatArray]:
+    """Return grey levels and variances of the pixels over an area between two, shape (n,) each.
+
+    The share, (n,), is that of the logarithm of their ratio; the means are those of M and M² over the smaller one and
+    over the larger one, (n,) each.
+    """
+    grey, squares, wide_grey, wide_squares = means
+    narrow, wide = ((mean, square - mean**2) for mean, square in ((grey, squares), (wide_grey, wide_squares)))
+    between = (first + share * (second - first) for first, second in zip(narrow, wide, strict=True))
+    found_grey, variance = (np.clip(values, 0.0, 1.0) for values in between)
+    return found_grey, variance
 
 
 def _surroundings(frame: ReducedFrame, places: FloatArray) -> FloatArray:

@@ -86,12 +86,13 @@ class PreprocessedFrame(ReducedFrame):
     """A frame with everything that is read from it."""
 
     grey: Float32Array
-    """Grey levels in [0, 1], smoothed, shape (h, w)."""
-    variance: Float32Array
-    """Variance of the pixels that each of these is a mean over, noise included, shape (h, w)."""
-    grey_by_log_area: Float32Array
-    variance_by_log_area: Float32Array
-    """Change of both per logarithm of the area that they are taken over, shape (h, w)."""
+    squares: Float32Array
+    """Grey levels in [0, 1] and their squares, smoothed, shape (h, w)."""
+    wide_grey: Float32Array
+    wide_squares: Float32Array
+    """The same, smoothed over a larger area, shape (h, w)."""
+    log_area: float
+    """ln of how much larger that area is."""
     gradient: Float32Array
     """Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w)."""
     clipped: BoolArray
@@ -132,11 +133,6 @@ class Preprocessor:
         # Variances of smoothings add up, so that the wider one continues from that of the grey levels.
         further_px = self.smoothing_px * float(np.sqrt(flat_area - 1))
         wide_grey, wide_squares = (cv2.GaussianBlur(narrow, (0, 0), further_px) for narrow in (grey, squares))
-        gradient = gradient_magnitude(wide_grey)
-        variance, wide_variance = _variance(grey, squares), _variance(wide_grey, wide_squares)
-        per_log_area = np.float32(1 / np.log(flat_area))
-        grey_by_log_area = _difference(wide_grey, grey, per_log_area)
-        variance_by_log_area = _difference(wide_variance, variance, per_log_area)
         small = _reduced(reduced, self._further_reduction(max(reduced.shape)))
         return PreprocessedFrame(
             frame.index,
@@ -145,10 +141,11 @@ class Preprocessor:
             cv2.convertScaleAbs(small, alpha=255.0 / white),
             thumbnail_of(frame.index, reduced, white, frame.mask, size),
             grey,
-            variance,
-            grey_by_log_area,
-            variance_by_log_area,
-            gradient,
+            squares,
+            wide_grey,
+            wide_squares,
+            float(np.log(flat_area)),
+            gradient_magnitude(wide_grey),
             self._clipped_nearby(frame, reduction, grey_range),
         )
 
@@ -183,19 +180,6 @@ class Preprocessor:
             return clipped
         masked = cv2.blur(_reduced((~frame.mask).view(np.uint8), reduction), (side, side))
         return np.asarray(clipped | (masked > 0))
-
-
-def _variance(mean: Float32Array, squares: Float32Array) -> Float32Array:
-    """Return the variance from the mean and, in its memory, from the mean of the squares."""
-    squares -= mean**2
-    return np.asarray(np.maximum(squares, 0, out=squares))
-
-
-def _difference(first: Float32Array, second: Float32Array, factor: np.float32) -> Float32Array:
-    """Return the difference of two images times a factor, in the memory of the first."""
-    first -= second
-    first *= factor
-    return first
 
 
 def _reduced(image: Image, factor: int) -> Float32Array:
