@@ -220,10 +220,11 @@ MAX_NOISE = 0.2
 """Standard deviation of the noise of a pixel, over its grey level, at which half of that effect is corrected: more
 noise leaves too little of the variance to texture. 0.05 gains a third as much for κ."""
 
-TEXTURE_SHARE_INFORMATION = 300.0
+TEXTURE_SHARE_INFORMATION = 2000.0
 """Precision of the expectation that all variance beside noise is texture, a share of one; an observation that texture
-shifts by its standard deviation has a precision of one. Two simulated recordings of precision 20 and 240 gave shares
-of -0.2 and 0.8, though all of it was texture; six of more than 1400 gave 0.98 to 1.15."""
+shifts by its standard deviation has a precision of one. Of simulated recordings, all with a share of one, two of
+precision 20 and 240 gave -0.2 and 0.8, and six of more than 1400 gave 0.98 to 1.15; but dark ones full of noise gave
+0 to 0.8, with 300 instead, and κ was up to three times as large."""
 
 UNRESOLVED_JUMP = 1 / 12
 """Standard deviation of ln g for a jump of γ by one within an interval of ln M of length one, where γ is fitted by a
