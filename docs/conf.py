@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from sphinx.application import Sphinx
-from sphinx.pycode.parser import Parser
 
 import ospc
 
@@ -15,9 +14,6 @@ sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
 
 # Nearly everything stays until the build ends: to look for garbage takes a quarter of its time and frees little.
 gc.disable()
-
-# Where things are defined in their sources is what only links to sources need: to look for it takes a sixth.
-Parser.parse_definition = lambda _parser: None
 
 project = "ospc"
 author = "The ospc developers"

@@ -195,13 +195,11 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
     """Return the radiance of a face over an area of the image, blended between pyramid levels, shape ``shape``."""
     height, width = shape
     rows, columns = max(2, -(-height // _CELL_PX)), max(2, -(-width // _CELL_PX))
-    points = np.empty((len(outline) + rows * columns, 2))
-    points[: len(outline)] = outline
-    cells = points[len(outline) :].reshape(rows, columns, 2)
-    cells[..., 0] = (np.arange(columns) + 0.5) * width / columns - 0.5
-    cells[..., 1] = ((np.arange(rows) + 0.5) * height / rows - 0.5)[:, None]
+    x = (np.arange(columns) + 0.5) * width / columns - 0.5
+    y = (np.arange(rows) + 0.5) * height / rows - 0.5
+    cells = np.stack(np.meshgrid(x, y), axis=-1)
     texel_m = face.place.size_m[0] / face.mips[0].shape[1]
-    detail = _detail(to_metres, points, texel_m)
+    detail = _detail(to_metres, np.concatenate([outline, cells.reshape(-1, 2)]), texel_m)
     detail = np.minimum(np.maximum(detail, 0), len(face.mips) - 1)
     bounds, detail = detail[: len(outline)], detail[len(outline) :].reshape(rows, columns)
     detail = np.minimum(np.maximum(detail, bounds.min()), bounds.max())
