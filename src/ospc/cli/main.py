@@ -50,8 +50,9 @@ _MALLOC = {
     "MALLOC_TRIM_THRESHOLD_": (-1, 32 * 2**20),
     "MALLOC_MMAP_THRESHOLD_": (-3, 32 * 2**20),
 }
-"""Variables by which glibc is told what to do with freed memory; the same for ``mallopt``, and the values here: one
-pool for all threads, and so many bytes that stay in it. An image has one or two megabytes."""
+"""Environment variables that tell glibc what to do with freed memory, with the number of each parameter for
+``mallopt`` and its value: one pool for all threads, and blocks of up to 32 MiB stay in it. An image takes one or
+two."""
 
 _ALLOCATIONS_PER_COLLECTION = 20_000
 """New objects after which Python looks for garbage in cycles; it would look ten to thirty times as often."""
@@ -112,7 +113,7 @@ def _check_memory_limit() -> None:
 
 
 def _reuse_freed_memory() -> None:
-    """Have glibc reuse memory: each thread has its own by default, and what an image took is given back at once."""
+    """Have glibc reuse freed memory: by default each thread has its own pool, and large blocks are given back."""
     if sys.platform != "linux":
         return
     import ctypes

@@ -13,6 +13,7 @@ To use other functions Bⱼ, write a class that satisfies :class:`LocalFunctions
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from typing import Protocol
@@ -36,17 +37,13 @@ _KEPT_TABLES = 4
 """Bases whose tables are kept: a run has two, and those of other settings are soon made again."""
 
 
-class LocalFunctions(Protocol):
+class LocalFunctions(Hashable, Protocol):
     """The functions Bⱼ of grey level that the local gamma is a sum of.
 
     The estimator and its prior rely on three properties: no function is negative, they sum to one everywhere, and
-    each is one at its own knot. So a coefficient is the local gamma at its knot. Tables of them are kept, for which
-    the object must be hashable, as those of any class are that does not define what equality means.
+    each is one at its own knot. So a coefficient is the local gamma at its knot. Tables of them are kept, so the
+    object must be hashable, as all are whose class does not define equality.
     """
-
-    def __hash__(self) -> int:
-        """Return the hash of the object."""
-        ...
 
     def knots(self, intervals: int) -> FloatArray:
         """Return increasing grey levels from 0 to 1, shape (intervals + 1,)."""

@@ -222,9 +222,9 @@ noise leaves too little of the variance to texture. 0.05 gains a third as much f
 
 TEXTURE_SHARE_INFORMATION = 2000.0
 """Precision of the expectation that all variance beside noise is texture, a share of one; an observation that texture
-shifts by its standard deviation has a precision of one. Of simulated recordings, all with a share of one, two of
-precision 20 and 240 gave -0.2 and 0.8, and six of more than 1400 gave 0.98 to 1.15; but dark ones full of noise gave
-0 to 0.8, with 300 instead, and κ was up to three times as large."""
+shifts by its standard deviation has a precision of one. In simulated recordings, where the share is one, the
+observations alone gave -0.2 and 0.8 at precisions of 20 and 240, and 0.98 to 1.15 above 1400. With 300 instead of
+2000, dark and noisy recordings gave 0 to 0.8, and κ was up to three times as large."""
 
 UNRESOLVED_JUMP = 1 / 12
 """Standard deviation of ln g for a jump of γ by one within an interval of ln M of length one, where γ is fitted by a
