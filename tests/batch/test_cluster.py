@@ -124,11 +124,17 @@ def test_a_scheduler_without_workers_is_said(entries, tmp_path):
 
 
 def test_every_recording_is_done_though_one_of_three_workers_is_killed(machines, workers, entries, tmp_path):
-    def kill_one(stage):
-        if stage.name == "calibrating" and stage.done == 8:
-            os.kill(workers[1].pid, signal.SIGKILL)
+    class Killing(Cluster):
+        def run(self, tasks):
+            answered = []
+            for answer in super().run(tasks):
+                yield answer
+                answered.append(int(answer.worker.rsplit(":", 1)[1]))
+                # Before its first answer was fetched, nothing would be left of what it did.
+                if len(answered) >= 8 and workers[1].pid in answered and workers[1].poll() is None:
+                    os.kill(workers[1].pid, signal.SIGKILL)
 
-    outcome = run_batch(entries, tmp_path / "out", Cluster(machines.address), progress=kill_one)
+    outcome = run_batch(entries, tmp_path / "out", Killing(machines.address))
     assert workers[1].poll() is not None
     assert [row.recording[-4:] for row in outcome.failed] == [f"r{CORRUPT:03}", f"r{MISSING:03}"]
     corrupt, missing = outcome.failed
