@@ -8,8 +8,9 @@ from functools import cache
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
+from ospc.correspondence.equal_smoothing import CENTRE, NODES, further_smoothing, interpolation_smoothing, smoothed
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
-from ospc.correspondence.registration import Registration, displacement_at, log_area_ratio_at
+from ospc.correspondence.registration import Registration, displacement_at, jacobian_at
 from ospc.correspondence.thumbnail_registration import MIN_OVERLAP, values_at
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
@@ -40,11 +41,10 @@ class Keyframe(ReducedFrame):
     """Places (x, y) of the grid on which scene points are chosen, in reduced pixels, shape (n, 2)."""
     grey: Float32Array
     squares: Float32Array
-    wide_grey: Float32Array
-    wide_squares: Float32Array
+    """Smoothed grey levels and squares at the nodes around these places, shape (n, 9)."""
     gradient: Float32Array
     clipped: BoolArray
-    """This and the five before it are the frame's values at these places, shape (n,)."""
+    """This and the gradient are the frame's values at these places, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,9 @@ class FlatSampler:
     the result: they are extreme grey values, and any error leads to a less extreme one.
 
     Flat places, too, are often extremes, and the larger the area that is averaged, the less extreme is the mean. A
-    pinhole camera magnifies what moves towards the border. So grey levels are read over equal areas of the scene, not
-    of the image; between two smoothings they change evenly with the logarithm of the area, as natural scenes do.
+    pinhole camera magnifies what moves towards the border, and a floor that comes nearer grows more in depth than in
+    width. So grey levels are read over the same part of the scene: what a view shows larger along some direction is
+    smoothed as much more along it.
     """
 
     spacing_px: int = 8
@@ -96,13 +97,13 @@ class FlatSampler:
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return what later frames need of a frame: its small images, and its values on the grid."""
         columns, rows = (slice(self.margin_px, side - self.margin_px, self.spacing_px) for side in frame.reduced_size)
+        places = _grid(frame.reduced_size, self.spacing_px, self.margin_px)
+        nodes = places[:, None] + NODES
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
-            places=_grid(frame.reduced_size, self.spacing_px, self.margin_px),
-            grey=frame.grey[rows, columns].ravel(),
-            squares=frame.squares[rows, columns].ravel(),
-            wide_grey=frame.wide_grey[rows, columns].ravel(),
-            wide_squares=frame.wide_squares[rows, columns].ravel(),
+            places=places,
+            grey=_at(frame.grey, nodes).astype(np.float32),
+            squares=_at(frame.squares, nodes).astype(np.float32),
             gradient=frame.gradient[rows, columns].ravel(),
             clipped=frame.clipped[rows, columns].ravel(),
         )
@@ -130,16 +131,15 @@ class FlatSampler:
         motion = _typical_motion(places0[found], displacement[found], gradient0[found])
         index = np.flatnonzero(flat & exposed)
         # By the mean of both frames: a choice by one grey level would be a choice by its noise.
-        grey = np.sqrt(np.clip(keyframe.grey[index] * _at(frame.grey, places1[index]), 0, 1))
+        grey = np.sqrt(np.clip(keyframe.grey[index, CENTRE] * _at(frame.grey, places1[index]), 0, 1))
         chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
         places0, places1 = places0[chosen], places1[chosen]
-        # The view that shows a place larger is read over as much larger an area: over the same part of the scene.
-        log_area = log_area_ratio_at(registration, places0, scale)
-        share0, share1 = (np.maximum(further, 0) / frame.log_area for further in (-log_area, log_area))
-        means0 = (keyframe.grey, keyframe.squares, keyframe.wide_grey, keyframe.wide_squares)
-        means1 = (frame.grey, frame.squares, frame.wide_grey, frame.wide_squares)
-        grey0, variance0 = _over_area(share0, *(values[chosen] for values in means0))
-        grey1, variance1 = _over_area(share1, *(_at(image, places1) for image in means1))
+        jacobian = jacobian_at(registration, places0, scale)
+        further0, further1 = further_smoothing(jacobian, frame.smoothing_px)
+        further1 -= interpolation_smoothing(places1)  # the places of the keyframe are those of pixels
+        nodes1 = places1[:, None] + NODES
+        grey0, variance0 = _mean_and_variance(further0, keyframe.grey[chosen], keyframe.squares[chosen])
+        grey1, variance1 = _mean_and_variance(further1, _at(frame.grey, nodes1), _at(frame.squares, nodes1))
         observations = Observations.alternating(
             {
                 "grey": grey0,
@@ -206,23 +206,19 @@ def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: Floa
 
 
 def _at(image: Float32Array, places: FloatArray) -> FloatArray:
-    """Return the values of an image at places (x, y), interpolated, shape (n, 2) -> (n,)."""
+    """Return the values of an image at places (x, y), interpolated, shape (..., 2) -> (...)."""
     if len(places) == 0:
-        return np.empty(0)
-    return values_at(image, places.astype(np.float32).reshape(-1, 1, 2)).astype(np.float64).reshape(-1)
+        return np.empty(places.shape[:-1])
+    values = values_at(image, places.astype(np.float32).reshape(len(places), -1, 2))
+    return values.astype(np.float64).reshape(places.shape[:-1])
 
 
-def _over_area(share: FloatArray, *means: FloatArray | Float32Array) -> tuple[FloatArray, FloatArray]:
-    """Return grey levels and variances of the pixels over an area between two, shape (n,) each.
-
-    The share, (n,), is that of the logarithm of their ratio; the means are those of M and M² over the smaller one and
-    over the larger one, (n,) each.
-    """
-    grey, squares, wide_grey, wide_squares = means
-    narrow, wide = ((mean, square - mean**2) for mean, square in ((grey, squares), (wide_grey, wide_squares)))
-    between = (first + share * (second - first) for first, second in zip(narrow, wide, strict=True))
-    found_grey, variance = (np.clip(values, 0.0, 1.0) for values in between)
-    return found_grey, variance
+def _mean_and_variance(
+    further: FloatArray, grey: FloatArray | Float32Array, squares: FloatArray | Float32Array
+) -> tuple[FloatArray, FloatArray]:
+    """Return grey levels and variances of the pixels, smoothed further by these covariances, shape (n,) each."""
+    mean, square = smoothed(grey, further), smoothed(squares, further)
+    return np.clip(mean, 0.0, 1.0), np.clip(square - mean**2, 0.0, 1.0)
 
 
 def _surroundings(frame: ReducedFrame, places: FloatArray) -> FloatArray:

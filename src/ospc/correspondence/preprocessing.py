@@ -27,8 +27,8 @@ SURROUND_WIDTH = 64
 """Width of the coarse image whose surroundings are averaged: the means are as smooth as six of its pixels."""
 
 _LEAST_FLAT_AREA = 2.0
-"""Smallest area over which the image has to be flat, in areas over which grey levels are averaged: their difference
-tells how grey levels change with the area."""
+"""Smallest area over which the image has to be flat, in areas over which grey levels are averaged: a place that is
+found a little beside itself averages others."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,8 @@ class PreprocessedFrame(ReducedFrame):
     grey: Float32Array
     squares: Float32Array
     """Grey levels in [0, 1] and their squares, smoothed, shape (h, w)."""
-    wide_grey: Float32Array
-    wide_squares: Float32Array
-    """The same, smoothed over a larger area, shape (h, w)."""
-    log_area: float
-    """ln of how much larger that area is."""
+    smoothing_px: float
+    """Standard deviation of their smoothing, in reduced pixels."""
     gradient: Float32Array
     """Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w)."""
     clipped: BoolArray
@@ -132,7 +129,7 @@ class Preprocessor:
         flat_area = max((self.flatness_px / self.smoothing_px) ** 2, _LEAST_FLAT_AREA)
         # Variances of smoothings add up, so that the wider one continues from that of the grey levels.
         further_px = self.smoothing_px * float(np.sqrt(flat_area - 1))
-        wide_grey, wide_squares = (cv2.GaussianBlur(narrow, (0, 0), further_px) for narrow in (grey, squares))
+        wide_grey = cv2.GaussianBlur(grey, (0, 0), further_px)
         small = _reduced(reduced, self._further_reduction(max(reduced.shape)))
         return PreprocessedFrame(
             frame.index,
@@ -142,9 +139,7 @@ class Preprocessor:
             thumbnail_of(frame.index, reduced, white, frame.mask, size),
             grey,
             squares,
-            wide_grey,
-            wide_squares,
-            float(np.log(flat_area)),
+            self.smoothing_px,
             gradient_magnitude(wide_grey),
             self._clipped_nearby(frame, reduction, grey_range),
         )

@@ -42,14 +42,10 @@ easily reaches."""
 _FEWEST_SUPPORTS = 16
 """Fewest places that must support a homography: one through four places fits them whatever their errors."""
 
-_AREA_CELL_PX = 32
-"""Side of the squares within which displacements are averaged before their slopes give the ratio of areas, in pixels
-of the small images. Ratios from squares of 8 pixels were off by 3 %, enough for films that only move sideways to
-get a vignette with a centre of its own."""
-
-_MOST_AREA_RATIO = 2.5
-"""Largest ratio of areas, and the inverse of the smallest: about that from the centre to the corner of a view of 75°;
-more is an error of the registration at an edge in depth."""
+_SLOPE_CELL_PX = 32
+"""Side of the squares within which displacements are averaged before their slopes are taken, in pixels of the small
+images. Ratios of areas from squares of 8 pixels were off by 3 %, enough for films that only move sideways to get a
+vignette with a centre of its own."""
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
@@ -193,21 +189,20 @@ def displacement_at(registration: Registration, points: FloatArray, scale: float
     return forward.reshape(-1, 2).astype(np.float64) * scale, error.reshape(-1).astype(np.float64) * scale
 
 
-def log_area_ratio_at(registration: Registration, points: FloatArray, scale: float) -> FloatArray:
-    """Return ln of how many times larger the second view shows what is at places of the first, shape (n,).
+def jacobian_at(registration: Registration, points: FloatArray, scale: float) -> FloatArray:
+    """Return the Jacobian of places (x, y) in the second view by those in the first, shape (n, 2, 2).
 
-    The places (x, y), shape (n, 2), and the scale are those of :func:`displacement_at`.
+    The places of the first, shape (n, 2), and the scale are those of :func:`displacement_at`.
     """
     if len(points) == 0:
-        return np.empty(0)
+        return np.empty((0, 2, 2))
     height, width = registration.forward.shape[:2]
-    cells = max(3, width // _AREA_CELL_PX), max(3, height // _AREA_CELL_PX)
+    cells = max(3, width // _SLOPE_CELL_PX), max(3, height // _SLOPE_CELL_PX)
     coarse = cv2.resize(registration.forward, cells, interpolation=cv2.INTER_AREA)
     by_y, by_x = np.gradient(coarse, height / cells[1], width / cells[0], axis=(0, 1), edge_order=2)
-    area = (1 + by_x[..., 0]) * (1 + by_y[..., 1]) - by_x[..., 1] * by_y[..., 0]
     there = _small_places(points, scale * width / cells[0], scale * height / cells[1])
-    ratio = values_at(area, there).reshape(-1).astype(np.float64)
-    return np.log(np.clip(ratio, 1 / _MOST_AREA_RATIO, _MOST_AREA_RATIO))
+    slopes = values_at(np.concatenate([by_x, by_y], axis=-1), there).astype(np.float64)
+    return np.eye(2) + np.swapaxes(slopes.reshape(-1, 2, 2), 1, 2)
 
 
 def _small_places(points: FloatArray, *scale: float) -> Float32Array:

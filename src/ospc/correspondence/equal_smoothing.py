@@ -1,0 +1,66 @@
+"""Smoothing that covers the same part of the scene in two views, however differently they show it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ospc.arrays import Float32Array, FloatArray
+
+NODE_STEP_PX = 2
+"""Distance of the nodes around a place from whose values a wider smoothing follows, in reduced pixels: for the
+usual stretches, up to 1.25, about that at which three nodes stand for a Gaussian (Gauss-Hermite)."""
+
+NODES = np.stack(np.meshgrid(*2 * [NODE_STEP_PX * np.arange(-1.0, 2.0)]), axis=-1).reshape(9, 2)
+"""Offsets (x, y) of the nodes from the place, in reduced pixels, shape (9, 2)."""
+
+CENTRE = 4
+"""Index of the node at the place itself."""
+
+_PIXEL_VARIANCE = 1 / 12
+"""Variance of a place within its pixel, which averages too, in square pixels."""
+
+_MOST_STRETCH = 1.6
+"""Largest stretch between two views, and the inverse of the smallest: about that from the centre to the corner of a
+view of 75°. More is an error of the registration at an edge in depth."""
+
+_VALUE, _SLOPE, _CURVATURE = (np.array(stencil) for stencil in ([0, 1, 0], [-0.5, 0, 0.5], [1, -2, 1]))
+_STENCILS = np.stack(
+    [
+        np.outer(_VALUE, _VALUE),
+        np.outer(_VALUE, _CURVATURE) / NODE_STEP_PX**2,
+        np.outer(_CURVATURE, _VALUE) / NODE_STEP_PX**2,
+        np.outer(_SLOPE, _SLOPE) / NODE_STEP_PX**2,
+        np.outer(_CURVATURE, _CURVATURE) / NODE_STEP_PX**4,
+    ]
+).reshape(5, 9)
+"""Weights of the nodes that give the value and its derivatives by xx, yy, xy and xxyy, shape (5, 9)."""
+
+
+def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatArray, FloatArray]:
+    """Return how much wider than so far to smooth in each of two views, as covariances, shape (n, 2, 2) each.
+
+    Along each axis the view that shows the scene larger is smoothed as much more. The Jacobian of the places in the
+    second view by those in the first, (n, 2, 2), tells by how much.
+    """
+    axes1, stretch, axes0 = np.linalg.svd(jacobian)
+    stretch = np.clip(stretch, 1 / _MOST_STRETCH, _MOST_STRETCH)
+    variance = smoothing_px**2 + _PIXEL_VARIANCE
+    further0, further1 = (variance * np.maximum(by**2 - 1, 0)[:, None] for by in (1 / stretch, stretch))
+    return np.swapaxes(axes0, 1, 2) * further0 @ axes0, axes1 * further1 @ np.swapaxes(axes1, 1, 2)
+
+
+def smoothed(values: FloatArray | Float32Array, covariance: FloatArray) -> FloatArray:
+    """Return values smoothed further by Gaussians of these covariances, (n, 2, 2), shape (n,).
+
+    ``values`` are those at the :data:`NODES` around each place, (n, 9). The expected value of their Taylor series is
+    taken, up to its term in x²y².
+    """
+    xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
+    expected = np.stack([np.ones_like(xx), xx / 2, yy / 2, xy, xx * yy / 4 + xy**2 / 2], axis=1)
+    return np.asarray(np.einsum("nt,tk,nk->n", expected, _STENCILS, values, optimize=True))
+
+
+def interpolation_smoothing(places: FloatArray) -> FloatArray:
+    """Return how much linear interpolation at places, (n, 2), smooths by itself, as covariances, shape (n, 2, 2)."""
+    share = places % 1
+    return np.eye(2) * (share * (1 - share))[:, None]
