@@ -126,6 +126,14 @@ def test_only_as_rich_a_vignette_is_chosen_as_the_data_ask_for():
     assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006
 
 
+def test_a_flat_vignette_has_no_centre():
+    widest = VignetteBasis(DefaultSettings().radial_terms, free_centre=True, non_radial=True)
+    flat = Camera(GAMMA, LogVignette(SIZE, (0.0,)))
+    for seed in range(8):
+        fit = fit_with_chosen_vignette(flat.pairs(seed), ResponseBasis(32), widest, NOISE, 8)
+        assert not fit.vignette_basis.free_centre
+
+
 # Unbiased.
 
 

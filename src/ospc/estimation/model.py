@@ -59,10 +59,14 @@ class Model:
         return floor
 
     def limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
-        """Return the parameters with no gamma further from the previous one than its linearised logarithm holds."""
-        n = len(self.response_basis)
+        """Return the parameters with every gamma as near to the previous one as its linearised logarithm holds.
+
+        The centre of the vignette stays well within the image.
+        """
+        n, vignette = len(self.response_basis), self.vignette_part
         gamma = np.clip(parameters[:n], previous[:n] / MAX_GAMMA_CHANGE, previous[:n] * MAX_GAMMA_CHANGE)
-        return np.concatenate([gamma, parameters[n:]])
+        within = self.vignette_basis.limited(parameters[vignette])
+        return np.concatenate([gamma, within, parameters[vignette.stop :]])
 
     def prior(self, parameters: FloatArray) -> Prior:
         """Return the prior of the parameters, linearised at some, shape (p,)."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.photometry.vignette import NON_RADIAL, LogVignette, non_radial_terms
-from ospc.settings.estimation import DARK_RADIUS, VIGNETTE_SIGMA
+from ospc.settings.estimation import DARK_RADIUS, MAX_DECENTRING, VIGNETTE_SIGMA
 
 LEAST_RADIUS = 0.01
 """Smallest usable radius, in half diagonals: few pixels, which tell nothing of a vignette."""
@@ -78,6 +78,13 @@ class VignetteBasis:
     def centre(self, parameters: FloatArray) -> FloatArray:
         """Return the centre of the fall-off relative to the image centre, in half diagonals, shape (2,)."""
         return parameters[self.radial : self.radial + 2] if self.free_centre else np.zeros(2)
+
+    def limited(self, parameters: FloatArray) -> FloatArray:
+        """Return the parameters with a centre that a lens in front of the image can have, shape (len,)."""
+        centre = slice(self.radial, self.radial + 2 * self.free_centre)
+        within = parameters.copy()
+        within[centre] = np.clip(within[centre], -MAX_DECENTRING, MAX_DECENTRING)
+        return within
 
     def vignette(self, parameters: FloatArray, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
         """Return the vignette for an image size; beyond the usable radius it keeps its last value."""

@@ -42,8 +42,9 @@ vignette error of the centred ones by a tenth."""
 
 ASYMMETRY_SIGMA = 0.004
 """Asymmetry that registration errors common to all samples imitate, in ln V over a half diagonal. Added to the
-covariance before a free centre or non-radial terms are accepted. Chosen by hand; 0.002 has no effect, 0.008 raises
-the vignette error by half."""
+covariance before a free centre or non-radial terms are accepted; of the centre, the shift that changes ln V as much
+on average. Chosen by hand; 0.002 has no effect, 0.008 raises the vignette error by half. Where the same number was
+taken for a shift in half diagonals, four of 24 short films without a vignette got a centre of their own."""
 
 FIRST_FIT_POINTS = 10_000
 """Scene points from which the first, approximate fit is made, to save time: it only starts the fit to all of them.
@@ -187,6 +188,10 @@ to 0.1."""
 MAX_GAMMA_CHANGE = 3.0
 """Largest factor by which a coefficient changes in one round: the prior is linearised in its logarithm, which a
 larger step leaves behind. 5 has no effect, 2 raises the vignette error by 15 per cent."""
+
+MAX_DECENTRING = 0.5
+"""Largest distance of the vignette's centre from that of the image, along each axis, in half diagonals. Lenses have
+up to 0.1; where the exposures are wrong, the centre left the image and ln V overflowed."""
 
 SETTLED_SIGMAS = 0.1
 """The rounds end when the parameters move less than this, as a root mean square in standard deviations. 0.03 has no
