@@ -76,6 +76,26 @@ def test_another_exponent_is_wrong(footage):
     assert run.step == pytest.approx(1.2 * np.log(3) - np.log(truth[1] / truth[0]), abs=1e-3)
 
 
+@pytest.mark.parametrize("name", ["power", "power-up", "dimming"])
+def test_a_power_of_the_exposures_is_indistinguishable(footage, name):
+    (fault,) = (one for one in chosen_faults(name) if one.name == name)
+    faulty = fault.put_on(footage, fault.strengths[1])
+    stated = faulty.as_stated()
+    # The proof: some radiance, to the same power, gives the grey levels of the image in this frame and in another.
+    (camera,), (twin,) = faulty.responses, stated.responses
+    places, frames = np.array([[0.0, 0.0], [20.0, 11.0], [31.0, 20.0]]), [0, len(faulty) // 2]
+    reaching = faulty.exposures_ms ** (1 / faulty.power)
+    radiance = 0.4 / (reaching * faulty.vignette.at(places)[:, None]).max()
+    for frame in frames:
+        irradiance = radiance * faulty.vignette.at(places) * reaching[frame]
+        of_twin = radiance**faulty.power * stated.vignette.at(places) * faulty.exposures_ms[frame]
+        np.testing.assert_allclose(twin(of_twin), camera(irradiance), atol=2e-3)
+    found = calibration(footage, response=twin, vignette=stated.vignette)
+    assert judged(found, faulty, RUN).outcome == "indistinguishable"
+    assert judged(found, footage, RUN).outcome == "confident and wrong"
+    assert judged(calibration(footage, response=Response.gamma(1.2)), faulty, RUN).outcome == "confident and wrong"
+
+
 def test_a_missing_part_is_detected_unless_its_truth_is_unknown(footage):
     verdicts = {name: Verdict("identifiable", "") for name in GOOD} | {"vignette": Verdict("not identifiable", "")}
     found = calibration(footage, vignette=None, vignette_sigma=None, verdicts=verdicts)

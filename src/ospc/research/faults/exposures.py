@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -64,13 +65,17 @@ def _shuffled(e: FloatArray, share: float, random: np.random.Generator) -> Float
     return shuffled
 
 
+def _power(footage: Footage, power: float, _random: np.random.Generator) -> Footage:
+    return replace(footage.with_exposures(footage.exposures_ms**power), power=power)
+
+
 FAULTS = (
     _stated("offset", "{} ms added to every exposure", (0.5, 1, 2), lambda e, x, _: e + x),
     _stated("offset-down", "{} of the shortest exposure taken off every one", (0.2, 0.5, 0.8),
         lambda e, x, _: e - x * e.min()),
     _stated("logarithm", "log2 of the exposure plus {}", (8, 5, 2), lambda e, x, _: np.log2(e) + x),
-    _stated("power", "exposures to the power of {}", (0.95, 0.9, 0.8), lambda e, x, _: e**x),
-    _stated("power-up", "exposures to the power of {}", (1.05, 1.1, 1.25), lambda e, x, _: e**x),
+    Fault("power", "exposures to the power of {}", (0.95, 0.9, 0.8), _power),
+    Fault("power-up", "exposures to the power of {}", (1.05, 1.1, 1.25), _power),
     _stated("reciprocal", "1000 over the exposure to the power of {}", (0.2, 1, 2), lambda e, x, _: 1000.0 * e**-x),
     _stated("ceiling", "exposures above their quantile {} are a hidden gain", (0.95, 0.85, 0.5),
         lambda e, x, _: np.minimum(e, np.quantile(e, x))),

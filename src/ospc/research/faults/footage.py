@@ -16,7 +16,7 @@ from ospc.calibrator import calibrate
 from ospc.errors import NotObservableError
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import Vignette
+from ospc.photometry.vignette import RasterVignette, Vignette
 from ospc.recording import open_recording
 from ospc.research.accuracy.design import accuracy_sources
 from ospc.research.accuracy.real_video import VideoSource
@@ -68,6 +68,8 @@ class Footage:
         Largest radius, in half diagonals, at which the images show the scene; the vignette is judged up to there.
     times
         Lines of ``times.txt``, for faults that only a file can have. The recording is then read from files.
+    power
+        Power of the exposures that reach the camera to which those in the metadata are proportional.
     """
 
     images: tuple[Image, ...]
@@ -79,6 +81,7 @@ class Footage:
     vignette: Vignette | None = None
     reach: float = 1.0
     times: tuple[str, ...] = ()
+    power: float = 1.0
 
     def __len__(self) -> int:
         """Return the number of images."""
@@ -101,6 +104,15 @@ class Footage:
     def with_exposures(self, exposures_ms: FloatArray) -> Footage:
         """Return the recording with other exposures in its metadata."""
         return replace(self, exposures_ms=np.asarray(exposures_ms, dtype=np.float64))
+
+    def as_stated(self) -> Footage:
+        """Return the recording with the truth of a camera that takes the same images at the exposures stated.
+
+        If radiances, response and vignette are to the same power as the exposures, every image stays as it is.
+        """
+        responses = tuple(Response.from_values(one.inverse_table**self.power) for one in self.responses)
+        vignette = None if self.vignette is None else RasterVignette(self.vignette.image() ** self.power)
+        return replace(self, responses=responses, vignette=vignette, power=1.0)
 
     def relit(self, change: Callable[[Float32Array, int], Float32Array]) -> Footage:
         """Return the recording as its camera sees it when the irradiance of every frame is changed by a function."""

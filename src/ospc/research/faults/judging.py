@@ -28,7 +28,9 @@ from ospc.research.method import failure
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.scoring import profile_along_diagonal
 
-Outcome = Literal["detected", "corrected", "harmless", "uncertain", "confident and wrong", "crashed"]
+Outcome = Literal[
+    "detected", "corrected", "harmless", "uncertain", "indistinguishable", "confident and wrong", "crashed"
+]
 
 CLEAN = "none"
 """Stands for the fault of a recording without any."""
@@ -137,17 +139,19 @@ def calibrated(footage: Footage) -> Calibration:
 
 def judged(found: Calibration, footage: Footage, run: Run) -> Run:
     """Return a run with the errors of its calibration, what was said, and the outcome."""
-    figures: dict[str, Any] = {}
-    if (response := found.response) is not None:
-        # Where a curve was put on all grey levels, the estimate may be of the camera with or without it.
-        kappa, truth = min(((log_ratio_error(response, one), one) for one in footage.responses), key=itemgetter(0))
-        figures |= {"kappa": kappa, "step": _step(response) - _step(truth), "step_sigma": step_sigma(found)}
-    if found.vignette is not None and footage.vignette is not None:
-        figures |= _vignette_figures(found.vignette, found.vignette_sigma, footage.vignette, footage.reach)
+    figures = _errors(found, footage)
     doubts = [f"{name}: {v.reason}" for name, v in found.verdicts.items() if v.state != "identifiable"]
     states: dict[str, str] = {name: verdict.state for name, verdict in found.verdicts.items()}
     skipped = found.counts.get("skipped", 0)
     parts = ("response", "exposures") if footage.vignette is None else ("response", "vignette", "exposures")
+    outcome = outcome_of(
+        {name: states.get(name, "not identifiable") for name in parts},
+        figures,
+        warned=bool(found.warnings),
+        corrected=bool(found.notes) or skipped > 0,
+    )
+    if outcome == "confident and wrong" and footage.power != 1 and not beyond(_errors(found, footage.as_stated())):
+        outcome = "indistinguishable"
     return replace(
         run,
         **figures,
@@ -155,13 +159,20 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
         said=tuple(dict.fromkeys((*found.warnings, *found.notes, *doubts))),
         skipped=skipped,
         false_alarm=bool(found.warnings) or states.get("exposures") == "not identifiable",
-        outcome=outcome_of(
-            {name: states.get(name, "not identifiable") for name in parts},
-            figures,
-            warned=bool(found.warnings),
-            corrected=bool(found.notes) or skipped > 0,
-        ),
+        outcome=outcome,
     )
+
+
+def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
+    """Return errors and standard deviations by the names of :class:`Run`, as far as both curves are known."""
+    figures: dict[str, Any] = {}
+    if (response := found.response) is not None:
+        # Where a curve was put on all grey levels, the estimate may be of the camera with or without it.
+        kappa, truth = min(((log_ratio_error(response, one), one) for one in footage.responses), key=itemgetter(0))
+        figures |= {"kappa": kappa, "step": _step(response) - _step(truth), "step_sigma": step_sigma(found)}
+    if found.vignette is not None and footage.vignette is not None:
+        figures |= _vignette_figures(found.vignette, found.vignette_sigma, footage.vignette, footage.reach)
+    return figures
 
 
 def outcome_of(

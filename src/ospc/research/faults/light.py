@@ -25,6 +25,11 @@ def _factored(footage: Footage, factor: FloatArray) -> Footage:
     return footage.relit(lambda light, i: light * np.float32(factor[i]))
 
 
+def _dimmed(footage: Footage, power: float, _random: np.random.Generator) -> Footage:
+    exposures_ms = footage.camera.exposures_ms
+    return replace(_factored(footage, (exposures_ms / np.median(exposures_ms)) ** -power), power=1 / (1 - power))
+
+
 def _times(footage: Footage, factor: Float32Array) -> Footage:
     """Multiply the light of every pixel by a factor, shape (height, width)."""
     return footage.relit(lambda light, _i: light * factor)
@@ -189,9 +194,7 @@ FAULTS = (
     Fault("clouds", "light that wanders by ±{} in ln", (0.05, 0.15, 0.4), _clouds),
     Fault("white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25),
         lambda f, x, _: _factored(f, 1 + x * wave(len(f), 2.5))),
-    Fault("dimming", "light that falls as exposure to the power of {} rises", (0.05, 0.1, 0.2),
-        # No image can tell it from another scale of the exposures.
-        lambda f, x, _: _factored(f, (f.camera.exposures_ms / np.median(f.camera.exposures_ms)) ** -x)),
+    Fault("dimming", "light that falls as exposure to the power of {} rises", (0.05, 0.1, 0.2), _dimmed),
     Fault("shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1),
         lambda f, x, _: _shaded(f, f.camera.attenuation ** np.float32(-x))),
     Fault("smudge", "four smudges that take {} of the light", (0.1, 0.3, 0.6), _smudge),

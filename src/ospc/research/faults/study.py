@@ -29,7 +29,8 @@ OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 _NOTE = (
     "Detected: an error, a warning, or a quantity said not to be identifiable. Corrected and harmless: errors within "
     "3σ, κ ≤ 0.005 and vignette ≤ 0.005, with and without a note. Uncertain: what is larger is within 3σ and called "
-    "marginal. Confident and wrong: the rest. Step is the error of ln g(0.75)/g(0.25)."
+    "marginal. Indistinguishable: right for another camera that takes the same images at the exposures stated. "
+    "Confident and wrong: the rest. Step is the error of ln g(0.75)/g(0.25)."
 )
 
 
