@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray
+from ospc.arrays import FloatArray
 
 NODE_STEP_PX = 2
 """Distance of the nodes around a place from whose values a wider smoothing follows, in reduced pixels: for the
@@ -49,15 +49,15 @@ def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatA
     return np.swapaxes(axes0, 1, 2) * further0 @ axes0, axes1 * further1 @ np.swapaxes(axes1, 1, 2)
 
 
-def smoothed(values: FloatArray | Float32Array, covariance: FloatArray) -> FloatArray:
-    """Return values smoothed further by Gaussians of these covariances, (n, 2, 2), shape (n,).
+def node_weights(covariance: FloatArray) -> FloatArray:
+    """Return the weights of the values at the :data:`NODES` that smooth further by these covariances, shape (n, 9).
 
-    ``values`` are those at the :data:`NODES` around each place, (n, 9). The expected value of their Taylor series is
-    taken, up to its term in x²y².
+    The covariances have shape (n, 2, 2). The weighted sum is the mean of the Taylor series about the place over a
+    Gaussian, up to its term in x²y².
     """
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     expected = np.stack([np.ones_like(xx), xx / 2, yy / 2, xy, xx * yy / 4 + xy**2 / 2], axis=1)
-    return np.asarray(np.einsum("nt,tk,nk->n", expected, _STENCILS, values, optimize=True))
+    return np.asarray(expected @ _STENCILS)
 
 
 def interpolation_smoothing(places: FloatArray) -> FloatArray:

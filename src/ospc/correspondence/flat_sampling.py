@@ -8,7 +8,13 @@ from functools import cache
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
-from ospc.correspondence.equal_smoothing import CENTRE, NODES, further_smoothing, interpolation_smoothing, smoothed
+from ospc.correspondence.equal_smoothing import (
+    CENTRE,
+    NODES,
+    further_smoothing,
+    interpolation_smoothing,
+    node_weights,
+)
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
 from ospc.correspondence.registration import Registration, displacement_at, jacobian_at
 from ospc.correspondence.thumbnail_registration import MIN_OVERLAP, values_at
@@ -217,7 +223,8 @@ def _mean_and_variance(
     further: FloatArray, grey: FloatArray | Float32Array, squares: FloatArray | Float32Array
 ) -> tuple[FloatArray, FloatArray]:
     """Return grey levels and variances of the pixels, smoothed further by these covariances, shape (n,) each."""
-    mean, square = smoothed(grey, further), smoothed(squares, further)
+    weights = node_weights(further)
+    mean, square = (np.sum(weights * values, axis=1) for values in (grey, squares))
     return np.clip(mean, 0.0, 1.0), np.clip(square - mean**2, 0.0, 1.0)
 
 
