@@ -16,7 +16,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.estimation.residual_effects import uneven_vignette, unsteadiness
+from ospc.estimation.residual_effects import uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
@@ -142,7 +142,8 @@ def fit_with_chosen_effects(
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
         return _with_estimates(plain, plain_trials, unsteady, refused)
-    return _with_estimates(fit, trials, (*_estimates(fit), *uneven_vignette(residual, observations)), refused)
+    uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
+    return _with_estimates(fit, trials, (*_estimates(fit), *uneven), refused)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """What no camera with one response and one vignette does, by what a fit leaves in single parts and frames.
 
 Dirt, scratches and shading correction make parts of the image darker or brighter than a smooth vignette. Automatic
-contrast and electronic stabilisation make response and vignette differ from frame to frame.
+contrast and electronic stabilisation make response and vignette differ from frame to frame; local contrast changes
+single places.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.robust import robust_scale
 from ospc.settings.estimation import (
     DARKEST_GREY,
+    MOST_RADIANCE_SIGMA,
     UNEVEN_CELLS,
     UNEVEN_FEWEST,
     UNEVEN_FEWEST_BLOCKS,
@@ -30,6 +32,7 @@ from ospc.settings.estimation import (
 )
 
 UNEVEN, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE = "uneven vignette", "unsteady response", "unsteady vignette"
+UNSTEADY_RADIANCE = "unsteady radiance"
 """Names of the findings."""
 
 
@@ -104,6 +107,19 @@ def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tup
         if excess > UNSTEADY_SLOPE:
             found.append(EffectEstimate(name, excess, excess / np.sqrt(2 * slopes), contradicts=True))
     return tuple(found)
+
+
+def unsteady_radiance(radiance_sigma: float, groups: int) -> tuple[EffectEstimate, ...]:
+    """Return by how much the radiance of a place differs between frames, beyond noise; nothing if that is usual.
+
+    It is what remains where nothing says why: ``radiance_sigma`` is that of the
+    :class:`~ospc.estimation.error_model.ErrorModel` of a fit to so many groups.
+    """
+    if radiance_sigma < MOST_RADIANCE_SIGMA:
+        return ()
+    return (
+        EffectEstimate(UNSTEADY_RADIANCE, radiance_sigma, radiance_sigma / np.sqrt(2 * groups), contradicts=True),
+    )
 
 
 def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) -> tuple[float, int]:
