@@ -18,12 +18,14 @@ from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.exposures.assessment import ExposureAssessment
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.findings import ExposureFindings, LagChoice, lag_in_words
+from ospc.exposures.table import ExposureTable
 from ospc.foresight import Foresight
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
 from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
 from ospc.recording.frame import Frame, size_of
@@ -224,7 +226,9 @@ class Engine:
         """End the epoch with the calibration before a change of the camera, and go on with what came after it."""
         first, later = self.epochs[-1].first_frame, method.split(change.frame)
         found, exposures = self._exposures.split(change.frame)
-        known = method.calibration(exposures, self.pixels.range_before(change.frame))
+        grey_range = self.pixels.range_before(change.frame)
+        exposures, found = self._unless_refuted(method, exposures, found, grey_range)
+        known = method.calibration(exposures, grey_range)
         ended = self._judged(known, found, change.frame - first)
         self._epochs.append(Epoch(first, change.frame - 1, ended, change))
         self.pixels = self.pixels.of_next_epoch()
@@ -253,11 +257,28 @@ class Engine:
             if self._method is None:
                 why = f": {self._reasons[-1]}" if self._reasons else ""
                 raise OspcError(f"no frame could be used{why}")
-            known = self._method.calibration(self._exposures.corrected, self.pixels.grey_range)
+            exposures, found = self._exposures_used()
+            known = self._method.calibration(exposures, self.pixels.grey_range)
             if self.prior is not None:
                 known = self.prior.continued(known, self.summary())
-            judged = self._judged(known, self._exposures.findings(), self.frames)
+            judged = self._judged(known, found, self.frames)
             return replace(judged, source=self.source | judged.source)
+
+    def _exposures_used(self) -> tuple[ExposureTable, ExposureFindings]:
+        """Return the exposures as the result uses them, and what was found about them."""
+        exposures, found = self._exposures.corrected, self._exposures.findings()
+        if self._method is None:
+            return exposures, found
+        return self._unless_refuted(self._method, exposures, found, self.pixels.grey_range)
+
+    def _unless_refuted(
+        self, method: Method, exposures: ExposureTable, found: ExposureFindings, grey_range: GreyRange
+    ) -> tuple[ExposureTable, ExposureFindings]:
+        """Return exposures and findings, as written where a fit to the moved ones shows that they were right."""
+        moved = found.corrected_frames and self._exposures.choice == "auto"
+        if not moved or not found.refuted_by(method.calibration(exposures, grey_range).effects):
+            return exposures, found
+        return replace(exposures, lag_frames=0), found.moved_back()
 
     def _judged(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
         """Return the calibration from so many frames with the verdicts that their exposures allow."""
@@ -284,14 +305,14 @@ class Engine:
     def exposure_findings(self) -> ExposureFindings:
         """Return what the images say about the exposures so far; OspcError if no frame could be read."""
         with self._lock:
-            return self._exposures.findings()
+            return self._exposures_used()[1]
 
     def inputs(self) -> FitInputs | None:
         """Return the evidence on response and vignette; None where there is none that could be merged."""
         with self._lock:
             if self._method is None:
                 return None
-            return self._method.inputs(self._exposures.corrected, self.pixels.grey_range)
+            return self._method.inputs(self._exposures_used()[0], self.pixels.grey_range)
 
     def summary(self) -> Summary | None:
         """Return what is known as a value that can be merged with others; None where nothing is."""

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from filmed import Film, found, wandering
+from filmed import LARGE, Film, found, wandering
 
 from ospc.calibrator import OnlineCalibrator, calibrate
+from ospc.evaluation.metrics import log_ratio_error
+from ospc.exposures import findings as exposure_findings
+from ospc.exposures.brightness_changes import BrightnessChanges
+from ospc.exposures.lag_decision import LagEstimate
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
 from ospc.recording import Frame
@@ -18,15 +24,15 @@ RISING = Film(np.linspace(-0.6, 0.6, 60))
 
 
 def test_where_all_is_well_nothing_is_said() -> None:
-    findings = found(Film(wandering(FRAMES)))
-    assert (findings.lag_frames, findings.corrected_frames, findings.notes, findings.warnings) == (0, 0, (), ())
-    assert findings.verdict.state == "identifiable"
+    told = found(Film(wandering(FRAMES)))
+    assert (told.lag_frames, told.corrected_frames, told.notes, told.warnings) == (0, 0, (), ())
+    assert told.verdict.state == "identifiable"
 
 
 def test_a_lag_is_corrected_and_told() -> None:
-    findings = found(LATE)
-    assert (findings.lag_frames, findings.corrected_frames, findings.warnings) == (2, 2, ())
-    assert "2 frames late" in findings.notes[0]
+    told = found(LATE)
+    assert (told.lag_frames, told.corrected_frames, told.warnings) == (2, 2, ())
+    assert "2 frames late" in told.notes[0]
 
 
 def test_a_lag_that_is_not_to_be_corrected_is_a_warning() -> None:
@@ -51,6 +57,39 @@ def test_a_lag_that_is_not_to_be_corrected_is_a_warning() -> None:
 )
 def test_a_fit_that_shows_exposures_of_other_frames_leaves_a_doubt(effect: EffectEstimate, state: str) -> None:
     assert found(LATE).doubted_by([effect]).verdict.state == state
+
+
+@pytest.mark.parametrize(
+    ("effect", "refuted"),
+    [
+        (EffectEstimate(LATE_EXPOSURES, -1.9, 0.1), True),
+        (EffectEstimate(LATE_EXPOSURES, -1.9, 0.1, corrected=True), True),
+        (EffectEstimate(LATE_EXPOSURES, -1.9, 0.5), False),
+        (EffectEstimate(LATE_EXPOSURES, -1.0, 0.1), False),
+        (EffectEstimate(LATE_EXPOSURES, 1.9, 0.1), False),
+        (EffectEstimate("exposure offset", -1.9, 0.1), False),
+    ],
+)
+def test_a_fit_refutes_a_lag_if_it_shows_the_exposures_as_written(effect: EffectEstimate, refuted: bool) -> None:
+    assert found(LATE).refuted_by([effect]) is refuted
+
+
+def test_exposures_are_moved_back_if_the_fit_refutes_their_lag(monkeypatch) -> None:
+    film = Film(wandering(FRAMES), size=LARGE)
+    as_written = calibrate(film.recording(), correct_lag="never")
+    right = exposure_findings.estimate_lag
+
+    def one_late(seen: BrightnessChanges, log_exposure: np.ndarray) -> LagEstimate:
+        """Say that exposures are a frame late, unless they were already moved, which leaves one fewer."""
+        return replace(right(seen, log_exposure), candidates=(int(len(log_exposure) == FRAMES),))
+
+    monkeypatch.setattr(exposure_findings, "estimate_lag", one_late)
+    moved_back = calibrate(film.recording())
+    assert "exposure_lag_corrected_frames" not in moved_back.source
+    assert moved_back.verdicts["exposures"].state == "marginal"
+    assert "belong to their frames" in moved_back.notes[0]
+    assert not moved_back.warnings
+    assert log_ratio_error(moved_back.response, as_written.response) < 0.005
 
 
 def test_a_number_is_obeyed_and_checked() -> None:

@@ -39,6 +39,11 @@ _LATE_FRAMES, _LATE_SIGMAS = 0.3, 5.0
 belong to other frames. With the right lag 125 clean recordings showed 0.09 of a frame and 2.3 standard deviations at
 most; the one with a wrong lag showed 0.6 and 7.8."""
 
+_REFUTED_FRAMES = 0.5
+"""Part of a frame by which a fit must show moved exposures to be wrong, and at most those as written. Three of 100
+clean recordings, with slow exposures and a camera that moves forward, were moved by a frame; their fits showed 0.65,
+0.7 and 0.98."""
+
 _CHANGE_IRREGULARLY = (
     "record a minute in which the exposure changes abruptly and irregularly: cover the lens for a moment, point at a "
     "window, switch a lamp"
@@ -94,6 +99,22 @@ class ExposureFindings:
         if not self.warnings or not verdict.known:
             return verdict
         return Verdict("marginal", f"{verdict.reason}, but {'; '.join(self.warnings)}", self.verdict.remedy)
+
+    def refuted_by(self, effects: Iterable[EffectEstimate]) -> bool:
+        """Return whether a fit to exposures that were moved by their lag shows that they were right as written."""
+        lateness = next((effect for effect in effects if effect.name == LATE_EXPOSURES), None)
+        if lateness is None or abs(lateness.value) < _LATE_SIGMAS * lateness.sigma:
+            return False
+        return abs(self.corrected_frames + lateness.value) < _REFUTED_FRAMES < abs(lateness.value)
+
+    def moved_back(self) -> ExposureFindings:
+        """Return the findings with the exposures as they are written, and their lag as an open question."""
+        alone = f"brightness from frame to frame would have them {lag_in_words(self.corrected_frames)}"
+        reason = f"{alone}, but the fit shows that they belong to their frames"
+        lag = replace(self.lag, state="ambiguous", candidates=(0, *self.lag.candidates))
+        note = f"whether exposures belong to their frames is not certain: {reason}"
+        verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
+        return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(note,))
 
     def doubted_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
         """Return the findings, marginal if a fit with corrected exposures shows them late or early nevertheless."""
