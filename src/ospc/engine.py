@@ -276,7 +276,8 @@ class Engine:
     ) -> tuple[ExposureTable, ExposureFindings]:
         """Return exposures and findings, as written where a fit to the moved ones shows that they were right."""
         moved = found.corrected_frames and self._exposures.choice == "auto"
-        if not moved or not found.refuted_by(method.calibration(exposures, grey_range).effects):
+        inputs = method.inputs(exposures, grey_range) if moved else None
+        if inputs is None or not found.refuted_by(inputs.effects):
             return exposures, found
         return replace(exposures, lag_frames=0), found.moved_back()
 

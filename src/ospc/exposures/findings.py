@@ -102,23 +102,22 @@ class ExposureFindings:
 
     def refuted_by(self, effects: Iterable[EffectEstimate]) -> bool:
         """Return whether a fit to exposures that were moved by their lag shows that they were right as written."""
-        lateness = next((effect for effect in effects if effect.name == LATE_EXPOSURES), None)
+        lateness = _lateness(effects)
         if lateness is None or abs(lateness.value) < _LATE_SIGMAS * lateness.sigma:
             return False
         return abs(self.corrected_frames + lateness.value) < _REFUTED_FRAMES < abs(lateness.value)
 
     def moved_back(self) -> ExposureFindings:
         """Return the findings with the exposures as they are written, and their lag as an open question."""
-        alone = f"brightness from frame to frame would have them {lag_in_words(self.corrected_frames)}"
+        alone = f"changes of brightness alone suggest that they are written {lag_in_words(self.corrected_frames)}"
         reason = f"{alone}, but the fit shows that they belong to their frames"
         lag = replace(self.lag, state="ambiguous", candidates=(0, *self.lag.candidates))
-        note = f"whether exposures belong to their frames is not certain: {reason}"
         verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
-        return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(note,))
+        return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(_uncertain(reason),))
 
     def doubted_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
         """Return the findings, marginal if a fit with corrected exposures shows them late or early nevertheless."""
-        lateness = next((effect for effect in effects if effect.name == LATE_EXPOSURES), None)
+        lateness = _lateness(effects)
         if self.verdict.state != "identifiable" or lateness is None or lateness.corrected:
             return self
         frames = abs(lateness.value)
@@ -127,6 +126,14 @@ class ExposureFindings:
         when = "late" if lateness.value > 0 else "early"
         reason = f"{self.verdict.reason}, but the fit shows them {frames:.1f} ± {lateness.sigma:.1g} frames {when}"
         return replace(self, verdict=Verdict("marginal", reason, _CHANGE_IRREGULARLY))
+
+
+def _lateness(effects: Iterable[EffectEstimate]) -> EffectEstimate | None:
+    return next((effect for effect in effects if effect.name == LATE_EXPOSURES), None)
+
+
+def _uncertain(reason: str) -> str:
+    return f"whether exposures belong to their frames is not certain: {reason}"
 
 
 def assess_exposures(
@@ -265,7 +272,7 @@ def _assess(changes: BrightnessChanges, written: FloatArray) -> ExposureFindings
     contradicted = not verdict.known or late or unlike
     warnings = (verdict.reason,) if contradicted and not few else ()
     open_question = lag.frames is None and verdict.state == "marginal" and not few and not warnings
-    notes = (f"whether exposures belong to their frames is not certain: {verdict.reason}",) if open_question else ()
+    notes = (_uncertain(verdict.reason),) if open_question else ()
     return ExposureFindings(course, lag, 0, brightness, verdict, notes, warnings)
 
 

@@ -98,7 +98,7 @@ class MaximumLikelihoodMethod:
         self._pairs = 0
         self._lost = False
         self._recalled: KeyframeSelectorState | None = None
-        self._inputs: tuple[tuple[int, int, int, GreyRange], FitInputs] | None = None
+        self._inputs: dict[tuple[int, int, int, GreyRange], FitInputs] = {}
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Take the next processed frame, and return the change of the camera that it proves, if any."""
@@ -146,7 +146,7 @@ class MaximumLikelihoodMethod:
         later._select_keyframe.forget_before(number)
         later._series = None
         self._series = None if not self._series_stands_in else self._series
-        self._inputs = None
+        self._inputs = {}
         return later
 
     @property
@@ -188,9 +188,11 @@ class MaximumLikelihoodMethod:
         Asked for again with the same exposures, it is not computed again.
         """
         key = (self._pairs, len(exposures), exposures.lag_frames, grey_range)
-        if self._inputs is None or self._inputs[0] != key:
-            self._inputs = (key, self._new_inputs(exposures, grey_range))
-        return self._inputs[1]
+        if key not in self._inputs:
+            # Of the same frames, exposures as written and moved by a lag are asked for in turn.
+            of_same_frames = {other: known for other, known in self._inputs.items() if other[:2] == key[:2]}
+            self._inputs = {**of_same_frames, key: self._new_inputs(exposures, grey_range)}
+        return self._inputs[key]
 
     def _new_inputs(self, exposures: ExposureTable, grey_range: GreyRange) -> FitInputs:
         observations = self._observations(exposures, grey_range)

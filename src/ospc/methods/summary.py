@@ -21,6 +21,7 @@ from ospc.methods.identifiability import (
 )
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
+from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.robust import SIGMA_OF_MEDIAN
@@ -64,6 +65,11 @@ class FitInputs:
     grey_range: GreyRange = FULL_RANGE
     single_pixels: bool = False
 
+    @property
+    def effects(self) -> tuple[EffectEstimate, ...]:
+        """What the fit says about effects beside response and vignette; nothing without a fit."""
+        return () if self.fit is None else self.fit.effect_estimates
+
     @cached_property
     def ratios(self) -> ExposureRatios:
         """The exposure ratios of all pairs of frames; none without a fit."""
@@ -105,7 +111,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
             *(() if coverage is None else coverage.gaps(inputs.max_grey)),
         ),
-        effects=() if fit is None else fit.effect_estimates,
+        effects=inputs.effects,
         notes=() if fit is None else (*filter(None, [inputs.grey_range.note]), *notes_of(fit)),
         warnings=tuple(what for what, _ in contradictions),
         coverage=coverage,
