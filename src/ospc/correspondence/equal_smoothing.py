@@ -37,10 +37,10 @@ _STENCILS = np.stack(
 
 
 def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatArray, FloatArray]:
-    """Return how much wider than so far to smooth in each of two views, as covariances, shape (n, 2, 2) each.
+    """Return by how much to smooth each of two views further, as covariances, shape (n, 2, 2) each.
 
     Along each axis the view that shows the scene larger is smoothed as much more. The Jacobian of the places in the
-    second view by those in the first, (n, 2, 2), tells by how much.
+    second view by those in the first has shape (n, 2, 2).
     """
     axes1, stretch, axes0 = np.linalg.svd(jacobian)
     stretch = np.clip(stretch, 1 / _MOST_STRETCH, _MOST_STRETCH)

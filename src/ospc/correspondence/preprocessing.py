@@ -27,8 +27,8 @@ SURROUND_WIDTH = 64
 """Width of the coarse image whose surroundings are averaged: the means are as smooth as six of its pixels."""
 
 _LEAST_FLAT_AREA = 2.0
-"""Smallest area over which the image has to be flat, in areas over which grey levels are averaged: a place that is
-found a little beside itself averages others."""
+"""Smallest area over which the image has to be flat, in areas over which grey levels are averaged: registration may
+be off by a pixel, and the image has to be flat there too."""
 
 
 @dataclass(frozen=True)

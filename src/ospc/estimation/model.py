@@ -59,9 +59,9 @@ class Model:
         return floor
 
     def limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
-        """Return the parameters with every gamma as near to the previous one as its linearised logarithm holds.
+        """Return the parameters with no gamma further from the previous one than its linearised logarithm holds.
 
-        The centre of the vignette stays well within the image.
+        The centre of the vignette is kept well within the image.
         """
         n, vignette = len(self.response_basis), self.vignette_part
         gamma = np.clip(parameters[:n], previous[:n] / MAX_GAMMA_CHANGE, previous[:n] * MAX_GAMMA_CHANGE)

@@ -85,17 +85,17 @@ def supported(fit: Fit, last: int) -> bool:
     end = fit.vignette_part.stop
     part = slice(end - last, end)
     value = fit.parameters[part]
-    covariance = fit.chance[part, part] + np.diag(_imitated(fit)[-last:] ** 2)
+    covariance = fit.chance[part, part] + np.diag(_registration_sigma(fit)[-last:] ** 2)
     statistic = float(value @ np.linalg.solve(covariance, value))
     return bool(statistic > last * np.log(max(fit.groups, _FEWEST_GROUPS)))
 
 
-def _imitated(fit: Fit) -> FloatArray:
-    """Return the standard deviation of what registration errors imitate of each parameter of the vignette, (len,)."""
+def _registration_sigma(fit: Fit) -> FloatArray:
+    """Return the standard deviation of each parameter of the vignette by errors that all pairs share, (len,)."""
     basis, parameters = fit.vignette_basis, fit.vignette_parameters
     sigma = np.full(len(basis), ASYMMETRY_SIGMA)
     if basis.free_centre:
-        # How much asymmetry a shift of the centre is depends on how fast V falls: where V is 1, it is none.
+        # A shift of the centre makes ln V asymmetric in proportion to its slope: a flat vignette has no centre.
         centre = slice(basis.radial, basis.radial + 2)
         radii = np.linspace(0, basis.usable_radius)
         along = basis.centre(parameters) + np.stack([radii, np.zeros_like(radii)], axis=1)

@@ -80,7 +80,7 @@ class VignetteBasis:
         return parameters[self.radial : self.radial + 2] if self.free_centre else np.zeros(2)
 
     def limited(self, parameters: FloatArray) -> FloatArray:
-        """Return the parameters with a centre that a lens in front of the image can have, shape (len,)."""
+        """Return the parameters with the centre kept well within the image, shape (len,)."""
         centre = slice(self.radial, self.radial + 2 * self.free_centre)
         within = parameters.copy()
         within[centre] = np.clip(within[centre], -MAX_DECENTRING, MAX_DECENTRING)

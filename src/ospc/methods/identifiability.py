@@ -175,7 +175,7 @@ _CONTRADICTIONS = {
         "switch off automatic contrast and scene modes of the camera, and film scenes with texture",
     ),
     UNSTEADY_RADIANCE: (
-        "places differ in brightness from frame to frame, in ln, more than noise and exposure explain",
+        "the same places differ in brightness from frame to frame by more than noise and exposure explain, in ln",
         "switch off local contrast, HDR and tone mapping in the camera, and film in steady light",
     ),
     UNEVEN: (

@@ -69,7 +69,7 @@ class Footage:
     times
         Lines of ``times.txt``, for faults that only a file can have. The recording is then read from files.
     power
-        Power of the exposures that reach the camera to which those in the metadata are proportional.
+        The exposures in the metadata are proportional to this power of those that reach the sensor.
     """
 
     images: tuple[Image, ...]
