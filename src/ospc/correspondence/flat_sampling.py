@@ -17,7 +17,7 @@ from ospc.correspondence.equal_smoothing import (
 )
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
 from ospc.correspondence.registration import Registration, displacement_at, jacobian_at
-from ospc.correspondence.thumbnail_registration import MIN_OVERLAP, values_at
+from ospc.correspondence.thumbnail_registration import MIN_OVERLAP
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
 
@@ -102,22 +102,23 @@ class FlatSampler:
 
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return what later frames need of a frame: its small images, and its values on the grid."""
-        columns, rows = (slice(self.margin_px, side - self.margin_px, self.spacing_px) for side in frame.reduced_size)
         places = _grid(frame.reduced_size, self.spacing_px, self.margin_px)
-        nodes = places[:, None] + NODES
+        across, down = np.moveaxis((places[:, None] + NODES).astype(np.int64), -1, 0)
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
             places=places,
-            grey=_at(frame.grey, nodes).astype(np.float32),
-            squares=_at(frame.squares, nodes).astype(np.float32),
-            gradient=frame.gradient[rows, columns].ravel(),
-            clipped=frame.clipped[rows, columns].ravel(),
+            grey=frame.grey[down, across],
+            squares=frame.squares[down, across],
+            gradient=frame.values_at(frame.gradient, places).astype(np.float32),
+            clipped=_clipped_at(frame, places),
         )
 
     def __call__(
-        self, keyframe: Keyframe, frame: PreprocessedFrame, registration: Registration, group: int
+        self, keyframe: Keyframe, frame: PreprocessedFrame, registration: Registration | None, group: int
     ) -> Samples:
         """Compare two frames, the first as :meth:`keyframe` returns it; ``group`` is the number of the pair."""
+        if registration is None:
+            return NOTHING_FOUND
         places0 = keyframe.places
         scale = keyframe.reduced_size[0] / registration.forward.shape[1]
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
@@ -128,8 +129,9 @@ class FlatSampler:
         if not found.size or found.mean() < MIN_OVERLAP:
             return NOTHING_FOUND
         gradient0 = keyframe.gradient.astype(np.float64)
-        flat = found & (gradient0 < self.max_gradient) & (_at(frame.gradient, places1) < self.max_gradient)
-        exposed = ~keyframe.clipped & (_at(frame.clipped.view(np.uint8).astype(np.float32), places1) == 0)
+        gradient1 = frame.values_at(frame.gradient, places1)
+        flat = found & (gradient0 < self.max_gradient) & (gradient1 < self.max_gradient)
+        exposed = ~keyframe.clipped & ~_clipped_at(frame, places1)
         position0, position1 = (
             normalised(one.to_frame(places), one.size) for one, places in ((keyframe, places0), (frame, places1))
         )
@@ -137,7 +139,7 @@ class FlatSampler:
         motion = _typical_motion(places0[found], displacement[found], gradient0[found])
         index = np.flatnonzero(flat & exposed)
         # By the mean of both frames: a choice by one grey level would be a choice by its noise.
-        grey = np.sqrt(np.clip(keyframe.grey[index, CENTRE] * _at(frame.grey, places1[index]), 0, 1))
+        grey = np.sqrt(np.clip(keyframe.grey[index, CENTRE] * frame.values_at(frame.grey, places1[index]), 0, 1))
         chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
         places0, places1 = places0[chosen], places1[chosen]
         jacobian = jacobian_at(registration, places0, scale)
@@ -145,7 +147,8 @@ class FlatSampler:
         further1 -= interpolation_smoothing(places1)  # the places of the keyframe are those of pixels
         nodes1 = places1[:, None] + NODES
         grey0, variance0 = _mean_and_variance(further0, keyframe.grey[chosen], keyframe.squares[chosen])
-        grey1, variance1 = _mean_and_variance(further1, _at(frame.grey, nodes1), _at(frame.squares, nodes1))
+        values1 = (frame.values_at(image, nodes1) for image in (frame.grey, frame.squares))
+        grey1, variance1 = _mean_and_variance(further1, *values1)
         observations = Observations.alternating(
             {
                 "grey": grey0,
@@ -153,16 +156,16 @@ class FlatSampler:
                 "position": position0[chosen],
                 "gradient": keyframe.gradient[chosen],
                 "frame_moments": keyframe.moments,
-                "surround_moments": _surroundings(keyframe, places0),
+                "surround_moments": keyframe.values_at(keyframe.surround_moments, places0),
                 "frame": keyframe.number,
             },
             {
                 "grey": grey1,
                 "grey_variance": variance1,
                 "position": position1[chosen],
-                "gradient": _at(frame.gradient, places1),
+                "gradient": gradient1[chosen],
                 "frame_moments": frame.moments,
-                "surround_moments": _surroundings(frame, places1),
+                "surround_moments": frame.values_at(frame.surround_moments, places1),
                 "frame": frame.number,
             },
             np.full(len(chosen), group),
@@ -211,12 +214,9 @@ def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: Floa
     return float(np.median(np.linalg.norm(sums[known] / number[known, None], axis=1)))
 
 
-def _at(image: Float32Array, places: FloatArray) -> FloatArray:
-    """Return the values of an image at places (x, y), interpolated, shape (..., 2) -> (...)."""
-    if len(places) == 0:
-        return np.empty(places.shape[:-1])
-    values = values_at(image, places.astype(np.float32).reshape(len(places), -1, 2))
-    return values.astype(np.float64).reshape(places.shape[:-1])
+def _clipped_at(frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
+    """Return whether any of the places around, from whose values one is interpolated, is clipped, shape (n,)."""
+    return frame.values_at(frame.clipped.view(np.uint8) * np.uint8(255), places) > 0
 
 
 def _mean_and_variance(
@@ -226,11 +226,3 @@ def _mean_and_variance(
     weights = node_weights(further)
     mean, square = (np.sum(weights * values, axis=1) for values in (grey, squares))
     return np.clip(mean, 0.0, 1.0), np.clip(square - mean**2, 0.0, 1.0)
-
-
-def _surroundings(frame: ReducedFrame, places: FloatArray) -> FloatArray:
-    """Return the moments around places in the reduced size, shape (n, 4)."""
-    coarse = frame.surround_moments
-    scale = np.array(coarse.shape[1::-1]) / np.array(frame.reduced_size)
-    there = (places + 0.5) * scale - 0.5
-    return np.stack([_at(np.ascontiguousarray(moment), there) for moment in np.moveaxis(coarse, -1, 0)], axis=1)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail, gradient_magnitude, thumbnail_of
+from ospc.correspondence.thumbnail_registration import values_at
 from ospc.observations import MOMENTS
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
@@ -29,6 +30,9 @@ SURROUND_WIDTH = 64
 _LEAST_FLAT_AREA = 2.0
 """Smallest area over which the image has to be flat, in areas over which grey levels are averaged: registration may
 be off by a pixel, and the image has to be flat there too."""
+
+_LEAST_VARIANCE = 0.04
+"""Least variance of a smoothing, in square pixels: narrower ones change nothing."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,19 @@ class ReducedFrame:
     def _counts(self) -> IntArray:
         return np.bincount(self.small.ravel(), minlength=256)
 
+    def values_at(self, image: Float32Array | npt.NDArray[np.uint8], places: FloatArray) -> FloatArray:
+        """Return the values of an image of this frame, of any size, at places in the reduced size, interpolated.
+
+        (h, w) or (h, w, c) at (..., 2) -> (...) or (..., c).
+        """
+        shape = (*places.shape[:-1], *image.shape[2:])
+        if places.size == 0:
+            return np.empty(shape)
+        scale = np.divide(image.shape[1::-1], self.reduced_size).astype(np.float32)
+        half = np.float32(0.5)
+        there = (places.astype(np.float32) + half) * scale - half
+        return values_at(image, there.reshape(len(places), -1, 2)).astype(np.float64).reshape(shape)
+
     def to_frame(self, points: FloatArray) -> FloatArray:
         """Return pixel coordinates in the frame of places (x, y) in the reduced size, shape (..., 2)."""
         return np.asarray((points + 0.5) * self.reduction - 0.5, dtype=np.float64)
@@ -91,7 +108,7 @@ class PreprocessedFrame(ReducedFrame):
     smoothing_px: float
     """Standard deviation of their smoothing, in reduced pixels."""
     gradient: Float32Array
-    """Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h, w)."""
+    """Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h', w')."""
     clipped: BoolArray
     """Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w)."""
 
@@ -126,11 +143,8 @@ class Preprocessor:
         squares = _reduced(cv2.multiply(image, image, dtype=cv2.CV_32F), reduction)
         squares = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px, dst=squares)
         squares /= np.float32(white) ** 2
-        flat_area = max((self.flatness_px / self.smoothing_px) ** 2, _LEAST_FLAT_AREA)
-        # Variances of smoothings add up, so that the wider one continues from that of the grey levels.
-        further_px = self.smoothing_px * float(np.sqrt(flat_area - 1))
-        wide_grey = cv2.GaussianBlur(grey, (0, 0), further_px)
-        small = _reduced(reduced, self._further_reduction(max(reduced.shape)))
+        further = self._further_reduction(max(reduced.shape))
+        small = _reduced(reduced, further)
         return PreprocessedFrame(
             frame.index,
             size,
@@ -140,7 +154,7 @@ class Preprocessor:
             grey,
             squares,
             self.smoothing_px,
-            gradient_magnitude(wide_grey),
+            self._gradient(small, further, white),
             self._clipped_nearby(frame, reduction, grey_range),
         )
 
@@ -161,6 +175,12 @@ class Preprocessor:
 
     def _further_reduction(self, longest: int) -> int:
         return int(2 ** max(0, int(np.ceil(np.log2(longest / self.registration_side)))))
+
+    def _gradient(self, small: Float32Array, further: int, white: int) -> Float32Array:
+        # Variances of smoothings add up, that of the reduction to the small image too.
+        flat = max(self.flatness_px**2, _LEAST_FLAT_AREA * self.smoothing_px**2)
+        further_px = np.sqrt(max(flat - (further**2 - 1) / 12, _LEAST_VARIANCE)) / further
+        return gradient_magnitude(cv2.GaussianBlur(small, (0, 0), further_px)) / np.float32(white * further)
 
     def _clipped_nearby(self, frame: Frame, reduction: int, grey_range: GreyRange) -> BoolArray:
         # Near the ends noise alone clips single pixels, whose effect on the mean is corrected later. A larger share

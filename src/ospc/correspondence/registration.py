@@ -32,6 +32,10 @@ _GRADIENT_STEPS, _PATCH_STRIDE_PX = 8, 5
 third of OpenCV's steps on a coarser lattice. The search before it needs all of them: with fewer, half of what a pair
 tells of the vignette was lost."""
 
+_REFINEMENTS, _GRADIENT_WEIGHT = 5, 20.0
+"""Iterations of the variational refinement, OpenCV's for this quality, and the weight in it of the constancy of the
+gradient against smoothness of the displacements: twice OpenCV's default, since nothing else is weighed."""
+
 _LATTICE_PX = 16
 """Distance between the places to whose coarse displacements a homography is fitted, in pixels: some hundreds."""
 
@@ -87,11 +91,12 @@ class Registrar(Protocol):
         frame1: ReducedFrame,
         normalize: ExposureNormalizer,
         stated_log_ratio: float = np.nan,
-    ) -> Registration:
-        """Return the displacements between two frames; where a place is lost, its error is large.
+    ) -> Registration | None:
+        """Return the displacements between two frames, or None where they have too little in common.
 
-        They are in pixels of the small images, shape (h, w), that ``normalize`` returns as they would be at the same
-        exposure. The ratio is ln of the exposure of the second over that of the first, NaN where it is unknown.
+        Where a single place is lost, its error is large. Displacements are in pixels of the small images, shape (h,
+        w), that ``normalize`` returns as they would be at the same exposure. The ratio is ln of the exposure of the
+        second over that of the first, NaN where it is unknown.
         """
         ...
 
@@ -101,15 +106,16 @@ class DenseRegistration:
 
     Its smoothness holds displacements back where they grow from place to place, as when the camera moves forward or
     turns. So a coarse search comes first, and the second image is warped by the homography that explains most of it:
-    what is left to find is small and nearly constant. The way back only shows where the way there is wrong by pixels:
-    it is computed more coarsely, in ``second`` while this thread computes the way there, if there is a second thread.
-    The result is the same.
+    what is left to find is small and nearly constant. Where no homography explains a quarter, nothing more is
+    searched: of 524 such pairs one was registered nevertheless. The way back only shows where the way there is wrong
+    by pixels: it is computed more coarsely, in ``second`` while this thread computes the way there, if there is a
+    second thread. The result is the same.
     """
 
     def __init__(self, second: SecondThread | None = None) -> None:
         self._second = second
         self._first = optical_flow(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, finest_scale=2)
-        self._there, self._back = _short_search(finest_scale=1), _short_search(finest_scale=2)
+        self._there, self._back = _refined(_short_search(finest_scale=1)), _short_search(finest_scale=2)
 
     def __call__(
         self,
@@ -117,10 +123,12 @@ class DenseRegistration:
         frame1: ReducedFrame,
         normalize: ExposureNormalizer,
         stated_log_ratio: float = np.nan,
-    ) -> Registration:
+    ) -> Registration | None:
         """Register two frames in both directions; see :class:`Registrar`."""
         image0, image1 = normalize(frame0, frame1, stated_log_ratio)
         homography = _homography(self._first.calc(image0, image1, None))
+        if homography is None:
+            return None
         size = image0.shape[::-1]
         inverse = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         warped = cv2.warpPerspective(image1, homography, size, flags=inverse, borderMode=cv2.BORDER_REPLICATE)
@@ -161,8 +169,20 @@ def _short_search(finest_scale: int) -> cv2.DISOpticalFlow:
     return flow
 
 
-def _homography(displacement: Float32Array) -> FloatArray:
-    """Return the homography that explains most displacements, (h, w, 2) -> (3, 3); the identity if none does."""
+def _refined(flow: cv2.DISOpticalFlow) -> cv2.DISOpticalFlow:
+    """Have a search refine displacements by the constancy of the gradient, and return it.
+
+    Constancy of brightness, weighed too by default, would pull flat places to where the brightness agrees: grey
+    values sampled there would no longer show the difference that is to be measured.
+    """
+    flow.setVariationalRefinementIterations(_REFINEMENTS)
+    flow.setVariationalRefinementDelta(0.0)
+    flow.setVariationalRefinementGamma(_GRADIENT_WEIGHT)
+    return flow
+
+
+def _homography(displacement: Float32Array) -> FloatArray | None:
+    """Return the homography that explains most displacements, (h, w, 2) -> (3, 3); None if none explains enough."""
     height, width = displacement.shape[:2]
     lattice = (slice(_LATTICE_PX // 2, None, _LATTICE_PX),) * 2
     places = pixel_places((width, height))[lattice].reshape(-1, 2)
@@ -170,9 +190,9 @@ def _homography(displacement: Float32Array) -> FloatArray:
     inside = np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
     fewest = max(MIN_OVERLAP * len(places), _FEWEST_SUPPORTS)
     if np.count_nonzero(inside) < fewest:
-        return np.eye(3)
+        return None
     found, supports = cv2.findHomography(places[inside], there[inside], cv2.USAC_FAST, _HOMOGRAPHY_ERROR_PX)
-    return np.eye(3) if found is None or np.count_nonzero(supports) < fewest else np.asarray(found)
+    return None if found is None or np.count_nonzero(supports) < fewest else np.asarray(found)
 
 
 def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:

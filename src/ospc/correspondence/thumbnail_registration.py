@@ -6,6 +6,7 @@ from functools import cache
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
@@ -32,20 +33,15 @@ _EXPOSED_SHARE = 0.99
 """Interpolated share of exposed pixels from which a place counts as exposed: all its neighbours are, but for
 rounding."""
 
-_GRADIENT_WEIGHT = 20.0
-"""Weight of the constancy of the gradient in the variational refinement, against smoothness of the displacements:
-twice OpenCV's default, since nothing else is weighed."""
-
 
 class ThumbnailRegistration:
     """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on images with equalized histograms."""
 
     def __init__(self) -> None:
         preset = cv2.DISOPTICAL_FLOW_PRESET_FAST
-        self._there, self._back = optical_flow(preset, finest_scale=0), optical_flow(preset, finest_scale=1)
         # Refined, ln M of a grey bin would change by 0.0001. Down to half the size only, it would change by 0.0004,
         # which is enough to suspect changes of the camera where there are none.
-        self._there.setVariationalRefinementIterations(0)
+        self._there, self._back = optical_flow(preset, finest_scale=0), optical_flow(preset, finest_scale=1)
 
     def __call__(self, first: Thumbnail, second: Thumbnail) -> tuple[Float32Array, BoolArray]:
         """Return where every place of the first is in the second, (h, w, 2), and whether it was found, (h, w)."""
@@ -61,7 +57,7 @@ class ThumbnailRegistration:
         return there, inside & (forward_backward_error(forward, backward) < _MAX_FORWARD_BACKWARD_ERROR_PX)
 
 
-def values_at(image: Float32Array, places: Float32Array) -> Float32Array:
+def values_at(image: Float32Array | npt.NDArray[np.uint8], places: Float32Array) -> Float32Array:
     """Return the values of an image, (h, w) or (h, w, n), at places (x, y), (..., 2), interpolated."""
     values = cv2.remap(image, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, dtype=np.float32)
@@ -85,16 +81,10 @@ def pixel_places(size: ImageSize) -> Float32Array:
 
 
 def optical_flow(preset: int, finest_scale: int) -> cv2.DISOpticalFlow:
-    """Return OpenCV's dense inverse search, down to the image halved ``finest_scale`` times, without brightness.
-
-    Its variational refinement weighs the constancy of the gradient only. Constancy of brightness, weighed too by
-    default, would pull flat places to where the brightness agrees: grey values sampled there would no longer show the
-    difference that is to be measured.
-    """
+    """Return OpenCV's dense inverse search, down to the image halved ``finest_scale`` times, without refinement."""
     flow = cv2.DISOpticalFlow_create(preset)
     flow.setFinestScale(finest_scale)
-    flow.setVariationalRefinementDelta(0.0)
-    flow.setVariationalRefinementGamma(_GRADIENT_WEIGHT)
+    flow.setVariationalRefinementIterations(0)
     return flow
 
 
