@@ -267,5 +267,5 @@ def test_a_long_recording_costs_a_fraction_of_its_frames():
     def share(frames):
         return len(processed(DefaultSettings().sampler(), frames)) / frames
 
-    assert share(500) >= 0.4
+    assert share(500) >= 0.3
     assert share(10_000) < 0.08

@@ -103,12 +103,11 @@ class FlatSampler:
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return what later frames need of a frame: its small images, and its values on the grid."""
         places = _grid(frame.reduced_size, self.spacing_px, self.margin_px)
-        across, down = np.moveaxis((places[:, None] + NODES).astype(np.int64), -1, 0)
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
             places=places,
-            grey=frame.grey[down, across],
-            squares=frame.squares[down, across],
+            grey=self._at_nodes(frame.grey),
+            squares=self._at_nodes(frame.squares),
             gradient=frame.values_at(frame.gradient, places).astype(np.float32),
             clipped=_clipped_at(frame, places),
         )
@@ -172,6 +171,19 @@ class FlatSampler:
         )
         radial_motion = float(np.sqrt(np.mean(radial**2)))
         return Samples(observations, float(found.mean()), radial_motion, motion * keyframe.reduction)
+
+    def _at_nodes(self, image: Float32Array) -> Float32Array:
+        """Return the values of an image at the nodes around the places of the grid, (h, w) -> (n, 9)."""
+
+        def shifted(by_x: int, by_y: int) -> Float32Array:
+            starts = (self.margin_px + by for by in (by_y, by_x))
+            parts = (
+                slice(b, b + n - 2 * self.margin_px, self.spacing_px)
+                for b, n in zip(starts, image.shape, strict=True)
+            )
+            return image[tuple(parts)].ravel()
+
+        return np.stack([shifted(*offset) for offset in NODES.astype(int).tolist()], axis=1)
 
     def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
         """Return which places to take: as many as allowed, evenly over cells of grey level and radius."""

@@ -182,7 +182,7 @@ class DefaultSettings:
     """
 
     frames_per_slowdown: int = 60
-    dense_frames: int = 150
+    dense_frames: int = 100
     longest_pause_frames: int = 16
     comparison_period_frames: int = 48
     comparison_run_frames: int = 8
