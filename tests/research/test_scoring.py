@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 
 import numpy as np
@@ -13,7 +14,7 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.research.held_out import HeldOut
-from ospc.research.measurement import METRICS, Measurement
+from ospc.research.measurement import METRICS, Measurement, medians
 from ospc.research.method import Estimate, Result
 from ospc.research.scoring import Truth, exposure_error, measurement, profile_along_diagonal, score
 from ospc.research.source import SimulatedSource
@@ -126,3 +127,23 @@ def test_profile_begins_at_one_and_is_that_of_the_model():
 def test_measurements_survive_the_way_through_json():
     row = measurement(SOURCE, Result("m", Estimate.of(calibration(sigma=0.1)), 1.5), TRUTH, HeldOut())
     assert Measurement(**asdict(row)) == row
+
+
+def test_a_median_counts_what_a_method_misses_but_not_what_nobody_can_know():
+    """Charts tell nothing of the vignette; a method without one elsewhere failed."""
+    simulated = [
+        measured("a", "one", 0.1),
+        measured("b", "one", 0.3),
+        measured("a", "two", 0.2),
+        measured("b", "two"),
+    ]
+    charts = [Measurement("c", method, {"log_ratio_error": 0.5}, group="charts") for method in ("one", "two")]
+    found = medians([*simulated, *charts], "vignette_rmse")
+    assert found["one"] == pytest.approx(0.2)
+    assert found["two"] == math.inf
+    assert medians(charts, "vignette_rmse") == {"one": math.inf, "two": math.inf}
+
+
+def measured(recording, method, vignette_rmse=None):
+    figures = {} if vignette_rmse is None else {"vignette_rmse": vignette_rmse}
+    return Measurement(recording, method, figures, group="simulated")

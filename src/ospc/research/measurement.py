@@ -149,7 +149,7 @@ def groups_of(rows: Sequence[Measurement]) -> dict[str, list[Measurement]]:
 
 def known_metrics(rows: Sequence[Measurement]) -> list[Metric]:
     """Return the metrics that at least one measurement has."""
-    return [metric for metric in METRICS if any(metric.figure in row.figures for row in rows)]
+    return [metric for metric in METRICS if _any_has(rows, metric.figure)]
 
 
 def typical(rows: Sequence[Measurement], metric: Metric) -> float | None:
@@ -183,8 +183,16 @@ def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -
 
 
 def medians(rows: Sequence[Measurement], figure: str) -> dict[str, float]:
-    """Return the median of a figure by method, in which a missing figure counts as infinite."""
-    return {
-        name: float(np.median([row.figures.get(figure, math.inf) for row in rows if row.method == name]))
-        for name in methods_of(rows)
+    """Return the median of a figure by method, in which a missing figure counts as infinite.
+
+    Groups of recordings in which no method has the figure are left out: no truth of it is known there.
+    """
+    judged = [row for members in groups_of(rows).values() for row in members if _any_has(members, figure)]
+    found = {
+        name: [row.figures.get(figure, math.inf) for row in judged if row.method == name] for name in methods_of(rows)
     }
+    return {name: float(np.median(values)) if values else math.inf for name, values in found.items()}
+
+
+def _any_has(rows: Sequence[Measurement], figure: str) -> bool:
+    return any(figure in row.figures for row in rows)
