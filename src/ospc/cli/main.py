@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import sys
@@ -83,6 +84,8 @@ class _Commands(click.Group):
             os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
             # Nearly all objects are made by imports and stay: looking through them often takes a thirtieth of a run.
             gc.set_threshold(_ALLOCATIONS_PER_COLLECTION)
+            # At its end Python would look through all of them several times, for garbage that goes with the process.
+            atexit.register(gc.freeze)
             try:
                 code = super().invoke(ctx)
             except KeyboardInterrupt as interruption:
