@@ -18,7 +18,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
 from ospc.report.charts import Findings
-from ospc.report.examples import Examples, examples_of, exposures_beside
+from ospc.report.examples import NOTHING_TRIED, examples_of, exposures_beside
 from ospc.report.page import write_page
 from ospc.report.pdf import write_pdf
 from ospc.report.pictures import PICTURES, pictures_of
@@ -104,13 +104,17 @@ class OutputFolder:
                 written += Written(problems=(str(error),))
         return written
 
-    def draw(
-        self, calibration: Calibration, truth: Photometry | None = None, stop: Callable[[], bool] = lambda: False
-    ) -> Written:
-        """Write the pictures, with a reference beside the calibration, until ``stop``, asked before each, is true."""
+    def findings(
+        self, calibration: Calibration, recording: Recording | None = None, truth: Photometry | None = None
+    ) -> Findings:
+        """Return what to draw: with the exposures of a recording, or else of times.txt, and with a reference."""
+        exposures_ms = exposures_beside(self.path) if recording is None else recording.exposures_ms
+        return Findings(calibration, exposures_ms, truth)
+
+    def draw(self, findings: Findings, stop: Callable[[], bool] = lambda: False) -> Written:
+        """Write the pictures until ``stop``, asked before each, is true."""
 
         def pictures() -> Iterator[Written]:
-            findings = Findings(calibration, exposures_beside(self.path), truth=truth)
             for name, picture in pictures_of(findings).items():
                 if stop():
                     yield Written(notes=("interrupted before all pictures were written",))
@@ -119,27 +123,17 @@ class OutputFolder:
 
         return _collected(pictures(), f"{self.path}: the pictures cannot be drawn")
 
-    def report(
-        self,
-        calibration: Calibration,
-        recording: Recording | None = None,
-        truth: Photometry | None = None,
-        *,
-        pdf: bool = False,
-    ) -> Written:
-        """Write report.html, and report.pdf if asked for, with a reference beside the calibration.
+    def report(self, findings: Findings, recording: Recording | None = None, *, pdf: bool = False) -> Written:
+        """Write report.html, and report.pdf if asked for.
 
         Pictures and points to track are from the recording; without it, there are none.
         """
 
         def reports() -> Iterator[Written]:
-            if recording is None:
-                findings = Findings(calibration, exposures_beside(self.path), Examples(), truth)
-            else:
-                findings = Findings(calibration, recording.exposures_ms, examples_of(calibration, recording), truth)
-            yield Written((write_page(findings, self.path / "report.html"),))
+            examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording)
+            yield Written((write_page(findings, self.path / "report.html", examples),))
             if pdf:
-                yield Written((write_pdf(findings, self.path / "report.pdf"),))
+                yield Written((write_pdf(findings, self.path / "report.pdf", examples),))
 
         return _collected(reports(), f"{self.path}: the report cannot be written")
 

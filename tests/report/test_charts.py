@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from calibrations import calibration
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
 from ospc.photometry.response import Response
-from ospc.report.charts import Findings, charts_of
+from ospc.report.charts import Findings
 from ospc.report.curves import draw_response, draw_vignette, logarithmic
 from ospc.report.evidence import draw_ratios, exposures_from_images
 from ospc.report.style import as_svg, rules
@@ -112,7 +112,7 @@ def test_ticks_of_a_logarithmic_axis_are_few_and_inside(low, high):
 
 
 def test_drawings_are_the_same_every_time_and_have_no_identifiers_but_those_they_use():
-    chart = charts_of(Findings(calibration()))["response"]
+    chart = Findings(calibration()).charts["response"]
 
     def drawn():
         with rules():

@@ -9,7 +9,7 @@ from recordings import before_a_wall, calibration
 from browser import CUT_OFF
 from ospc.photometry.calibration import ExposureRatios
 from ospc.report.charts import Findings
-from ospc.report.examples import examples_of
+from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
 
 REPORTS = ("everything", "nothing")
@@ -44,10 +44,13 @@ def pages(tmp_path_factory):
         response=None, vignette=None, vignette_sigma=None, coverage=None, exposure_ratios=ExposureRatios.none()
     )
     found = {
-        "everything": Findings(known, recording.exposures_ms, examples_of(known, recording)),
-        "nothing": Findings(nothing),
+        "everything": (Findings(known, recording.exposures_ms), examples_of(known, recording)),
+        "nothing": (Findings(nothing), NOTHING_TRIED),
     }
-    return {name: write_page(found[name], place / f"{name}.html").as_uri() for name in REPORTS}
+    return {
+        name: write_page(findings, place / f"{name}.html", examples).as_uri()
+        for name, (findings, examples) in found.items()
+    }
 
 
 @pytest.mark.parametrize("name", REPORTS)

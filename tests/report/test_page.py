@@ -60,7 +60,7 @@ class Outline(HTMLParser):
 
 def whole_report(**changes):
     known, recording = calibration(**changes), before_a_wall(EXPOSURES_MS)
-    return page(Findings(known, recording.exposures_ms, examples_of(known, recording)))
+    return page(Findings(known, recording.exposures_ms), examples_of(known, recording))
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ HOSTILE = "<script>alert(1)</script>\"' onload='x' & $x^{\ud800}$ 名前\n\0"
 
 
 def hostile_findings():
-    """Return findings in which every text is one that somebody else may have chosen."""
+    """Return findings and examples in which every text is one that somebody else may have chosen."""
     verdict = Verdict(HOSTILE, HOSTILE, HOSTILE)
     recording = before_a_wall(EXPOSURES_MS)
     known = calibration(
@@ -126,11 +126,12 @@ def hostile_findings():
         response=None,
     )
     examples = replace(examples_of(known, recording), notes=(HOSTILE,))
-    return Findings(known, EXPOSURES_MS, examples, Photometry(HOSTILE, None, VIGNETTE))
+    return Findings(known, EXPOSURES_MS, Photometry(HOSTILE, None, VIGNETTE)), examples
 
 
 def test_texts_from_outside_are_only_texts(tmp_path):
-    place = write_page(hostile_findings(), tmp_path / "report.html")
+    findings, examples = hostile_findings()
+    place = write_page(findings, tmp_path / "report.html", examples)
     content = place.read_text(encoding="utf-8")
     outline = Outline(content)
     assert "script" not in outline.tags
@@ -139,8 +140,8 @@ def test_texts_from_outside_are_only_texts(tmp_path):
 
 
 def test_texts_from_outside_do_not_disturb_pictures_and_pdf(tmp_path):
-    findings = hostile_findings()
-    assert write_pdf(findings, tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
+    findings, examples = hostile_findings()
+    assert write_pdf(findings, tmp_path / "report.pdf", examples).read_bytes().startswith(b"%PDF")
     assert "figure.png" in pictures_of(findings)
 
 

@@ -22,7 +22,7 @@ def count_of_pages(place):
 
 def written(place):
     recording, known = before_a_wall(np.geomspace(2, 10, 8)), calibration()
-    return write_pdf(Findings(known, recording.exposures_ms, examples_of(known, recording, 4)), place / "report.pdf")
+    return write_pdf(Findings(known, recording.exposures_ms), place / "report.pdf", examples_of(known, recording, 4))
 
 
 @pytest.fixture(scope="module")

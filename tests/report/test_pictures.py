@@ -65,7 +65,7 @@ def test_pictures_depend_on_the_calibration_only(pictures):
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    written = OutputFolder(tmp_path / "none").draw(calibration())
+    written = OutputFolder(tmp_path / "none").draw(Findings(calibration()))
     assert written.files == ()
     assert "figure.png: cannot be written" in written.problems[0]
 

@@ -19,8 +19,7 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording, open_recording
 from ospc.recording.options import ReadingOptions
-from ospc.report.charts import Findings, charts_of
-from ospc.report.pictures import row_of
+from ospc.report.pictures import words_around
 from ospc.simulation import SimulationSettings, frames, simulate, truth
 from ospc.unknown_exposures import calibrate_without_exposures, recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
@@ -145,7 +144,7 @@ def test_the_command_asks_for_it_explicitly_and_labels_every_output(folder: Path
 
 
 def test_pictures_are_labelled(found: Calibration) -> None:
-    figure = row_of(charts_of(Findings(found)).values(), found)
+    figure = words_around(found, 4.0, 4.2)
     assert any("up to one common exponent" in text.get_text() for text in figure.texts)
 
 

@@ -89,7 +89,7 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
         merged = merge(pool)
         place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
         calibration = replace(merged.calibration, source=merged.calibration.source | {"name": name})
-        written = place.write(calibration) + place.report(calibration)
+        written = place.write(calibration) + place.report(place.findings(calibration))
         pool.save(place.path / STATE_NAME)
     except OspcError as error:
         return replace(camera, error=str(error))

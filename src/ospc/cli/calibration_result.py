@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -115,13 +114,9 @@ class ResultFolder:
         folder, before = self.folder, self.interruption.count
         written = folder.write(outcome.calibration, self.times if self.recording is None else self.recording)
         if not written.problems:
-            with ThreadPoolExecutor(1) as second:
-                # The report follows points through images, which leaves the interpreter to whoever draws.
-                report = second.submit(folder.report, outcome.calibration, self.recording, self.truth, pdf=self.pdf)
-                if self.pdf:
-                    report.result()  # drawn as the pictures are, which is not to be done twice at once
-                drawn = folder.draw(outcome.calibration, self.truth, stop=lambda: self.interruption.count > before)
-                written += report.result() + drawn
+            findings = folder.findings(outcome.calibration, self.recording, self.truth)
+            written += folder.report(findings, self.recording, pdf=self.pdf)
+            written += folder.draw(findings, stop=lambda: self.interruption.count > before)
         if self.interruption.requested and not outcome.interrupted:
             unfinished = replace(outcome.calibration, partial=True)
             unfinished.save(folder.path / "calibration.json")

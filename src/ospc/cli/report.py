@@ -32,7 +32,8 @@ def command(
     calibration = Calibration.load(folder)
     frames = None if recording is None else reading.open(recording)
     known = None if truth is None else open_photometry(truth)
-    written = OutputFolder(folder).report(calibration, frames, known, pdf=pdf)
+    place = OutputFolder(folder)
+    written = place.report(place.findings(calibration, frames, known), frames, pdf=pdf)
     say_notes(written.notes)
     if written.problems:
         raise OspcError("; ".join(written.problems))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,7 @@ from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration, ExposureRatios
 from ospc.photometry.coverage import Coverage
 from ospc.report import curves, evidence
-from ospc.report.examples import Examples
-from ospc.report.style import BLUE, ORANGE
+from ospc.report.style import BLUE, DPI, ORANGE, fit_into
 
 WIDTH_IN = 4.6
 """Width of a chart; with letters of 9 points, the charts are readable on a telephone too."""
@@ -26,7 +25,7 @@ _HEIGHT_IN, _HEIGHT_WITH_PANELS_IN = 3.2, 4.6
 
 @dataclass(frozen=True)
 class Findings:
-    """All that a report shows; None for what is not known.
+    """All that charts show; None for what is not known.
 
     ``exposures_ms`` are those of the metadata, shape (frames,), and ``truth`` a reference to draw the calibration
     against.
@@ -34,8 +33,17 @@ class Findings:
 
     calibration: Calibration
     exposures_ms: FloatArray | None = None
-    examples: Examples = field(default_factory=Examples)
     truth: Photometry | None = None
+
+    @cached_property
+    def charts(self) -> dict[str, Chart]:
+        """The charts that can be drawn, by name, in the order in which a report shows them.
+
+        "response" and "vignette" are always there: where one is unknown, the chart says so.
+        """
+        calibration, coverage = self.calibration, self.calibration.coverage
+        charts = _curves(calibration, self.truth) | _exposures(calibration.exposure_ratios, self.exposures_ms)
+        return charts if coverage is None else charts | _coverage(coverage, calibration.max_grey)
 
 
 @dataclass(frozen=True)
@@ -57,15 +65,17 @@ class Chart:
         axes = curves.draw_text(cell, self.unknown) if self.unknown else self.draw(cell)
         axes.set_title(self.title)
 
+    def drawn(self, width_in: float, height_in: float, margins_in: Mapping[str, float]) -> Any:
+        """Return a figure of the chart alone, always the same one: to make its axes takes as long as to draw them."""
+        return fit_into(self._figure, width_in, height_in, margins_in)
 
-def charts_of(findings: Findings) -> dict[str, Chart]:
-    """Return the charts that can be drawn, by name, in the order in which a report shows them.
+    @cached_property
+    def _figure(self) -> Any:
+        from matplotlib.figure import Figure
 
-    "response" and "vignette" are always there: where one is unknown, the chart says so.
-    """
-    calibration, coverage = findings.calibration, findings.calibration.coverage
-    charts = _curves(calibration, findings.truth) | _exposures(calibration.exposure_ratios, findings.exposures_ms)
-    return charts if coverage is None else charts | _coverage(coverage, calibration.max_grey)
+        figure = Figure(dpi=DPI)
+        self.draw_into(figure.add_gridspec(1, 1)[0])
+        return figure
 
 
 def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Chart]:

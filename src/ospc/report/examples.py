@@ -58,6 +58,10 @@ class Examples:
     notes: tuple[str, ...] = ()
 
 
+NOTHING_TRIED = Examples()
+"""What there is without a recording."""
+
+
 def examples_of(calibration: Calibration, recording: Recording, tracked_frames: int = TRACKED_FRAMES) -> Examples:
     """Try a calibration on a recording of its camera; an unknown response or vignette is taken to be the identity.
 

@@ -14,10 +14,10 @@ from ospc.arrays import Image
 from ospc.formats.files import write_bytes
 from ospc.photometry.calibration import Verdict
 from ospc.report.charts import WIDTH_IN, Chart, Findings
-from ospc.report.examples import Pictures
+from ospc.report.examples import NOTHING_TRIED, Examples, Pictures
 from ospc.report.html import Html, document, join, tag
 from ospc.report.sections import SUMMARY, Section, basis_of, name_of, sections_of, shown
-from ospc.report.style import as_svg, new_figure, rules
+from ospc.report.style import as_svg, rules
 from ospc.report.words import overall_state
 
 _JPEG_QUALITY = 85
@@ -26,13 +26,13 @@ _MARGINS_IN = {"left": 0.78, "right": 0.12, "top": 0.28, "bottom": 0.48}
 """Room around the axes of a chart for its title and labels."""
 
 
-def write_page(findings: Findings, path: Path) -> Path:
+def write_page(findings: Findings, path: Path, examples: Examples = NOTHING_TRIED) -> Path:
     """Write the report, whole or not at all, and return its path."""
     # A file name or a JSON text may hold half a surrogate pair, which UTF-8 cannot express.
-    return write_bytes(path, page(findings).encode("utf-8", "replace"))
+    return write_bytes(path, page(findings, examples).encode("utf-8", "replace"))
 
 
-def page(findings: Findings) -> str:
+def page(findings: Findings, examples: Examples = NOTHING_TRIED) -> str:
     """Return the report as HTML."""
     calibration = findings.calibration
     title = f"Photometric calibration of {name_of(calibration)}"
@@ -43,7 +43,7 @@ def page(findings: Findings) -> str:
         tag("header", tag("h1", title), tag("p", basis_of(calibration))),
         *(
             join(_section(section, summary_class if section.heading == SUMMARY else ""), "\n")
-            for section in sections_of(findings)
+            for section in sections_of(findings, examples)
         ),
     )
 
@@ -79,9 +79,7 @@ def _drawn(chart: Chart) -> Html:
     if chart.unknown:
         return join(tag("h3", chart.title), tag("p", chart.unknown, class_="soft"))
     with rules():
-        figure = new_figure(WIDTH_IN, chart.height_in, _MARGINS_IN)
-        chart.draw_into(figure.add_gridspec(1, 1)[0])
-        drawing = Html(as_svg(figure, chart.title))
+        drawing = Html(as_svg(chart.drawn(WIDTH_IN, chart.height_in, _MARGINS_IN), chart.title))
     return tag("figure", drawing, tag("figcaption", chart.caption))
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from ospc.formats.files import write_bytes
 from ospc.photometry.calibration import Calibration
 from ospc.report.charts import Chart, Findings
+from ospc.report.examples import NOTHING_TRIED, Examples
 from ospc.report.sections import Section, basis_of, name_of, sections_of, shown
 from ospc.report.style import new_figure, printable, rules
 
@@ -43,7 +44,7 @@ _ROOM_POINTS = (_RIGHT - _LEFT) * _A4_IN[0] * _POINTS_PER_INCH
 """Width of a line of text."""
 
 
-def write_pdf(findings: Findings, path: Path) -> Path:
+def write_pdf(findings: Findings, path: Path, examples: Examples = NOTHING_TRIED) -> Path:
     """Write the report as PDF, whole or not at all, and return its path."""
     from matplotlib.backends.backend_pdf import PdfPages
 
@@ -51,14 +52,14 @@ def write_pdf(findings: Findings, path: Path) -> Path:
     title = printable(f"Photometric calibration of {name_of(findings.calibration)}")
     # Without a date, the same calibration gives the same bytes.
     with rules(), PdfPages(content, metadata={"Title": title, "Creator": "ospc", "CreationDate": None}) as pdf:
-        for figure in pages(findings):
+        for figure in pages(findings, examples):
             pdf.savefig(figure)
     return write_bytes(path, content.getvalue())
 
 
-def pages(findings: Findings) -> Iterator[Any]:
+def pages(findings: Findings, examples: Examples = NOTHING_TRIED) -> Iterator[Any]:
     """Return the pages as matplotlib figures: the summary, all charts, all pictures, and the text."""
-    summary, *sections = sections_of(findings)
+    summary, *sections = sections_of(findings, examples)
     charts = [chart for section in sections for chart in section.charts]
     pictures = [picture for section in sections for scene in section.pictures for picture in scene]
     yield _first_page(findings.calibration, summary, charts[:2])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,9 @@ from ospc.errors import counted
 from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import diagonal_profile
-from ospc.report.charts import Chart, Findings, charts_of
+from ospc.report.charts import Findings
 from ospc.report.curves import RADIUS_LABEL
-from ospc.report.style import BLACK, BLUE, DPI, GREEN, ORANGE, as_image, new_figure, printable, rules, save
+from ospc.report.style import BLACK, BLUE, GREEN, ORANGE, as_image, new_figure, printable, rules, save
 
 _CONTENT = {
     "figure.png": ("response", "vignette", "ratios"),
@@ -33,10 +33,10 @@ _MARGINS_IN = {"left": 0.76, "right": 0.14, "top": 0.62, "bottom": 0.72}
 """Room around the charts for titles and labels."""
 
 _TILE_IN = _MARGINS_IN["left"] + _CHART_IN + _MARGINS_IN["right"]
-"""Width of a chart with its margins: a whole number of pixels, so that pictures can be cut from one drawing."""
+"""Width of a chart with its margins: a whole number of pixels, so that drawings can be put side by side."""
 
-_HEAD_IN, _LINE_IN = 0.32, 0.14
-"""Height of the title, and of a line below the charts: both belong to the whole picture."""
+_LINE_IN = 0.14
+"""Height of a line below the charts."""
 
 _LETTERS = 58
 """Letters of a line that fit into the width of a chart."""
@@ -53,37 +53,32 @@ def pictures_of(findings: Findings) -> dict[str, Image]:
 
     Every chart is drawn only once, though several pictures may show it: drawing takes most of the time.
     """
-    charts = charts_of(findings)
+    calibration, charts = findings.calibration, findings.charts
     content = {name: [part for part in parts if part in charts] for name, parts in _CONTENT.items()}
-    row = list(dict.fromkeys(part for parts in content.values() for part in parts))
+    caveat_in = _LINE_IN * len(_caveat(calibration))
+    height_in, margins_in = _HEIGHT_IN + caveat_in, _MARGINS_IN | {"bottom": _MARGINS_IN["bottom"] + caveat_in}
     with rules():
-        whole = as_image(row_of((charts[part] for part in row), findings.calibration))
-    foot_in = _LINE_IN * (1 + len(_caveat(findings.calibration)))
-    tiles = dict(zip(row, np.split(whole, len(row), axis=1), strict=True))
+        tiles = {
+            part: as_image(charts[part].drawn(_TILE_IN, height_in, margins_in))
+            for part in dict.fromkeys(part for parts in content.values() for part in parts)
+        }
+        words = as_image(words_around(calibration, max(map(len, content.values())) * _TILE_IN, height_in))
     pictures = {}
     for name, parts in content.items():
         if name == PICTURES[0] or not all(charts[part].unknown for part in parts):
             picture = np.concatenate([tiles[part] for part in parts], axis=1)
-            for lines in (slice(round(_HEAD_IN * DPI)), slice(-round(foot_in * DPI), None)):
-                picture[lines] = whole[lines, : picture.shape[1]]
-            pictures[name] = picture
+            pictures[name] = np.minimum(picture, words[:, : picture.shape[1]])
     return pictures
 
 
-def row_of(charts: Iterable[Chart], calibration: Calibration) -> Any:
-    """Return a figure of charts side by side, with the title of a picture above and its caveat below, both left."""
-    charts = list(charts)
-    caveat = _caveat(calibration)
-    width_in, height_in = len(charts) * _TILE_IN, _HEIGHT_IN + _LINE_IN * len(caveat)
-    margins_in = _MARGINS_IN | {"bottom": _MARGINS_IN["bottom"] + _LINE_IN * len(caveat)}
-    figure = new_figure(width_in, height_in, margins_in)
-    between = (_MARGINS_IN["left"] + _MARGINS_IN["right"]) / _CHART_IN
-    for cell, chart in zip(figure.add_gridspec(1, len(charts), wspace=between), charts, strict=True):
-        chart.draw_into(cell)
+def words_around(calibration: Calibration, width_in: float, height_in: float) -> Any:
+    """Return a figure of what is written around charts: the title of a picture above and its caveat below."""
+    figure = new_figure(width_in, height_in, _MARGINS_IN)
     at, edge = 0.12 / width_in, 0.06 / height_in
     title = textwrap.fill(_title(calibration), _LETTERS, max_lines=2)
     figure.text(at, 1 - edge, printable(title), fontsize=8.5, va="top", parse_math=False, linespacing=1.1)
-    figure.text(at, edge, "\n".join(caveat), fontsize=8, va="bottom", color=ORANGE, linespacing=1.1)
+    caveat = "\n".join(_caveat(calibration))
+    figure.text(at, edge, caveat, fontsize=8, va="bottom", color=ORANGE, linespacing=1.1)
     return figure
 
 

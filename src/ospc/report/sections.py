@@ -11,8 +11,8 @@ from ospc.errors import counted
 from ospc.evaluation.tracking import TrackingComparison
 from ospc.evaluation.tracks import TrackFigures
 from ospc.photometry.calibration import Calibration, Verdict
-from ospc.report.charts import Chart, Findings, charts_of
-from ospc.report.examples import Pictures
+from ospc.report.charts import Chart, Findings
+from ospc.report.examples import Examples, Pictures
 from ospc.report.words import facts, headline
 
 SUMMARY = "Summary"
@@ -46,9 +46,9 @@ class Section:
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
-def sections_of(findings: Findings) -> Iterator[Section]:
+def sections_of(findings: Findings, examples: Examples) -> Iterator[Section]:
     """Give the sections in the order in which a report shows them; those with nothing to show are left out."""
-    calibration, examples, charts = findings.calibration, findings.examples, charts_of(findings)
+    calibration, charts = findings.calibration, findings.charts
 
     def existing(*names: str) -> tuple[Chart, ...]:
         return tuple(charts[name] for name in names if name in charts)

@@ -49,13 +49,18 @@ def new_figure(width_in: float, height_in: float, margins_in: Mapping[str, float
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout=None if margins_in else "constrained")
-    if margins_in:
-        figure.subplots_adjust(
-            left=margins_in["left"] / width_in,
-            right=1 - margins_in["right"] / width_in,
-            top=1 - margins_in["top"] / height_in,
-            bottom=margins_in["bottom"] / height_in,
-        )
+    return fit_into(figure, width_in, height_in, margins_in) if margins_in else figure
+
+
+def fit_into(figure: Any, width_in: float, height_in: float, margins_in: Mapping[str, float]) -> Any:
+    """Give a figure another size and room around its axes, and return it; letters and lines keep their size."""
+    figure.set_size_inches(width_in, height_in)
+    figure.subplots_adjust(
+        left=margins_in["left"] / width_in,
+        right=1 - margins_in["right"] / width_in,
+        top=1 - margins_in["top"] / height_in,
+        bottom=margins_in["bottom"] / height_in,
+    )
     return figure
 
 
