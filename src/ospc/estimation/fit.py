@@ -121,8 +121,9 @@ class Fit(Model):
 
         Grey levels have shape (n,), places relative to the image centre in half diagonals (n, 2).
         """
+        by_response = self.response_basis.log_table[self.response_basis.index_of(grey)]
         by_vignette = self.vignette_basis.jacobian(self.vignette_parameters, position)
-        return np.concatenate([self.response_basis.log_rows(grey), -by_vignette], axis=1)
+        return np.concatenate([by_response, -by_vignette], axis=1)
 
     def log_radiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln L of observations, by their exposures, shape (n,)."""
