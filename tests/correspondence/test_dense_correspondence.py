@@ -189,6 +189,19 @@ def test_displacements_that_grow_from_place_to_place_are_not_held_back(angle):
     assert np.quantile(error, 0.9) < 0.3
 
 
+@pytest.mark.parametrize("size", [(64, 48), (48, 48), (320, 240)])
+def test_images_of_every_size_are_registered(size):
+    """Few places of a small image are far enough apart to tell of its motion independently."""
+    width, height = size
+    texture = cv2.GaussianBlur(np.random.default_rng(2).normal(0, 1, (height, width + 2)), (0, 0), 2)
+    image = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
+    frames = (Preprocessor()(of_array(np.ascontiguousarray(view))) for view in (image[:, 2:], image[:, :-2]))
+    registration = DenseRegistration()(*frames, ExposureNormalizer(RESPONSE), 0.0)
+    assert registration is not None
+    inner = registration.forward[8:-8, 8:-8]
+    assert np.median(np.linalg.norm(inner - [2.0, 0.0], axis=-1)) < 0.3
+
+
 def test_what_leaves_the_image_has_a_large_forward_backward_error():
     frame0, frame1 = (Preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
     registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(RESPONSE))

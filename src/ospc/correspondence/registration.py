@@ -36,8 +36,9 @@ _REFINEMENTS, _GRADIENT_WEIGHT = 5, 20.0
 """Iterations of the variational refinement, OpenCV's for this quality, and the weight in it of the constancy of the
 gradient against smoothness of the displacements: twice OpenCV's default, since nothing else is weighed."""
 
-_LATTICE_PX = 16
-"""Distance between the places to whose coarse displacements a homography is fitted, in pixels: some hundreds."""
+_LATTICE_PX, _LATTICE_ROWS = 16, 12
+"""Distance between the places to whose coarse displacements a homography is fitted, in pixels, and fewest rows and
+columns of them, which small images need: some hundreds."""
 
 _HOMOGRAPHY_ERROR_PX = 2.0
 """Largest error of a coarse displacement that supports the homography, in pixels: as far as the search after it
@@ -184,7 +185,8 @@ def _refined(flow: cv2.DISOpticalFlow) -> cv2.DISOpticalFlow:
 def _homography(displacement: Float32Array) -> FloatArray | None:
     """Return the homography that explains most displacements, (h, w, 2) -> (3, 3); None if none explains enough."""
     height, width = displacement.shape[:2]
-    lattice = (slice(_LATTICE_PX // 2, None, _LATTICE_PX),) * 2
+    step = max(1, min(_LATTICE_PX, min(height, width) // _LATTICE_ROWS))
+    lattice = (slice(step // 2, None, step),) * 2
     places = pixel_places((width, height))[lattice].reshape(-1, 2)
     there = places + displacement[lattice].reshape(-1, 2)
     inside = np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
