@@ -174,16 +174,12 @@ class FlatSampler:
 
     def _at_nodes(self, image: Float32Array) -> Float32Array:
         """Return the values of an image at the nodes around the places of the grid, (h, w) -> (n, 9)."""
-
-        def shifted(by_x: int, by_y: int) -> Float32Array:
-            starts = (self.margin_px + by for by in (by_y, by_x))
-            parts = (
-                slice(b, b + n - 2 * self.margin_px, self.spacing_px)
-                for b, n in zip(starts, image.shape, strict=True)
-            )
-            return image[tuple(parts)].ravel()
-
-        return np.stack([shifted(*offset) for offset in NODES.astype(int).tolist()], axis=1)
+        (height, width), margin, step = image.shape, self.margin_px, self.spacing_px
+        shifted = (
+            image[margin + y : height - margin + y : step, margin + x : width - margin + x : step]
+            for x, y in NODES.astype(int).tolist()
+        )
+        return np.stack([values.ravel() for values in shifted], axis=1)
 
     def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
         """Return which places to take: as many as allowed, evenly over cells of grey level and radius."""

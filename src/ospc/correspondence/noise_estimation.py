@@ -20,7 +20,7 @@ _BLOCK = 8
 """Side of a block in pixels: small enough to fit between structures, and its 64 values give a variance to a fifth."""
 
 _BAND_SPACING, _MOST_BANDS = 24, 20
-"""Rows from one band of blocks to the next, and most bands: a third of an image of 640×480 is enough."""
+"""Fewest rows from one band of blocks to the next, and most bands: a third of an image of 640×480 is enough."""
 
 _SHARE = 0.1
 """Quantile of the blocks' variances that is taken for noise alone: hardly any image has structure in more than nine
@@ -73,7 +73,7 @@ class NoiseEstimator:
     def _blocks(self, image: Image) -> FloatArray:
         """Return mean and variance of the exposed blocks of all bands, shape (2, blocks)."""
         last = image.shape[0] - _BLOCK - 1
-        tops = np.arange(0, last, max(_BAND_SPACING, last // _MOST_BANDS))
+        tops = np.arange(0, last, max(_BAND_SPACING, -(-last // _MOST_BANDS)))
         columns = (image.shape[1] - 2) // _BLOCK
         # All bands at once, one below the other; a band's outermost rows keep its neighbours out of its blocks.
         rows = (tops[:, None] + np.arange(_BLOCK + 2)).ravel()

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail, gradient_magnitude, thumbnail_of
-from ospc.correspondence.thumbnail_registration import values_at
+from ospc.correspondence.thumbnail_registration import rescaled, values_at
 from ospc.observations import MOMENTS
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
@@ -88,9 +88,7 @@ class ReducedFrame:
         shape = (*places.shape[:-1], *image.shape[2:])
         if places.size == 0:
             return np.empty(shape)
-        scale = np.divide(image.shape[1::-1], self.reduced_size).astype(np.float32)
-        half = np.float32(0.5)
-        there = (places.astype(np.float32) + half) * scale - half
+        there = rescaled(places, np.divide(image.shape[1::-1], self.reduced_size))
         return values_at(image, there.reshape(len(places), -1, 2)).astype(np.float64).reshape(shape)
 
     def to_frame(self, points: FloatArray) -> FloatArray:

@@ -23,6 +23,7 @@ from ospc.correspondence.thumbnail_registration import (
     forward_backward_error,
     optical_flow,
     pixel_places,
+    rescaled,
     values_at,
 )
 from ospc.errors import SettingError
@@ -37,8 +38,8 @@ _REFINEMENTS, _GRADIENT_WEIGHT = 5, 20.0
 gradient against smoothness of the displacements: twice OpenCV's default, since nothing else is weighed."""
 
 _LATTICE_PX, _LATTICE_ROWS = 16, 12
-"""Distance between the places to whose coarse displacements a homography is fitted, in pixels, and fewest rows and
-columns of them, which small images need: some hundreds."""
+"""Distance in pixels between the places to whose coarse displacements a homography is fitted, and fewest rows and
+columns of them: they are closer in small images. There are some hundreds of them."""
 
 _HOMOGRAPHY_ERROR_PX = 2.0
 """Largest error of a coarse displacement that supports the homography, in pixels: as far as the search after it
@@ -107,8 +108,8 @@ class DenseRegistration:
 
     Its smoothness holds displacements back where they grow from place to place, as when the camera moves forward or
     turns. So a coarse search comes first, and the second image is warped by the homography that explains most of it:
-    what is left to find is small and nearly constant. Where no homography explains a quarter, nothing more is
-    searched: of 524 such pairs one was registered nevertheless. The way back only shows where the way there is wrong
+    what is left to find is small and nearly constant. Where no homography explains a quarter of it, the search ends:
+    of 524 such pairs, going on registered one. The way back only shows where the way there is wrong
     by pixels: it is computed more coarsely, in ``second`` while this thread computes the way there, if there is a
     second thread. The result is the same.
     """
@@ -204,7 +205,7 @@ def displacement_at(registration: Registration, points: FloatArray, scale: float
     """
     if len(points) == 0:
         return np.empty((0, 2)), np.empty(0)
-    small = _small_places(points, scale)
+    small = rescaled(points, 1 / scale).reshape(-1, 1, 2)
     forward, error = (
         values_at(image, small) for image in (registration.forward, registration.forward_backward_error)
     )
@@ -222,11 +223,6 @@ def jacobian_at(registration: Registration, points: FloatArray, scale: float) ->
     cells = max(3, width // _SLOPE_CELL_PX), max(3, height // _SLOPE_CELL_PX)
     coarse = cv2.resize(registration.forward, cells, interpolation=cv2.INTER_AREA)
     by_y, by_x = np.gradient(coarse, height / cells[1], width / cells[0], axis=(0, 1), edge_order=2)
-    there = _small_places(points, scale * width / cells[0], scale * height / cells[1])
+    there = rescaled(points, np.divide(cells, (width * scale, height * scale))).reshape(-1, 1, 2)
     slopes = values_at(np.concatenate([by_x, by_y], axis=-1), there).astype(np.float64)
     return np.eye(2) + np.swapaxes(slopes.reshape(-1, 2, 2), 1, 2)
-
-
-def _small_places(points: FloatArray, *scale: float) -> Float32Array:
-    """Return places of an image at the size of one that is smaller by this scale, or these along x and y."""
-    return ((points + 0.5) / scale - 0.5).astype(np.float32).reshape(-1, 1, 2)

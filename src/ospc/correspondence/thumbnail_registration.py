@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, ImageSize
+from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import pixel_grid
 
@@ -61,6 +61,11 @@ def values_at(image: Float32Array | npt.NDArray[np.uint8], places: Float32Array)
     """Return the values of an image, (h, w) or (h, w, n), at places (x, y), (..., 2), interpolated."""
     values = cv2.remap(image, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, dtype=np.float32)
+
+
+def rescaled(places: FloatArray, scale: npt.ArrayLike) -> Float32Array:
+    """Return places (x, y) of an image, (..., 2), in one whose size is ``scale`` times as large, along x and y."""
+    return np.asarray((places + 0.5) * np.asarray(scale) - 0.5, dtype=np.float32)
 
 
 def exposed_in_both(first: Thumbnail, second: Thumbnail, there: Float32Array, found: BoolArray) -> BoolArray:
