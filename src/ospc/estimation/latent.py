@@ -163,14 +163,16 @@ class LatentModel:
         index = self.basis.index_of(grey)
         level, slope, irradiance = self.basis.grid[index], self._log_response_slope[index], self._irradiance[index]
         excess, of_alike = np.clip(observations.grey, DARKEST_GREY, 1.0) - level, np.zeros(len(level))
+        flat, factor = (table[index] for table in self._flat_variance)
+        variance = self.errors.with_gradient(flat, factor, observations.gradient)
         if self.trusted:
             # Neither noise nor texture leave the mean of pixels at the grey level of their mean irradiance.
             means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
             excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
+            variance = variance + means.missed_variance(texture, index)
             of_alike = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
         linear_log = self.log_response[index] + slope * excess
-        flat, factor = (table[index] for table in self._flat_variance)
-        precision = 1 / (self.errors.with_gradient(flat, factor, observations.gradient) * slope**2)
+        precision = 1 / (variance * slope**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
         return Latent(
             index, level, slope, irradiance, linear_log, precision, weight, slope * of_alike, offset, total, mean

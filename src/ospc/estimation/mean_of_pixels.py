@@ -5,7 +5,7 @@ steep and the noise is clipped, this shift of the mean is the largest error of a
 
 Texture does the same. By Taylor's theorem it lowers the mean by (g″/g′)/2 times its variance. With a power law that
 is alike for all exposures of a place. With other responses it is not, and the fit would take it for a part of the
-response.
+response. At a knee, Taylor's theorem is of little use: there, observations with texture count less.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
     DARKEST_GREY,
+    KNEE_SMOOTHING,
     MAX_NOISE,
     MAX_TEXTURE,
     MIN_NOISE_IRRADIANCE,
@@ -45,7 +46,9 @@ class PixelMeans:
     by_noise
         What noise adds to the mean.
     grid, bend
-        Grey levels, and g″/g′ at them.
+        Grey levels, and g″/g′ of the smoothed response at them.
+    missed_bend
+        What the smoothing takes from g″/g′: much at a knee.
     noise_variance
         Variance of single pixels.
     """
@@ -53,13 +56,16 @@ class PixelMeans:
     by_noise: FloatArray
     grid: FloatArray
     bend: FloatArray
+    missed_bend: FloatArray
     noise_variance: FloatArray
 
     @classmethod
     def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> PixelMeans:
         """Return the shifts of a response, by its coefficients and the noise of single pixels."""
         by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
-        return cls(by_noise, basis.grid, basis.bend_of(coefficients), noise.variance(basis.grid))
+        bend = basis.bend_of(coefficients)
+        missed_bend = basis.bend_of(coefficients, KNEE_SMOOTHING) - bend
+        return cls(by_noise, basis.grid, bend, missed_bend, noise.variance(basis.grid))
 
     def texture(self, observations: Observations, index: IntArray) -> FloatArray:
         """Return the variance of the texture over the grey level squared, (n,); zero where it is unknown.
@@ -76,6 +82,10 @@ class PixelMeans:
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return what texture takes from the mean, (n,), given what :meth:`texture` returns."""
         return np.asarray((self.bend / 2 * self._squared_grey)[index] * texture)
+
+    def missed_variance(self, texture: FloatArray, index: IntArray) -> FloatArray:
+        """Return the variance of the mean by what :meth:`by_texture` misses at knees, (n,)."""
+        return np.asarray(((self.missed_bend / 2 * self._squared_grey)[index] * texture) ** 2)
 
     @cached_property
     def _squared_grey(self) -> FloatArray:

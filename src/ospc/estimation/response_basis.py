@@ -116,16 +116,14 @@ class ResponseBasis:
         """
         return _log_table(FUNCTIONS[self.functions], self.intervals)
 
-    @cached_property
-    def _smooth_gamma_table(self) -> FloatArray:
-        return _smooth_gamma_table(FUNCTIONS[self.functions], self.intervals)
-
-    def bend_of(self, coefficients: FloatArray) -> FloatArray:
+    def bend_of(self, coefficients: FloatArray, smoothing: float = BEND_SMOOTHING) -> FloatArray:
         """Return g″/g′ of a smoothed γ on the grid, shape (4097,).
 
-        γ has kinks at the knots, and what the estimate adds to them would be taken for the bend.
+        γ has kinks at the knots, and what the estimate adds to them would be taken for the bend. ``smoothing`` is a
+        standard deviation in grey levels.
         """
-        slope = self._smooth_gamma_table @ coefficients / np.maximum(self.grid, DARKEST_GREY)
+        gamma = _smooth_gamma_table(FUNCTIONS[self.functions], self.intervals, smoothing) @ coefficients
+        slope = gamma / np.maximum(self.grid, DARKEST_GREY)
         return np.asarray(np.gradient(slope, self.grid) / slope + slope)
 
     def gamma_of(self, coefficients: FloatArray) -> FloatArray:
@@ -177,14 +175,14 @@ def _log_table(functions: LocalFunctions, intervals: int) -> FloatArray:
     return _read_only(table)
 
 
-@lru_cache(maxsize=_KEPT_TABLES)
-def _smooth_gamma_table(functions: LocalFunctions, intervals: int) -> FloatArray:
+@lru_cache(maxsize=2 * _KEPT_TABLES)
+def _smooth_gamma_table(functions: LocalFunctions, intervals: int, smoothing: float) -> FloatArray:
     """Return the smoothed functions on the grid, shape (4097, len).
 
     A smoothed γ is a sum of smoothed functions: this is done once for a basis, not for every response.
     """
     # The window is so wide that Fourier transforms take a tenth of the time.
-    sigma = BEND_SMOOTHING * RESPONSE_GRID_STEPS
+    sigma = smoothing * RESPONSE_GRID_STEPS
     reach = round(4 * sigma)
     window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     continued = np.pad(_gamma_table(functions, intervals), ((reach, reach), (0, 0)), mode="edge")
