@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
-from ospc.estimation.mean_of_pixels import mean_shift
+from ospc.estimation.mean_of_pixels import PixelMeans, mean_shift
+from ospc.estimation.response_basis import ResponseBasis
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.simulation.responses import RESPONSES
@@ -83,3 +84,26 @@ def test_in_the_middle_it_is_half_the_curvature_times_the_variance(exponent, sig
     shift = mean_shift(GRID, log_response(Response.gamma(exponent, 2041)), noise)
     second = first(0.5) * (1 / exponent - 1) / 0.5**exponent
     assert np.interp(0.5, GRID, shift) == pytest.approx(0.5 * second * sigma**2, rel=0.15, abs=3e-7)
+
+
+def test_what_the_correction_for_texture_misses_at_a_knee_is_in_the_variance():
+    """The mean of textured pixels, drawn one by one, against the grey level of their mean irradiance."""
+    basis, coefficients = ResponseBasis(32), np.where(np.arange(33) <= 11, 1.0, 4.0)
+    means = PixelMeans.of(basis, coefficients, NoiseModel(0.0, 0.0, (0.0,)))
+    grey, log_response = np.linspace(0.25, 0.6, 15), basis.log_of(coefficients)
+    index = basis.index_of(grey)
+    pixels = np.exp(log_response[index])[:, None] * (1 + 0.1 * ndtri((np.arange(999) + 0.5) / 999))
+    levels = np.interp(np.log(pixels), log_response, basis.grid)
+    texture = levels.var(axis=1) / grey**2
+    missed = levels.mean(axis=1) - (basis.grid[index] - means.by_texture(texture, index))
+    stated = np.sqrt(means.missed_variance(texture, index))
+    assert np.abs(missed).max() > 0.003
+    assert np.all(np.abs(missed) <= 3 * stated + 0.001)
+    assert np.argmax(stated) == np.argmin(np.abs(grey - basis.knots[11]))
+
+
+def test_a_power_law_has_no_knee():
+    basis = ResponseBasis(32)
+    means = PixelMeans.of(basis, np.full(33, 2.2), NoiseModel(0.0, 0.0, (0.0,)))
+    index = basis.index_of(np.linspace(0.2, 1.0, 9))
+    assert np.all(means.missed_variance(np.full(9, 0.01), index) < 1e-8)

@@ -30,6 +30,7 @@ from ospc.settings.estimation import (
     MIN_NOISE_LEVELS,
     SHIFT_LEVELS,
     SHIFT_QUANTILES,
+    SHOULDER_GREY,
     UNCLIPPED_SIGMAS,
 )
 
@@ -48,7 +49,7 @@ class PixelMeans:
     grid, bend
         Grey levels, and g″/g′ of the smoothed response at them.
     missed_bend
-        What the smoothing takes from g″/g′: much at a knee.
+        What the smoothing takes from g″/g′: much at a knee. Zero near white.
     noise_variance
         Variance of single pixels.
     """
@@ -64,7 +65,9 @@ class PixelMeans:
         """Return the shifts of a response, by its coefficients and the noise of single pixels."""
         by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
         bend = basis.bend_of(coefficients)
-        missed_bend = basis.bend_of(coefficients, KNEE_SMOOTHING) - bend
+        sharper = basis.bend_of(coefficients, KNEE_SMOOTHING)
+        # Near white, little is measured, and a sharp bend may be chance.
+        missed_bend = np.where(basis.grid < SHOULDER_GREY, sharper - bend, 0.0)
         return cls(by_noise, basis.grid, bend, missed_bend, noise.variance(basis.grid))
 
     def texture(self, observations: Observations, index: IntArray) -> FloatArray:

@@ -241,8 +241,9 @@ texture follows the errors of the estimate: κ of one recording in ten gets two 
 
 KNEE_SMOOTHING = 0.015
 """The same where the bend only tells how far that correction can be trusted: half an interval between knots. In five
-recordings of a camera with knees it takes a sixth off κ and halves the error of ln g(0.75)/g(0.25); in 34 of other
-cameras nothing changes. 0.012 and 0.02 do the same."""
+recordings of a camera with knees it takes a seventh off κ and two fifths off the error of ln g(0.75)/g(0.25). 0.012
+and 0.02 do the same. It is not used above :data:`SHOULDER_GREY`, where it made the shape in a real video five times
+worse."""
 
 MAX_DARK_CLEARANCE = 0.1
 """Largest grey level that is left out at the dark end for that reason. Chosen by hand; no effect from 0.05 to 0.2."""
