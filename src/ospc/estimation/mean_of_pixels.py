@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.optimize import nnls
 from scipy.special import ndtri
 
@@ -22,7 +23,9 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
+    BEND_SMOOTHING,
     DARKEST_GREY,
+    KNEE_BEND,
     KNEE_SMOOTHING,
     MAX_NOISE,
     MAX_TEXTURE,
@@ -49,7 +52,7 @@ class PixelMeans:
     grid, bend
         Grey levels, and g″/g′ of the smoothed response at them.
     missed_bend
-        What the smoothing takes from g″/g′: much at a knee. Zero near white.
+        What the smoothing takes from g″/g′ at a knee. Zero without one, and near white.
     noise_variance
         Variance of single pixels.
     """
@@ -65,9 +68,10 @@ class PixelMeans:
         """Return the shifts of a response, by its coefficients and the noise of single pixels."""
         by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
         bend = basis.bend_of(coefficients)
-        sharper = basis.bend_of(coefficients, KNEE_SMOOTHING)
         # Near white, little is measured, and a sharp bend may be chance.
-        missed_bend = np.where(basis.grid < SHOULDER_GREY, sharper - bend, 0.0)
+        missed = np.where(basis.grid < SHOULDER_GREY, basis.bend_of(coefficients, KNEE_SMOOTHING) - bend, 0.0)
+        around = 2 * round(BEND_SMOOTHING * len(basis.grid))
+        missed_bend = np.where(maximum_filter1d(np.abs(missed), around) > KNEE_BEND, missed, 0.0)
         return cls(by_noise, basis.grid, bend, missed_bend, noise.variance(basis.grid))
 
     def texture(self, observations: Observations, index: IntArray) -> FloatArray:
@@ -84,11 +88,14 @@ class PixelMeans:
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return what texture takes from the mean, (n,), given what :meth:`texture` returns."""
-        return np.asarray((self.bend / 2 * self._squared_grey)[index] * texture)
+        return self._of_second_order(self.bend, texture, index)
 
     def missed_variance(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return the variance of the mean by what :meth:`by_texture` misses at knees, (n,)."""
-        return np.asarray(((self.missed_bend / 2 * self._squared_grey)[index] * texture) ** 2)
+        return np.square(self._of_second_order(self.missed_bend, texture, index))
+
+    def _of_second_order(self, bend: FloatArray, texture: FloatArray, index: IntArray) -> FloatArray:
+        return np.asarray((bend / 2 * self._squared_grey)[index] * texture)
 
     @cached_property
     def _squared_grey(self) -> FloatArray:
