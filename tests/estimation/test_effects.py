@@ -22,6 +22,7 @@ from synthetic_observations import POLYNOMIAL, SIZE
 GAMMA = RESPONSES["srgb"]()
 NOISE = NoiseModel(0.0, 0.0)
 FRAMES, POINTS = 120, 60
+FEW = 50
 TYPICAL_MS = 10.0
 
 
@@ -91,10 +92,12 @@ class Disturbed:
             log_exposure_rate=both(rate),
         )
 
-    def fit(self, seed: int = 0) -> Fit:
-        """Return the fit to these pairs."""
+    def fit(self, seed: int = 0, frames: int = FRAMES) -> Fit:
+        """Return the fit to the first of these pairs of frames."""
+        everything = self.pairs(seed)
+        observations = everything.of_points(everything.group[everything.starts] < frames)
         widest = VignetteBasis(3, free_centre=True, non_radial=True)
-        return fit_with_chosen_effects(self.pairs(seed), ResponseBasis(32), widest, NOISE, 8)
+        return fit_with_chosen_effects(observations, ResponseBasis(32), widest, NOISE, 8)
 
 
 def stated(fit: Fit) -> dict[str, float]:
@@ -163,6 +166,25 @@ def test_what_no_camera_does_is_stated_and_not_corrected(camera: Disturbed, name
     of_residuals = {"uneven vignette", "unsteady response", "unsteady vignette", "unsteady radiance"}
     assert set(stated(found)) <= {*CONTRADICTIONS, *of_residuals}
     assert not len(found.effects)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_few_pairs_of_a_good_camera_contradict_nothing(seed: int) -> None:
+    assert not stated(Disturbed().fit(seed, FEW))
+
+
+@pytest.mark.parametrize(
+    "camera", [Disturbed(power_of_logarithm=0.2), Disturbed(unsteady=0.1), Disturbed(local=0.06)]
+)
+def test_few_pairs_can_contradict_the_model(camera: Disturbed) -> None:
+    assert stated(camera.fit(frames=FEW))
+
+
+def test_few_pairs_correct_nothing_but_widen_the_bands() -> None:
+    found, usual = (camera.fit(frames=FEW) for camera in (Disturbed(offset=0.05), Disturbed()))
+    assert not any(one.corrected for one in found.effect_estimates)
+    assert not len(found.effects)
+    assert found.log_response_step_sigma(0.25, 0.75) > 2 * usual.log_response_step_sigma(0.25, 0.75)
 
 
 def test_what_cannot_be_told_widens_the_bands() -> None:

@@ -25,6 +25,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
+    DOUBTED_SIGMAS,
     FIRST_FIT_POINTS,
     MIN_GROUPS,
     MIN_GROUPS_TO_CONTRADICT,
@@ -114,30 +115,34 @@ def fit_with_chosen_effects(
     """Fit response and vignette, and those effects that the observations clearly show.
 
     One effect after the other is tried, the clearest first, and kept if it is significant by the scatter of the
-    observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. What
-    the effects that are left out may amount to is added to the covariance. A camera at rest shows none. The
-    parameters are those of :func:`fit_with_chosen_vignette`.
+    observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. Few
+    pairs of frames can contradict the model, but correct nothing. What the effects that are left out may amount to is
+    added to the covariance. A camera at rest shows none. The parameters are as in :func:`fit_with_chosen_vignette`.
     """
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
-    fit, possible = plain, _possible(plain.groups)
+    fit, possible = plain, tuple(EFFECTS) if plain.groups >= MIN_GROUPS_TO_CONTRADICT else CORRECTED
     refused: list[str] = []
     plain_trials = trials = _tried(observations, fit, noise, tuple(EFFECTS))
     while name := _suspected(trials, possible):
         possible = tuple(other for other in possible if other != name)
+        if name in CORRECTED and plain.groups < MIN_GROUPS:
+            refused.append(name)
+            continue
         effects = fit.effects.and_(name)
         wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, effects).fit(
             observations, fit
         )
         if not _accepted(wider):
-            refused.append(name)
+            if name in CORRECTED or _sigmas_of_last(wider, wider.chance) > DOUBTED_SIGMAS:
+                refused.append(name)
             continue
         if name in CONTRADICTIONS:
             return _with_estimates(plain, plain_trials, _estimates(wider)[-1:], refused)
         fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, effects)
         trials = _tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
-    if fit.groups < MIN_GROUPS:
+    if fit.groups < MIN_GROUPS_TO_CONTRADICT:
         return _with_estimates(fit, trials, (), refused)
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
@@ -194,13 +199,6 @@ def _tried(
     return trials
 
 
-def _possible(groups: int) -> tuple[str, ...]:
-    """Return the effects that so many groups of observations can show."""
-    if groups >= MIN_GROUPS:
-        return tuple(EFFECTS)
-    return CONTRADICTIONS if groups >= MIN_GROUPS_TO_CONTRADICT else ()
-
-
 def _suspected(trials: Sequence[_Trial], possible: Sequence[str]) -> str:
     """Return the clearest of the possible effects, one of a camera where it is nearly so; empty if none is clear."""
     clear = {trial.name: trial.sigmas for trial in trials if trial.name in possible}
@@ -211,16 +209,19 @@ def _suspected(trials: Sequence[_Trial], possible: Sequence[str]) -> str:
 
 def _accepted(fit: Fit) -> bool:
     """Return whether the effect that was added last is significant, and all make sense."""
-    effect, value = EFFECTS[fit.effects.chosen[-1]], float(fit.parameters[-1])
-    by_chance, in_all = (
-        float(np.hypot(np.sqrt(matrix[-1, -1]), effect.systematic)) for matrix in (fit.chance, fit.covariance)
-    )
-    significant = abs(value) > max(SIGNIFICANT_SIGMAS * by_chance, SIGNIFICANT_SIGMAS_IN_ALL * in_all)
+    by_chance, in_all = (_sigmas_of_last(fit, covariance) for covariance in (fit.chance, fit.covariance))
+    significant = by_chance > SIGNIFICANT_SIGMAS and in_all > SIGNIFICANT_SIGMAS_IN_ALL
     if fit.effects.chosen[-1] in CONTRADICTIONS:
         # What contradicts the model also makes the halves disagree: by that scatter it would hide itself.
-        significant |= abs(value) > CONTRADICTING_SIGMAS * by_chance
+        significant |= by_chance > CONTRADICTING_SIGMAS
     values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
     return significant and all(EFFECTS[name].allows(value) for name, value in values)
+
+
+def _sigmas_of_last(fit: Fit, covariance: FloatArray) -> float:
+    """Return how far the effect that was added last is from zero, in standard deviations by a covariance."""
+    systematic = EFFECTS[fit.effects.chosen[-1]].systematic
+    return float(abs(fit.parameters[-1]) / np.hypot(np.sqrt(covariance[-1, -1]), systematic))
 
 
 def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:

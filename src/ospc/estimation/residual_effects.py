@@ -7,6 +7,8 @@ single places.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.special import ndtri, stdtr
 
@@ -105,7 +107,7 @@ def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tup
     ):
         excess, slopes = max(_excess(covariate, change, pairs) for covariate in covariates)
         if excess > UNSTEADY_SLOPE:
-            found.append(EffectEstimate(name, excess, excess / np.sqrt(2 * slopes), contradicts=True))
+            found.append(EffectEstimate(name, excess, excess / math.sqrt(2 * slopes), contradicts=True))
     return tuple(found)
 
 
@@ -118,7 +120,7 @@ def unsteady_radiance(radiance_sigma: float, groups: int) -> tuple[EffectEstimat
     if radiance_sigma < MOST_RADIANCE_SIGMA:
         return ()
     return (
-        EffectEstimate(UNSTEADY_RADIANCE, radiance_sigma, radiance_sigma / np.sqrt(2 * groups), contradicts=True),
+        EffectEstimate(UNSTEADY_RADIANCE, radiance_sigma, radiance_sigma / math.sqrt(2 * groups), contradicts=True),
     )
 
 

@@ -205,6 +205,9 @@ def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[lis
     return [*sources, *videos], [] if videos else [f"{data} holds no real video"]
 
 
+_SATURATED = 2.0
+"""Irradiance, over that at white, that saturated places of the real video are taken to have."""
+
 _last: dict[str, Footage] = {}
 """The recording that was made last, by its key: faults are put on one recording after the other."""
 
@@ -244,7 +247,10 @@ def _filmed(source: VideoSource) -> Footage:
         return np.rint(response(np.clip(irradiance, 0, 1)) * 255).astype(np.uint8)
 
     images = tuple(frame.image_8_bit for frame in frames)
-    light = np.stack([response.inverse(image / 255).astype(np.float32) for image in images])
+    # How bright a saturated place is, is unknown; it has to stay saturated where a fault takes some of the light.
+    light = np.stack(
+        [np.where(image == 255, _SATURATED, response.inverse(image / 255)).astype(np.float32) for image in images]
+    )
     exposures, stamps = np.array([(frame.exposure_ms, frame.stamp_s) for frame in frames]).T
     camera = Camera(light, exposures, np.ones(light.shape[1:], np.float32), expose)
     return Footage(images, exposures, stamps, _names(len(frames)), camera, (response,))
