@@ -127,15 +127,13 @@ def fit_with_chosen_effects(
     plain_trials = trials = _tried(observations, fit, noise, tuple(EFFECTS))
     while name := _suspected(trials, possible):
         possible = tuple(other for other in possible if other != name)
-        if name in CORRECTED and plain.groups < MIN_GROUPS:
-            refused.append(name)
-            continue
         effects = fit.effects.and_(name)
         wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, effects).fit(
             observations, fit
         )
-        if not _accepted(wider):
-            if name in CORRECTED or _sigmas_of_last(wider, wider.chance) > DOUBTED_SIGMAS:
+        may_correct = name in CORRECTED and plain.groups >= MIN_GROUPS
+        if not _accepted(wider) or not (may_correct or name in CONTRADICTIONS):
+            if may_correct or _sigmas_of_last(wider, wider.chance) > DOUBTED_SIGMAS:
                 refused.append(name)
             continue
         if name in CONTRADICTIONS:

@@ -343,8 +343,9 @@ CONTRADICTING_SIGMAS = 8.0
 the halves disagree on: gentle tone mapping had 10, clean recordings 4 at most."""
 
 DOUBTED_SIGMAS = 3.0
-"""Standard deviations, by chance and by what clean recordings imitate, from which on a contradiction that is not
-proven is possible all the same, and widens the uncertainty. Tone mapping in a real video of 60 frames had 3.7."""
+"""Standard deviations, by chance and by what clean recordings imitate, from which on an effect that is not proven, of
+few pairs of frames or contradicting the model, widens the uncertainty. Tone mapping in a real video of 60 frames had
+3.7."""
 
 PREFERRED_SHARE = 0.9
 """Significance, over that of the clearest effect, from which on one of a camera is tried before a contradiction: an
