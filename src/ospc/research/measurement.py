@@ -119,16 +119,6 @@ class Spread:
     cases: int
 
 
-@dataclass(frozen=True)
-class Contest:
-    """On how many of ``both`` recordings the first of two methods was nearer; on the rest only one has a figure."""
-
-    nearer: int
-    both: int
-    only_first: int
-    only_second: int
-
-
 def methods_of(rows: Sequence[Measurement]) -> list[str]:
     """Return the methods in the order of their first measurement."""
     return list(dict.fromkeys(row.method for row in rows))
@@ -149,7 +139,7 @@ def groups_of(rows: Sequence[Measurement]) -> dict[str, list[Measurement]]:
 
 def known_metrics(rows: Sequence[Measurement]) -> list[Metric]:
     """Return the metrics that at least one measurement has."""
-    return [metric for metric in METRICS if _any_has(rows, metric.figure)]
+    return [metric for metric in METRICS if any(metric.figure in row.figures for row in rows)]
 
 
 def typical(rows: Sequence[Measurement], metric: Metric) -> float | None:
@@ -169,17 +159,16 @@ def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread |
     return Spread(metric.typical(list(values.values())), worst, name, len(values), len(members))
 
 
-def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -> Contest:
-    """Return how often one method came nearer to the truth than another."""
-    found = [{row.recording: row.figures.get(figure) for row in rows if row.method == m} for m in (first, second)]
-    pairs = [(found[0].get(name), found[1].get(name)) for name in recordings_of(rows)]
-    both = [(a, b) for a, b in pairs if a is not None and b is not None]
-    return Contest(
-        sum(abs(a) < abs(b) for a, b in both),
-        len(both),
-        sum(a is not None and b is None for a, b in pairs),
-        sum(a is None and b is not None for a, b in pairs),
-    )
+def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -> tuple[int, int, int, int]:
+    """Return on how many recordings the first of two methods was nearer to the truth, of how many with both figures.
+
+    The last two numbers are those of the recordings on which only the first, or only the second, has the figure.
+    """
+    known = [row for row in rows if figure in row.figures]
+    one, two = ({row.recording: row.figures[figure] for row in known if row.method == m} for m in (first, second))
+    both = one.keys() & two.keys()
+    nearer = sum(abs(one[name]) < abs(two[name]) for name in both)
+    return nearer, len(both), len(one) - len(both), len(two) - len(both)
 
 
 def medians(rows: Sequence[Measurement], figure: str) -> dict[str, float]:
@@ -187,12 +176,9 @@ def medians(rows: Sequence[Measurement], figure: str) -> dict[str, float]:
 
     Groups of recordings in which no method has the figure are left out: no truth of it is known there.
     """
-    judged = [row for members in groups_of(rows).values() for row in members if _any_has(members, figure)]
+    groups = {row.group for row in rows if figure in row.figures}
+    judged = [row for row in rows if row.group in groups]
     found = {
         name: [row.figures.get(figure, math.inf) for row in judged if row.method == name] for name in methods_of(rows)
     }
     return {name: float(np.median(values)) if values else math.inf for name, values in found.items()}
-
-
-def _any_has(rows: Sequence[Measurement], figure: str) -> bool:
-    return any(figure in row.figures for row in rows)

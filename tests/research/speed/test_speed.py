@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from ospc.cli.main import cli
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.recording import open_recording
-from ospc.research.speed.lines import LARGE, VGA, row_of, speed_report, speed_tasks
+from ospc.research.speed.lines import LARGE, VGA, goal_of, row_of, speed_report, speed_tasks
 from ospc.research.speed.measuring import calibrate_command, calibrating, correct_command, correcting, live
 from ospc.research.speed.reel import OTHER, Reel, clocks
 
@@ -93,24 +93,29 @@ def test_a_row_comes_back_from_the_store_as_it_was(rows):
 
 
 def test_goals_are_judged_only_at_the_size_and_length_they_are_for(rows):
-    tasks = {task.name: task for task in speed_tasks(("default",), (VGA, LARGE), 1500, 30.0, 30.0)}
+    tasks = [task.name for task in speed_tasks(("default",), (VGA, LARGE), 1500, 30.0, 30.0)]
     assert [name for name in tasks if name.startswith("ospc calibrate")] == [
         "ospc calibrate, 100 frames, 640×480",
         "ospc calibrate, 500 frames, 640×480",
         "ospc calibrate, 600 frames, 1280×1024",
         "ospc calibrate, 1500 frames, 1280×1024",
     ]
-    quick = tasks["ospc calibrate, 500 frames, 640×480"].about
-    assert quick(replace(rows[3], seconds=2.9)).met
-    assert not quick(replace(rows[3], seconds=3.1)).met
-    long = tasks["ospc calibrate, 1500 frames, 1280×1024"].about
-    assert long(replace(rows[3], seconds=6.0, against_s=10.0)).met
-    assert not long(replace(rows[3], seconds=8.0, against_s=10.0)).met
-    easy = tasks["live, 30 s at 30 frames/s, 640×480"].about
-    assert easy(replace(rows[2], seconds=10.0, cpu_s=2.4, peak_mb=140.0)).met
-    assert not easy(replace(rows[2], seconds=10.0, cpu_s=2.4, peak_mb=160.0)).met
-    short = speed_tasks((), (VGA,), 50, 0.0, 30.0)
-    assert all(task.about(rows[3]).met is None for task in short)
+
+    def met(row, **changes):
+        return goal_of(replace(row, **changes))[1]
+
+    quick = replace(rows[3], size=VGA, frames=500)
+    assert met(quick, seconds=2.9) is True
+    assert met(quick, seconds=3.1) is False
+    long = replace(rows[3], size=LARGE, frames=1500, against_s=10.0)
+    assert met(long, seconds=6.0) is True
+    assert met(long, seconds=8.0) is False
+    easy = replace(rows[2], what="live, 30 frames/s", size=VGA, seconds=10.0, cpu_s=2.4)
+    assert met(easy, peak_mb=140.0) is True
+    assert met(easy, peak_mb=160.0) is False
+    assert met(easy, peak_mb=140.0, what="live, 20 frames/s") is None
+    assert met(quick, frames=50) is None
+    assert all(goal_of(row) == ("", None) for row in rows)
 
 
 def test_the_command_goes_on_where_it_stopped(tmp_path):

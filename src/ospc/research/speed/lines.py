@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -37,46 +36,32 @@ _LIVE_CORE_SHARE, _LIVE_MB = 0.25, 150.0
 """Share of a core, and memory, that a live calibration of 640×480 at 30 frames/s may take on a small computer."""
 
 
-_Judged: TypeAlias = Callable[[SpeedRow], SpeedRow]
-"""Adds a goal, and whether it is met."""
+_Measure: TypeAlias = Callable[[ImageSize, Reel], SpeedRow]
+
+_CALIBRATED: dict[ImageSize, tuple[int, ...]] = {VGA: (100, 500), LARGE: (600, 1500)}
+"""Numbers of frames of the recordings for ``ospc calibrate``, by the size of their frames."""
 
 
-def _without_goal(row: SpeedRow) -> SpeedRow:
-    return row
+def goal_of(row: SpeedRow) -> tuple[str, bool | None]:
+    """Return what a measurement should reach, and whether it does; empty, and None, where there is no goal."""
+    small = row.peak_mb is None or row.peak_mb <= _LIVE_MB
+    live_goal = f"≤ {_LIVE_CORE_SHARE:.0%} of a core, ≤ {_LIVE_MB:.0f} MB"
+    goals = {
+        ("ospc calibrate, 100 frames", VGA): ("≤ 2 s", row.seconds <= 2),
+        ("ospc calibrate, 500 frames", VGA): ("≤ 3 s", row.seconds <= 3),
+        ("ospc calibrate, 600 frames", LARGE): ("≤ 1 × decoding", row.ratio <= 1),
+        ("ospc calibrate, 1500 frames", LARGE): ("≤ 0.7 × decoding", row.ratio <= 0.7),
+        ("live, 30 frames/s", VGA): (live_goal, row.cpu_s / row.seconds <= _LIVE_CORE_SHARE and small),
+    }
+    what = f"{row.what}, {row.frames} frames" if row.what == "ospc calibrate" else row.what
+    return goals.get((what, row.size), ("", None))
 
 
-def _most_s(seconds: float, row: SpeedRow) -> SpeedRow:
-    return replace(row, goal=f"≤ {seconds:g} s", met=row.seconds <= seconds)
-
-
-def _most_ratio(ratio: float, row: SpeedRow) -> SpeedRow:
-    return replace(row, goal=f"≤ {ratio:g} × decoding", met=row.ratio <= ratio)
-
-
-def _live_goal(row: SpeedRow) -> SpeedRow:
-    share = row.cpu_s / row.seconds
-    met = share <= _LIVE_CORE_SHARE and (row.peak_mb is None or row.peak_mb <= _LIVE_MB)
-    return replace(row, goal=f"≤ {_LIVE_CORE_SHARE:.0%} of a core, ≤ {_LIVE_MB:.0f} MB", met=met)
-
-
-_COMMANDS: dict[ImageSize, dict[int, _Judged]] = {
-    VGA: {100: partial(_most_s, 2.0), 500: partial(_most_s, 3.0)},
-    LARGE: {600: partial(_most_ratio, 1.0), 1500: partial(_most_ratio, 0.7)},
-}
-"""Recordings for ``ospc calibrate``, by the size and number of their frames, and their goals."""
-
-
-def _measure(
-    size: ImageSize,
-    frames: int,
-    measure: Callable[[ImageSize, Reel], SpeedRow],
-    judged: _Judged,
-    _progress: OnProgress,
-) -> dict[str, Any]:
+def _measure(size: ImageSize, frames: int, measure: _Measure, _progress: OnProgress) -> dict[str, Any]:
     """Measure in a process of its own, so that its peak memory is its own too."""
     reel = reel_of(size, frames)
     with get_context("spawn").Pool(1) as pool:
-        return vars(judged(pool.apply(measure, (size, reel))))
+        return vars(pool.apply(measure, (size, reel)))
 
 
 def row_of(stored: dict[str, Any]) -> SpeedRow:
@@ -88,33 +73,25 @@ def row_of(stored: dict[str, Any]) -> SpeedRow:
 def speed_tasks(
     presets: tuple[str, ...], sizes: tuple[ImageSize, ...], frames: int, live_s: float, rate_hz: float
 ) -> list[Task]:
-    """Return all measurements, of at most so many frames and ``live_s`` seconds live, about what adds their goals."""
-    return [task for size in sizes for task in _tasks_of(size, presets, frames, live_s, rate_hz)]
-
-
-def _tasks_of(
-    size: ImageSize, presets: tuple[str, ...], frames: int, live_s: float, rate_hz: float
-) -> Iterator[Task]:
-    def task(what: str, measure: Any, judged: _Judged = _without_goal) -> Task:
-        name = f"{what}, {size[0]}×{size[1]}"
-        machine = {"cores": os.cpu_count(), "node": platform.node()}
-        depends_on = {"speed": name, "frames": frames, "machine": machine, "made_with": made_with(whole=True)}
-        return Task(name, depends_on, partial(_measure, size, frames, measure, judged), judged)
-
-    for wanted, goal in _COMMANDS.get(size, {frames: _without_goal}).items():
-        count = min(wanted, frames)
-        measure = partial(calibrate_command, count=count)
-        yield task(f"ospc calibrate, {count} frames", measure, goal if count == wanted else _without_goal)
-    for name in presets:
-        yield task(f"preset {name}", partial(calibrating, preset=name, count=frames))
-    if live_s > 0:
-        measure = partial(live, seconds=live_s, rate_hz=rate_hz)
-        judged = _live_goal if size == VGA and rate_hz == 30 else _without_goal
-        yield task(f"live, {live_s:g} s at {rate_hz:g} frames/s", measure, judged)
-    count = min(_CORRECTED_FRAMES, frames)
-    yield task(f"ospc correct, {count} frames", partial(correct_command, count=count))
-    for kind in ("float32", "uint8"):
-        yield task(f"correcting in memory to {kind}", partial(correcting, dtype=kind))
+    """Return all measurements, of at most so many frames and ``live_s`` seconds live."""
+    machine = {"cores": os.cpu_count(), "node": platform.node()}
+    depends_on = {"frames": frames, "machine": machine, "made_with": made_with(whole=True)}
+    tasks = []
+    for size in sizes:
+        counts = dict.fromkeys(min(count, frames) for count in _CALIBRATED.get(size, (frames,)))
+        measures: dict[str, _Measure] = {}
+        for count in counts:
+            measures[f"ospc calibrate, {count} frames"] = partial(calibrate_command, count=count)
+        measures |= {f"preset {name}": partial(calibrating, preset=name, count=frames) for name in presets}
+        if live_s > 0:
+            measures[f"live, {live_s:g} s at {rate_hz:g} frames/s"] = partial(live, seconds=live_s, rate_hz=rate_hz)
+        corrected = min(_CORRECTED_FRAMES, frames)
+        measures[f"ospc correct, {corrected} frames"] = partial(correct_command, count=corrected)
+        measures |= {f"correcting in memory to {t}": partial(correcting, dtype=t) for t in ("float32", "uint8")}
+        for what, measure in measures.items():
+            name = f"{what}, {size[0]}×{size[1]}"
+            tasks.append(Task(name, depends_on | {"speed": name}, partial(_measure, size, frames, measure)))
+    return tasks
 
 
 _LEAST_NAMED = 0.06
@@ -123,7 +100,7 @@ _LEAST_NAMED = 0.06
 
 def _cells(row: SpeedRow) -> dict[str, str]:
     half, rare = ("", "") if row.push_ms is None else (f"{ms:.2g} ms" for ms in row.push_ms[:2])
-    verdict = {True: "reached", False: "missed", None: ""}[row.met]
+    goal, met = goal_of(row)
     return {
         "": row.what,
         "size": f"{row.size[0]}×{row.size[1]}",
@@ -133,7 +110,7 @@ def _cells(row: SpeedRow) -> dict[str, str]:
         "against": f"{row.against}: {row.against_s:.3g} s",
         "×": "" if row.what.startswith("live") else f"{row.ratio:.2f}",
         "×, CPU": f"{row.cpu_ratio:.2f}",
-        "goal": f"{row.goal}: {verdict}" if row.goal else "",
+        "goal": f"{goal}: {'reached' if met else 'missed'}" if goal else "",
         "push 50 %": half,
         "99 %": rare,
         "memory": "" if row.peak_mb is None else f"{row.peak_mb:.0f} MB",
@@ -144,7 +121,8 @@ def _cells(row: SpeedRow) -> dict[str, str]:
 def speed_report(rows: Sequence[SpeedRow]) -> StudyReport:
     """Return the report, with ``speed.json``, ``speed.md`` and ``speed.png``."""
     machine = {"cores": os.cpu_count(), "machine": platform.machine(), "system": platform.system()}
-    content = {"rows": [row.as_dict() for row in rows], "machine": machine, "versions": versions()}
+    judged = [row.as_dict() | dict(zip(("goal", "met"), goal_of(row), strict=True)) for row in rows]
+    content = {"rows": judged, "machine": machine, "versions": versions()}
     lines = [_cells(row) for row in rows]
     table = Table("Speed", tuple(lines[0]), tuple(tuple(line.values()) for line in lines), 2)
     texts = {"speed.json": as_json(content), "speed.md": table.as_markdown()}

@@ -48,8 +48,6 @@ class SpeedRow:
         Largest resident memory, without that of the frames shown; None where the system does not say.
     stages
         Seconds by stage; the last, "other", is the rest. Empty where they are not known.
-    goal, met
-        What it should reach, and whether it does; None where there is no goal.
     """
 
     what: str
@@ -63,8 +61,6 @@ class SpeedRow:
     push_ms: tuple[float, float, float] | None = None
     peak_mb: float | None = None
     stages: dict[str, float] = field(default_factory=dict)
-    goal: str = ""
-    met: bool | None = None
     notes: str = ""
 
     @property
