@@ -21,10 +21,6 @@ from ospc.methods.paper import (
     FeatureMatcher,
     Matcher,
     PaperMethod,
-    in_order,
-    polynomial_response,
-    response_rows,
-    solve_response,
     solve_vignette,
     vignette_rows,
 )
@@ -32,7 +28,6 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame, size_of
-from ospc.research.held_out import HeldOutPair
 from ospc.research.runner import OnProgress
 from ospc.settings import PaperSettings
 
@@ -136,12 +131,6 @@ def with_and_without(
 VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
 """The solvers that the paper compares (section 5)."""
 
-_MATCHING = (
-    "features", "max_features", "match_ratio",
-    "filter_blocks", "filter_bins", "filter_min_matches", "filter_length_sigmas",
-)  # fmt: skip
-"""Settings that the detection and matching of features depend on."""
-
 
 class OwnMethod:
     """The method of this project with a preset; ``variant`` names the outcome if the preset's name does not."""
@@ -160,35 +149,33 @@ class OwnMethod:
 
 
 class PaperVariants:
-    """The paper's method with several settings, by name; those that match the same features do so once."""
+    """The paper's method with several settings, by name, which match the same features: they are matched once."""
 
     def __init__(self, variants: dict[str, PaperSettings]) -> None:
         self._variants = variants
         self._methods: dict[str, PaperMethod] = {}
-        self._failures: dict[str, str] = {}
+        self._failures: dict[str, Outcome] = {}
         self._exposures = ExposureTable()
 
     def push(self, frame: Frame) -> None:
         """Take the next frame; a variant that breaks down leaves the others alone."""
-        if not self._methods:
-            shared: dict[tuple[object, ...], SharedMatcher] = {}
+        if not self._exposures:
+            matcher = SharedMatcher(FeatureMatcher(next(iter(self._variants.values()))))
             for name, settings in self._variants.items():
-                alike = tuple(getattr(settings, setting) for setting in _MATCHING)
-                if alike not in shared:
-                    shared[alike] = SharedMatcher(FeatureMatcher(settings))
-                self._methods[name] = PaperMethod(settings, size_of(frame.image), frame.max_grey, shared[alike])
+                self._methods[name] = PaperMethod(settings, size_of(frame.image), frame.max_grey, matcher)
         self._exposures.append(frame.exposure_ms)
-        for name in self._methods.keys() - self._failures.keys():
+        for name, method in list(self._methods.items()):
             try:
-                self._methods[name].push(frame, None, self._exposures)
+                method.push(frame, None, self._exposures)
             except Exception as error:
                 self._failures[name] = failure(error)
+                del self._methods[name]
 
     def found(self) -> dict[str, Outcome]:
         """Return the calibrations."""
-        left = {name: method for name, method in self._methods.items() if name not in self._failures}
-        found = outcomes_of({name: partial(self._estimate, method) for name, method in left.items()})
-        return {name: self._failures.get(name) or found[name] for name in self._methods}
+        found = outcomes_of({name: partial(self._estimate, method) for name, method in self._methods.items()})
+        found |= self._failures
+        return {name: found[name] for name in self._variants if name in found}
 
     def _estimate(self, method: PaperMethod) -> Estimate:
         return Estimate.of(method.calibration(self._exposures))
@@ -252,16 +239,3 @@ class SolversKnowingResponse:
             coefficients = tuple(solve_vignette(rows, targets, name, self._settings.huber_tuning).tolist())
             outcomes[f"true g/{name}"] = Estimate(self._response, PolynomialVignette(self._size, coefficients))
         return outcomes
-
-
-def quadratic_on_known_pixels(pairs: Iterable[HeldOutPair], size: ImageSize) -> Outcome:
-    """Return the paper's quadratic response from pixels, of images of a size, that are known to correspond."""
-    gram = np.zeros((3, 3))
-    for pair in pairs:
-        matches = Correspondences((0, 1), size, pair.points0, pair.points1, pair.grey0, pair.grey1)
-        rows = response_rows(in_order(matches, pair.exposure_ratio), pair.exposure_ratio, 2)
-        gram += rows.T @ rows
-    coefficients = solve_response(gram, "when needed")
-    if coefficients is None:
-        return "the quadratic does not increase"
-    return Estimate(polynomial_response(coefficients, None, (0.0, 1.0)))

@@ -26,11 +26,13 @@ from ospc.errors import FormatError, OspcError
 from ospc.evaluation.metrics import response_shape_rmse
 from ospc.formats.files import read_bytes, read_text
 from ospc.formats.image_header import read_header
+from ospc.methods.paper import Correspondences, in_order, polynomial_response, response_rows, solve_response
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.recording.arrays import ArrayRecording
 from ospc.research.held_out import HeldOut, HeldOutPair
+from ospc.research.method import Estimate, Outcome
 from ospc.research.scoring import Truth
 from ospc.research.source import Source
 
@@ -103,14 +105,6 @@ class ChartSeries:
         return grey[kept], irradiance[kept]
 
 
-@dataclass(frozen=True)
-class TrueResponse:
-    """The response of one channel, and the greys between which it was measured."""
-
-    response: Response
-    greys: tuple[int, int]
-
-
 def read_series(folder: Path, illuminant: int) -> ChartSeries:
     """Read the photographs of one camera under one illuminant; ``tags.json`` beside the folder names the patches."""
     jpeg, raw = (
@@ -122,8 +116,8 @@ def read_series(folder: Path, illuminant: int) -> ChartSeries:
     return ChartSeries(np.stack(jpeg), np.stack(raw), _patches(folder.parent / "tags.json", width, height))
 
 
-def true_response(series: ChartSeries, channel: int) -> TrueResponse:
-    """Return the response that JPEG against RAW shows.
+def true_response(series: ChartSeries, channel: int) -> tuple[Response, tuple[int, int]]:
+    """Return the response that JPEG against RAW shows, and the greys between which it was measured.
 
     The curve increases, and joins the measured points through the logarithm of the irradiance.
     """
@@ -136,8 +130,7 @@ def true_response(series: ChartSeries, channel: int) -> TrueResponse:
     table = np.interp(np.arange(256), np.append(0.0, inside), np.append(0.0, light))
     above = np.arange(256) > inside[-1]
     table[above] = light[-1] + (np.arange(256)[above] - inside[-1]) * (light[-1] - light[-2])
-    greys = max(_DARKEST, int(inside[0])), min(_BRIGHTEST, int(inside[-1]))
-    return TrueResponse(Response.from_values(table), greys)
+    return Response.from_values(table), (max(_DARKEST, int(inside[0])), min(_BRIGHTEST, int(inside[-1])))
 
 
 def _increasing(grey: FloatArray, log_light: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -223,8 +216,8 @@ class ChartSource(Source):
 
     def truth(self) -> Truth:
         """Return the response that the RAW files show."""
-        known = true_response(self._fitted(), self.channel)
-        return Truth(known.response, greys=known.greys, limits=self._limits(known))
+        response, greys = true_response(self._fitted(), self.channel)
+        return Truth(response, greys=greys, limits=self._limits(response, greys))
 
     def held_out(self) -> HeldOut:
         """Return every two exposures under the second illuminant, with the ratio that the RAW files show."""
@@ -237,10 +230,21 @@ class ChartSource(Source):
         ]
         return HeldOut(pairs, pairs)
 
-    def known_pixels(self) -> list[HeldOutPair]:
-        """Return the pixels of successive exposures for fitting, with the stated ratio."""
+    def quadratic(self) -> Outcome:
+        """Return the paper's quadratic response from the pixels of successive exposures, which correspond."""
         planes = self._planes(self._fitted())
-        return [_same_places(planes, i, j, _STATED_MS[i] / _STATED_MS[j]) for i, j in pairwise(range(EXPOSURES))]
+        gram = np.zeros((3, 3))
+        for i, j in pairwise(range(EXPOSURES)):
+            ratio = _STATED_MS[i] / _STATED_MS[j]
+            pair = _same_places(planes, i, j, ratio)
+            size = (planes.shape[2], planes.shape[1])
+            matches = Correspondences((i, j), size, pair.points0, pair.points1, pair.grey0, pair.grey1)
+            rows = response_rows(in_order(matches, ratio), ratio, 2)
+            gram += rows.T @ rows
+        coefficients = solve_response(gram, "when needed")
+        return (
+            "the quadratic does not increase" if coefficients is None else Estimate(polynomial_response(coefficients))
+        )
 
     def _fitted(self) -> ChartSeries:
         return read_series(self.folder, ILLUMINANTS[0])
@@ -248,16 +252,16 @@ class ChartSource(Source):
     def _planes(self, series: ChartSeries) -> FloatArray:
         return np.ascontiguousarray(series.jpeg[..., self.channel])
 
-    def _limits(self, known: TrueResponse) -> dict[str, float]:
+    def _limits(self, known: Response, greys: tuple[int, int]) -> dict[str, float]:
         """Return the difference of the truths under the two illuminants, and the error of the stated exposures."""
         exposures = self._fitted().irradiance()[0]
         limits = {"worst_exposure_error_percent": float(100 * np.max(np.abs(exposures / np.array(_STATED_MS) - 1)))}
         try:
-            again = true_response(read_series(self.folder, ILLUMINANTS[1]), self.channel)
+            again, again_greys = true_response(read_series(self.folder, ILLUMINANTS[1]), self.channel)
         except OspcError:
             return limits
-        greys = max(known.greys[0], again.greys[0]), min(known.greys[1], again.greys[1])
-        return limits | {"truth_uncertainty": response_shape_rmse(again.response, known.response, *greys)}
+        common = max(greys[0], again_greys[0]), min(greys[1], again_greys[1])
+        return limits | {"truth_uncertainty": response_shape_rmse(again, known, *common)}
 
 
 def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> HeldOutPair:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -25,15 +25,7 @@ from ospc.research.accuracy.charts import FOLDER as CHARTS
 from ospc.research.accuracy.charts import ChartSource, chart_sources
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
-from ospc.research.method import (
-    VIGNETTE_SOLVERS,
-    Estimate,
-    Method,
-    Outcome,
-    OwnMethod,
-    PaperVariants,
-    quadratic_on_known_pixels,
-)
+from ospc.research.method import VIGNETTE_SOLVERS, Estimate, Method, Outcome, OwnMethod, PaperVariants
 from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
 from ospc.settings import PaperSettings, as_dict, preset
 from ospc.simulation import SimulationSettings
@@ -60,9 +52,6 @@ _MEASURED = 8
 
 _NOISE_SWAPPED, _SCENES_SWAPPED = (0, 1, 0, 1, 0, 1, 1), (0, 0, 1, 1, 0, 1, 0)
 """For each response, whether the two levels of noise, and of moving objects, are exchanged."""
-
-_Named: TypeAlias = tuple[str, str, str | Response]
-"""The name of a response, its level of the factor "response", and the response."""
 
 
 class HasName(Protocol):
@@ -101,8 +90,7 @@ class PresetMethods(Methods):
         features; with "default", the laboratory calibration by the makers of the video.
         """
         if self.name == "paper" and isinstance(source, ChartSource):
-            height, width = next(source.frames()).image.shape
-            return {"paper, pixels known": quadratic_on_known_pixels(source.known_pixels(), (width, height))}
+            return {"paper, pixels known": source.quadratic()}
         if self.name == "default" and isinstance(source, VideoSource):
             return {"makers' laboratory": Estimate(source.truth().response)}
         return {}
@@ -144,8 +132,9 @@ def select(items: Sequence[_Item], pattern: str | None, what: str = "recording")
 
 def _moving_sources(measured: list[tuple[str, Response]], frames: int) -> Iterator[SimulatedSource]:
     """Give the simulated recordings with the camera in motion; eight measured responses take the places of two."""
+    # Of each: the name of the response, its level of the factor "response", and the response.
     kind = measured[0][0].rstrip("0123456789.")
-    named: list[_Named] = [(name, name, name) for name in _NAMED for _ in VIGNETTES]
+    named: list[tuple[str, str, str | Response]] = [(name, name, name) for name in _NAMED for _ in VIGNETTES]
     named += [(name, kind, response) for name, response in measured]
     for number, (name, family, response) in enumerate(named):
         place, column = divmod(number, len(VIGNETTES))
