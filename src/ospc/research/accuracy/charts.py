@@ -242,9 +242,9 @@ class ChartSource(Source):
             rows = response_rows(in_order(matches, ratio), ratio, 2)
             gram += rows.T @ rows
         coefficients = solve_response(gram, "when needed")
-        return (
-            "the quadratic does not increase" if coefficients is None else Estimate(polynomial_response(coefficients))
-        )
+        if coefficients is None:
+            return "the quadratic does not increase"
+        return Estimate(polynomial_response(coefficients))
 
     def _fitted(self) -> ChartSeries:
         return read_series(self.folder, ILLUMINANTS[0])
