@@ -23,18 +23,14 @@ from ospc.settings import PaperSettings
 
 FEATURES = ("sift", "surf", "orb")
 OFFSETS = (10, 15, 20, 25, 30, 32, 35, 40, 50)
-THRESHOLDS = (1.02, 1.04, 1.08, 1.15, 1.3, 1.5)
+THRESHOLDS = {high: 0.92 if high == 1.08 else 1 / high for high in (1.02, 1.04, 1.08, 1.15, 1.3, 1.5)}
+"""Least exposure ratios above 1, and the one below 1 that belongs to each; of the paper's, that is 0.92."""
 
-_PAPER_THRESHOLDS = (0.92, 1.08)
 _UNCHECKED = PaperSettings(acceptance_tolerance=1e3)
 """The paper's method without its check: the paper compares the results of solvers, not what the check accepts."""
 
 _SLOW = 0.5
 """Speed of stand-ins whose features are matched over 30 frames, as in the paper's recordings."""
-
-
-def _no_rivals(_source: Source) -> dict[str, Method]:
-    return {}
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,7 @@ class Experiment(Methods):
     variants
         Settings of the paper's method by name, each group with its own matching of features.
     rivals
-        Makes the other methods for a recording.
+        Makes the methods of other papers for a recording. Where nothing is varied, ours is measured beside them.
     speed, at_rest
         Of the simulated camera: a factor of its speed, and whether it does not move.
     with_ratios
@@ -62,7 +58,7 @@ class Experiment(Methods):
     figure: str
     stand_ins: tuple[int, int]
     variants: dict[str, dict[str, PaperSettings]] = field(default_factory=dict)
-    rivals: Callable[[Source], dict[str, Method]] = _no_rivals
+    rivals: Callable[[Source], dict[str, Method]] | None = None
     speed: float = 1.0
     at_rest: bool = False
     varied: dict[str, float] = field(default_factory=dict)
@@ -76,17 +72,15 @@ class Experiment(Methods):
 
     def make(self, source: Source) -> dict[str, Method]:
         """Return new methods for a recording."""
-        return {**self.rivals(source), **{name: PaperVariants(group) for name, group in self.variants.items()}}
-
-
-def _ours(_source: Source) -> dict[str, Method]:
-    return {"ours": OwnMethod(variant="ours")}
+        methods: dict[str, Method] = {} if self.varied else {"ours": OwnMethod(variant="ours")}
+        if self.rivals is not None:
+            methods |= self.rivals(source)
+        return methods | {name: PaperVariants(group) for name, group in self.variants.items()}
 
 
 def _joint_rivals(source: Source) -> dict[str, Method]:
     response = source.truth().response
     return {
-        **_ours(source),
         "joint-online": Bergmann(response, online=True),
         "joint-batch": Bergmann(response, online=False),
         "kim-pollefeys": KimPollefeys(),
@@ -95,34 +89,30 @@ def _joint_rivals(source: Source) -> dict[str, Method]:
 
 def _solver_rivals(source: Source) -> dict[str, Method]:
     response = source.truth().response
-    alone = {} if response is None else {"true g": SolversKnowingResponse(response, PaperSettings())}
-    return {**_ours(source), **alone}
+    return {} if response is None else {"true g": SolversKnowingResponse(response, PaperSettings())}
 
 
 def _static_rivals(source: Source) -> dict[str, Method]:
-    return {**_ours(source), **{name: CameraAtRest(name) for name in AT_REST}}
-
-
-def _threshold(high: float) -> PaperSettings:
-    low = _PAPER_THRESHOLDS[0] if high == _PAPER_THRESHOLDS[1] else 1 / high
-    return replace(_UNCHECKED, exposure_ratio_high=high, exposure_ratio_low=low)
+    return {name: CameraAtRest(name) for name in AT_REST}
 
 
 _ALL = (
     Experiment("parameters", "Photometric parameters against the truth", "response_rmse", (1, 600),
-        {"paper": {"paper": PaperSettings()}}, _ours, with_ratios=True),
+        {"paper": {"paper": PaperSettings()}}, with_ratios=True),
     Experiment("joint", "Joint estimation and known exposures", "vignette_rmse", (8, 400), rivals=_joint_rivals),
     Experiment("solvers", "Solvers of the vignette", "vignette_rmse", (4, 500),
         {"paper": {f"paper/{name}": replace(_UNCHECKED, vignette_solver=name) for name in VIGNETTE_SOLVERS}},
         _solver_rivals, _SLOW),
     Experiment("features", "Features behind the response", "response_rmse", (4, 300),
-        {name: {f"paper/{name}": replace(_UNCHECKED, features=name)} for name in FEATURES}, _ours, _SLOW),
+        {name: {f"paper/{name}": replace(_UNCHECKED, features=name)} for name in FEATURES}, speed=_SLOW),
     Experiment("offsets", "Offset between the frames of a pair", "vignette_rmse", (4, 500),
         {"offsets": {f"offset {n}": replace(_UNCHECKED, vignette_offset=n) for n in OFFSETS}}, speed=_SLOW,
         varied={f"offset {n}": float(n) for n in OFFSETS}, axis="offset in frames"),
     Experiment("thresholds", "Least exposure ratio of a pair", "response_rmse", (4, 300),
-        {"thresholds": {f"k ≥ {high}": _threshold(high) for high in THRESHOLDS}}, speed=_SLOW,
-        varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="least exposure ratio k"),
+        {"thresholds": {
+            f"k ≥ {high}": replace(_UNCHECKED, exposure_ratio_high=high, exposure_ratio_low=low)
+            for high, low in THRESHOLDS.items()
+        }}, speed=_SLOW, varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="least exposure ratio k"),
     Experiment("static", "Responses from a camera at rest", "response_rmse", (6, 60), rivals=_static_rivals,
         at_rest=True),
 )  # fmt: skip

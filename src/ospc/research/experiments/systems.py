@@ -34,7 +34,7 @@ from ospc.research.rivals.quenzel_2018 import Quenzel
 from ospc.research.runner import Task
 from ospc.research.source import Methods, SimulatedSource, Source, measuring_task
 from ospc.research.tables import StudyReport, Table, measurements_csv
-from ospc.settings import PaperSettings, preset
+from ospc.settings import PaperSettings
 from ospc.simulation.responses import RESPONSES, make_response
 from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
 from ospc.unknown_exposures.single_image.lin_zhang_2005 import edge_histogram_response
@@ -91,15 +91,10 @@ def _variants(name: str) -> tuple[str, str]:
     return f"{name}-with", f"{name}-without"
 
 
-def _paper(_truth: Response | None) -> Method:
-    settings = preset("paper")
-    assert isinstance(settings, PaperSettings)
-    return PaperVariants({"paper": settings})
-
-
 SYSTEMS = (
     System("ours", "this project", 2026, _EXPOSURES, _BOTH, lambda _: OwnMethod(variant="ours"), "", "ours"),
-    System("paper", "Haidar, Khalil, Asmar", 2024, _EXPOSURES, _BOTH, _paper, "", "paper"),
+    System("paper", "Haidar, Khalil, Asmar", 2024, _EXPOSURES, _BOTH,
+        lambda _: PaperVariants({"paper": PaperSettings()}), "", "paper"),
     System("debevec-malik", "Debevec, Malik", 1997, _REST, "response",
         lambda _: CameraAtRest("debevec-malik"), "", "debevec-malik"),
     System("mitsunaga-nayar", "Mitsunaga, Nayar", 1999, _REST, "response",
