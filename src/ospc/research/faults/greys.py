@@ -54,19 +54,14 @@ def _limited_scale(black: float) -> float:
     return 1 - (1 - _RANGE / _WHITE) * black / 16
 
 
-def _gamma(exponent: float) -> FloatArray:
-    return np.asarray(_WHITE * (_GREYS / _WHITE) ** exponent)
+def _gammas(footage: Footage, exponents: FloatArray) -> Footage:
+    """Put an exponent of its own on every image, shape (frames,)."""
+    return _looked_up(footage, lambda i: _WHITE * (_GREYS / _WHITE) ** exponents[i])
 
 
 def _gamma_by_brightness(footage: Footage, exponent: float, _random: np.random.Generator) -> Footage:
     grey = np.array([image.mean() for image in footage.images])
-    mean = grey / grey.mean()
-    return _looked_up(footage, lambda i: _gamma(exponent ** (2 * (mean[i] - 1))))
-
-
-def _two_gammas(footage: Footage, exponent: float, random: np.random.Generator) -> Footage:
-    second = some(len(footage), 0.3, random)
-    return _looked_up(footage, lambda i: _gamma(exponent if second[i] else 1.0))
+    return _gammas(footage, exponent ** (2 * (grey / grey.mean() - 1)))
 
 
 def _auto_contrast(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
@@ -153,14 +148,6 @@ def _masked(footage: Footage, inside: BoolArray) -> Footage:
     return replace(_filtered(footage, lambda image: image * inside), reach=float(radius[inside].max()))
 
 
-def _letterbox(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    return _masked(footage, np.abs(footage.from_centre()[..., 1]) < len(footage.images[0]) * (1 - share) / 2)
-
-
-def _disc(footage: Footage, radius: float, _random: np.random.Generator) -> Footage:
-    return _masked(footage, np.linalg.norm(footage.from_centre(), axis=-1) < radius * len(footage.images[0]) / 2)
-
-
 FAULTS = (
     Fault("limited-range", "video of limited range that is not expanded, black at {}", (8, 16, 32),
         lambda f, black, _: _curved(f, black + _GREYS * _limited_scale(black))),
@@ -172,13 +159,14 @@ FAULTS = (
     Fault("white-clipped", "grey values end at {}", (250, 235, 200),
         lambda f, x, _: _looked_up(f, lambda _i: np.minimum(_GREYS, x))),
     Fault("gamma-midway", "an exponent of {} on the second half", (1.1, 1.2, 1.5),
-        lambda f, x, _: _looked_up(f, lambda i: _gamma(x if i >= f.half else 1.0))),
+        lambda f, x, _: _gammas(f, np.where(np.arange(len(f)) >= f.half, x, 1.0))),
     Fault("gamma-drift", "an exponent that drifts to {}", (1.1, 1.2, 1.5),
-        lambda f, x, _: _looked_up(f, lambda i: _gamma(x ** (i / len(f))))),
+        lambda f, x, _: _gammas(f, x ** (np.arange(len(f)) / len(f)))),
     Fault(
         "gamma-by-brightness", "an exponent that follows brightness, base {}", (1.1, 1.3, 1.6), _gamma_by_brightness
     ),
-    Fault("two-gammas", "an exponent of {} on three frames of ten", (1.1, 1.2, 1.5), _two_gammas),
+    Fault("two-gammas", "an exponent of {} on three frames of ten", (1.1, 1.2, 1.5),
+        lambda f, x, random: _gammas(f, np.where(some(len(f), 0.3, random), x, 1.0))),
     Fault("auto-contrast", "every frame stretched to the full scale, a share of {}", (0.25, 0.5, 1), _auto_contrast),
     Fault("equalised", "histograms equalised, a share of {}", (0.1, 0.3, 1),
         lambda f, x, _: _each(f, lambda image: cv2.addWeighted(image, 1 - x, cv2.equalizeHist(image), x, 0))),
@@ -208,6 +196,8 @@ FAULTS = (
         lambda f, x, random: _filtered(f, lambda image: image + x * random.standard_normal((len(image), 1)))),
     Fault("overlay", "a clock in a box over a share of {} of the image", (0.02, 0.05, 0.1), _overlay),
     Fault("watermark", "a watermark of opacity {}", (0.1, 0.3, 0.6), _watermark),
-    Fault("letterbox", "black bars over a share of {} of the image", (0.05, 0.15, 0.3), _letterbox),
-    Fault("disc", "black outside a disc, {} times the height wide", (1.2, 1.0, 0.8), _disc),
+    Fault("letterbox", "black bars over a share of {} of the image", (0.05, 0.15, 0.3),
+        lambda f, x, _: _masked(f, np.abs(f.from_centre()[..., 1]) < len(f.images[0]) * (1 - x) / 2)),
+    Fault("disc", "black outside a disc, {} times the height wide", (1.2, 1.0, 0.8),
+        lambda f, x, _: _masked(f, np.linalg.norm(f.from_centre(), axis=-1) < x * len(f.images[0]) / 2)),
 )  # fmt: skip

@@ -14,14 +14,12 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray
 from ospc.calibrator import calibrate
 from ospc.errors import OspcError
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame
 from ospc.research.faults.footage import STRENGTHS, Fault, Footage, GoodSource, good_footage
 from ospc.research.method import failure
@@ -171,7 +169,13 @@ def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
         kappa, truth = min(((log_ratio_error(response, one), one) for one in footage.responses), key=itemgetter(0))
         figures |= {"kappa": kappa, "step": _step(response) - _step(truth), "step_sigma": step_sigma(found)}
     if found.vignette is not None and footage.vignette is not None:
-        figures |= _vignette_figures(found.vignette, found.vignette_sigma, footage.vignette, footage.reach)
+        # Beyond the reach, nothing can be known of a vignette.
+        figures["vignette"] = vignette_rmse(found.vignette, footage.vignette, footage.reach)
+        if found.vignette_sigma is not None:
+            judged = (PROFILE_RADII > _CENTRE) & (footage.reach >= PROFILE_RADII)
+            error = profile_along_diagonal(found.vignette) - profile_along_diagonal(footage.vignette)
+            mean_square = np.mean(error[judged] ** 2) / np.mean(found.vignette_sigma[judged] ** 2)
+            figures["vignette_sigmas"] = float(np.sqrt(mean_square))
     return figures
 
 
@@ -221,15 +225,3 @@ def step_sigma(found: Calibration) -> float | None:
 def _step(response: Response) -> float:
     low, high = response.inverse([_LOW, _HIGH])
     return float(np.log(high / low))
-
-
-def _vignette_figures(
-    estimate: Vignette, sigma: FloatArray | None, truth: Vignette, reach: float
-) -> dict[str, float]:
-    """Return the errors of a vignette up to a radius: beyond, nothing can be known of it."""
-    figures = {"vignette": vignette_rmse(estimate, truth, reach)}
-    if sigma is not None:
-        judged = (PROFILE_RADII > _CENTRE) & (reach >= PROFILE_RADII)
-        along = (profile_along_diagonal(estimate) - profile_along_diagonal(truth))[judged]
-        figures["vignette_sigmas"] = float(np.sqrt(np.mean(along**2) / np.mean(sigma[judged] ** 2)))
-    return figures

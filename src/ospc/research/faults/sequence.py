@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import compress
 
 import cv2
 import numpy as np
@@ -18,11 +19,6 @@ def _renumbered(footage: Footage, kept: BoolArray) -> Footage:
     return first.with_images(footage.chosen(kept).images)
 
 
-def _lost_block(footage: Footage, count: float, _random: np.random.Generator) -> Footage:
-    numbers = np.arange(len(footage)) - len(footage) // 3
-    return _renumbered(footage, (numbers < 0) | (numbers >= count))
-
-
 def _reordered(footage: Footage, order: IntArray) -> Footage:
     """Show images in another order, and one more than once, while their exposures go on."""
     return footage.with_images(footage.images[i] for i in order)
@@ -33,22 +29,22 @@ def _moved(footage: Footage, order: IntArray) -> Footage:
     return _reordered(footage, order).with_exposures(footage.exposures_ms[order])
 
 
-def _stutter(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    """Repeat images of a stream that lost its place: what follows is late beside its exposures."""
-    return _reordered(footage, np.cumsum(~some(len(footage), share, random)) - 1)
-
-
 def _repeated(footage: Footage, share: float, random: np.random.Generator) -> Footage:
     """Repeat frames with their exposures in place of those that follow."""
     repeats = some(len(footage), share, random)
     return _moved(footage, np.maximum.accumulate(np.where(repeats, 0, np.arange(len(footage)))))
 
 
+def _from_a_third(footage: Footage, count: float) -> BoolArray:
+    """Return a mask of so many frames from a third of the recording on, shape (frames,)."""
+    numbers = np.arange(len(footage)) - len(footage) // 3
+    return (numbers >= 0) & (numbers < count)
+
+
 def _frozen(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
     """Let the picture freeze from a third on while exposures go on."""
-    numbers, first = np.arange(len(footage)), len(footage) // 3
-    frozen = (numbers >= first) & (numbers < first + round(share * len(footage)))
-    return _reordered(footage, np.where(frozen, first, numbers))
+    frozen = _from_a_third(footage, round(share * len(footage)))
+    return _reordered(footage, np.where(frozen, len(footage) // 3, np.arange(len(footage))))
 
 
 def _cuts(footage: Footage, length: float, random: np.random.Generator) -> Footage:
@@ -130,11 +126,6 @@ def _rewritten(
     return _with_lines(footage, [change(line) if wrong[i] else line for i, line in enumerate(_listed(footage))])
 
 
-def _missing_lines(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    missing = some(len(footage), share, random)
-    return _with_lines(footage, [line for i, line in enumerate(_listed(footage)) if not missing[i]])
-
-
 def _missing_files(footage: Footage, share: float, random: np.random.Generator) -> Footage:
     left = footage.chosen(~some(len(footage), share, random))
     return replace(left, times=_with_lines(footage, _listed(footage)).times)
@@ -149,8 +140,11 @@ def _duplicate_ids(footage: Footage, share: float, random: np.random.Generator) 
 FAULTS = (
     Fault("lost-images", "a share of {} of images lost, numbering goes on", (0.005, 0.02, 0.1),
         lambda f, x, random: _renumbered(f, ~some(len(f), x, random))),
-    Fault("lost-block", "{} images lost at once, numbering goes on", (3, 10, 40), _lost_block),
-    Fault("stutter", "a share of {} of images repeated, exposures go on", (0.005, 0.02, 0.1), _stutter),
+    Fault("lost-block", "{} images lost at once, numbering goes on", (3, 10, 40),
+        lambda f, x, _: _renumbered(f, ~_from_a_third(f, x))),
+    Fault("stutter", "a share of {} of images repeated, exposures go on", (0.005, 0.02, 0.1),
+        # The stream lost its place: what follows is late beside its exposures.
+        lambda f, x, random: _reordered(f, np.cumsum(~some(len(f), x, random)) - 1)),
     Fault("repeated", "a share of {} of frames repeated with their exposures", (0.05, 0.2, 0.5), _repeated),
     Fault("frozen", "the picture frozen for a share of {}", (0.05, 0.15, 0.5), _frozen),
     Fault("dropped", "a share of {} of frames dropped", (0.05, 0.2, 0.6),
@@ -174,7 +168,8 @@ FAULTS = (
     Fault("mirrored", "images mirrored in the first {}", (0.1, 0.3, 0.5),
         lambda f, x, _: _changed(f, np.arange(len(f)) < round(x * len(f)), lambda image: image[:, ::-1].copy())),
     Fault("time-going-back", "time goes back at a share of {} of frames", (0.01, 0.1, 0.5), _time_going_back),
-    Fault("missing-lines", "a share of {} of lines missing in times.txt", (0.01, 0.1, 0.5), _missing_lines),
+    Fault("missing-lines", "a share of {} of lines missing in times.txt", (0.01, 0.1, 0.5),
+        lambda f, x, random: _with_lines(f, list(compress(_listed(f), ~some(len(f), x, random))))),
     Fault("missing-files", "a share of {} of image files missing", (0.01, 0.1, 0.5), _missing_files),
     Fault("duplicate-ids", "the id before in a share of {} of lines", (0.01, 0.1, 0.5), _duplicate_ids),
     Fault("decimal-commas", "decimal commas in a share of {} of lines", (0.01, 0.3, 1),
