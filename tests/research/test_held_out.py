@@ -9,7 +9,7 @@ import pytest
 
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.research.held_out import PAIRS, prediction_error, simulated_pairs
+from ospc.research.scoring import PAIRS, prediction_error, simulated_pairs
 from ospc.simulation import SimulationSettings
 
 SETTINGS = SimulationSettings(size=(160, 120), response=Response.gamma(2.0, 4097), noise="high", moving_objects=2)

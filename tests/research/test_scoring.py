@@ -13,10 +13,9 @@ from ospc.evaluation.metrics import log_ratio_error, response_rmse, response_sha
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.research.held_out import HeldOut
 from ospc.research.measurement import METRICS, Measurement, medians
 from ospc.research.method import Estimate, Result
-from ospc.research.scoring import Truth, exposure_error, measurement, profile_along_diagonal, score
+from ospc.research.scoring import HeldOut, Truth, exposure_error, measurement, profile_along_diagonal, score
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings
 

@@ -19,11 +19,10 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.recording import identity
-from ospc.research.held_out import HeldOut, simulated_pairs
 from ospc.research.measurement import Measurement
 from ospc.research.method import Estimate, Method, Outcome, Result, run_methods
 from ospc.research.runner import OnProgress, Task, made_with
-from ospc.research.scoring import Truth, measurement
+from ospc.research.scoring import HeldOut, Truth, measurement, simulated_pairs
 from ospc.simulation import SimulationSettings
 from ospc.simulation import frames as simulated_frames
 from ospc.simulation import truth as simulated_truth

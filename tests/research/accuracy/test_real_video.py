@@ -10,7 +10,7 @@ from ospc.photometry.response import Response
 from ospc.recording import open_recording
 from ospc.recording.frame import Frame
 from ospc.research.accuracy.real_video import SampledFrame, flat_pair, held_out_pairs
-from ospc.research.held_out import predicted_ratio
+from ospc.research.scoring import predicted_ratio
 from ospc.simulation import SimulationSettings, frames
 
 GREYS = (5 / 255, 250 / 255)

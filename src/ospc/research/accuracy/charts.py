@@ -31,9 +31,8 @@ from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.recording.arrays import ArrayRecording
-from ospc.research.held_out import HeldOut, HeldOutPair
 from ospc.research.method import Estimate, Outcome
-from ospc.research.scoring import Truth
+from ospc.research.scoring import HeldOut, HeldOutPair, Truth
 from ospc.research.source import Source
 
 EXPOSURES = 4

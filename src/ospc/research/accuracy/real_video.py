@@ -18,8 +18,7 @@ from ospc.arrays import Float32Array, FloatArray
 from ospc.formats.dso import read_pcalib
 from ospc.photometry.geometry import normalised
 from ospc.recording import Frame, open_recording
-from ospc.research.held_out import HeldOut, HeldOutPair
-from ospc.research.scoring import Truth
+from ospc.research.scoring import HeldOut, HeldOutPair, Truth
 from ospc.research.source import PCALIB, GivenSource
 from ospc.unknown_exposures.tracking import sampled
 

@@ -54,27 +54,24 @@ def zheng_2008(truth: Response | None) -> FromSingleImages:
         masks = [image < _BRIGHTEST for image in images]
         return Estimate(vignette=radial_gradient_vignette([response.inverse(i / 255) for i in images], masks))
 
-    return FromSingleImages(_by_response("zheng-2008", truth, vignette))
+    return _by_response("zheng-2008", truth, vignette)
 
 
 def zheng_segments(truth: Response | None) -> FromSingleImages:
     """Return the vignette of segments of the first image, with the true response and with the usual one."""
-    return FromSingleImages(
-        _by_response(
-            "zheng-segments",
-            truth,
-            lambda response, images: Estimate(vignette=segment_vignette(response.inverse(images[0] / 255))),
-        )
-    )
+
+    def vignette(response: Response, images: Sequence[Image]) -> Estimate:
+        return Estimate(vignette=segment_vignette(response.inverse(images[0] / 255)))
+
+    return _by_response("zheng-segments", truth, vignette)
 
 
 def _by_response(
     name: str, truth: Response | None, vignette: Callable[[Response, Sequence[Image]], Estimate]
-) -> dict[str, Callable[[Sequence[Image]], Estimate]]:
-    responses = {"without": response_prior().response(np.zeros(COMPONENTS), "usual")}
-    if truth is not None:
-        responses = {"with": truth} | responses
-    return {f"{name}-{key}": partial(vignette, response) for key, response in responses.items()}
+) -> FromSingleImages:
+    usual = response_prior().response(np.zeros(COMPONENTS), "usual")
+    responses = {"without": usual} if truth is None else {"with": truth, "without": usual}
+    return FromSingleImages({f"{name}-{key}": partial(vignette, response) for key, response in responses.items()})
 
 
 def fallback() -> FromSingleImages:
