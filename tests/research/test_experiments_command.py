@@ -85,7 +85,7 @@ def test_systems_are_listed_measured_side_by_side_and_resumed(tmp_path, monkeypa
 
 
 def test_systems_can_be_handed_to_other_processes():
-    for system in SYSTEMS:
+    for system in SYSTEMS.values():
         assert pickle.loads(pickle.dumps(system)) is system
 
 

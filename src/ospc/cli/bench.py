@@ -37,8 +37,9 @@ def accuracy(
     from ospc.research.source import measured, measuring_task
 
     sources, notes = accuracy_sources(data, frames)
+    chosen = select({source.name: source for source in sources}, only)
     run_study(
-        [measuring_task(source, PresetMethods(name)) for name in presets for source in select(sources, only)],
+        [measuring_task(source, PresetMethods(name)) for name in presets for source in chosen],
         out,
         jobs,
         lambda finished: accuracy_report([row for one in finished for row in measured(one.result)], presets, notes),

@@ -87,8 +87,9 @@ def test_real_data_gives_a_video_and_three_channels_a_camera(real_data):
 
 
 def test_recordings_are_selected_by_name(moving):
-    assert select(moving, None) == moving
-    assert {c.factors["response"] for c in select(moving, "srgb-*")} == {"srgb"}
-    assert {c.factors["vignette"] for c in select(moving, "weak")} == {"weak"}
+    by_name = {case.name: case for case in moving}
+    assert select(by_name, None) == moving
+    assert {c.factors["response"] for c in select(by_name, "srgb-*")} == {"srgb"}
+    assert {c.factors["vignette"] for c in select(by_name, "weak")} == {"weak"}
     with pytest.raises(SettingError, match="known: linear-strong"):
-        select(moving, "nothing-like-it")
+        select(by_name, "nothing-like-it")

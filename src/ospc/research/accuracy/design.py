@@ -10,11 +10,11 @@ scene, motion and noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -54,15 +54,7 @@ _NOISE_SWAPPED, _SCENES_SWAPPED = (0, 1, 0, 1, 0, 1, 1), (0, 0, 1, 1, 0, 1, 0)
 """For each response, whether the two levels of noise, and of moving objects, are exchanged."""
 
 
-class HasName(Protocol):
-    """Something that is chosen by its name."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-
-_Item = TypeVar("_Item", bound=HasName)
+_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
@@ -117,16 +109,16 @@ def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Sour
     return sources, [f"{wanting[part]}: {otherwise}" for part, otherwise in parts.items() if part not in places]
 
 
-def select(items: Sequence[_Item], pattern: str | None, what: str = "recording") -> list[_Item]:
-    """Return the items with a name, or, if there is none, whose name matches a shell pattern or contains a word."""
+def select(items: Mapping[str, _Item], pattern: str | None, what: str = "recording") -> list[_Item]:
+    """Return the item of a name, or, if there is none, those whose names match a shell pattern or contain a word."""
     if pattern is None:
-        return list(items)
+        return list(items.values())
+    if pattern in items:
+        return [items[pattern]]
     wild = pattern if any(c in pattern for c in "*?[") else f"*{pattern}*"
-    exact = [item for item in items if item.name == pattern]
-    chosen = exact or [item for item in items if fnmatchcase(item.name, wild)]
+    chosen = [item for name, item in items.items() if fnmatchcase(name, wild)]
     if not chosen:
-        known = ", ".join(item.name for item in items)
-        raise SettingError(f"no {what} of the benchmark matches '{pattern}'; known: {known}")
+        raise SettingError(f"no {what} of the benchmark matches '{pattern}'; known: {', '.join(items)}")
     return chosen
 
 

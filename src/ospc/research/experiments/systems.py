@@ -84,14 +84,14 @@ class System(Methods):
 
 
 def _named(name: str) -> System:
-    return next(system for system in SYSTEMS if system.name == name)
+    return SYSTEMS[name]
 
 
 def _variants(name: str) -> tuple[str, str]:
     return f"{name}-with", f"{name}-without"
 
 
-SYSTEMS = (
+_ALL_SYSTEMS = (
     System("ours", "this project", 2026, _EXPOSURES, _BOTH, lambda _: OwnMethod(variant="ours"), "", "ours"),
     System("paper", "Haidar, Khalil, Asmar", 2024, _EXPOSURES, _BOTH,
         lambda _: PaperVariants({"paper": PaperSettings()}), "", "paper"),
@@ -122,13 +122,14 @@ SYSTEMS = (
     System("fallback", "this project, --fallback single-image", 2026, "one image", _BOTH,
         lambda _: single.fallback(), "", "fallback-without", colour=True),
 )  # fmt: skip
-"""All systems, in the order of their years, after ours and the paper's."""
+SYSTEMS = {system.name: system for system in _ALL_SYSTEMS}
+"""All systems by name, in the order of their years, after ours and the paper's."""
 
 
 def chosen_systems(patterns: Sequence[str]) -> list[System]:
     """Return the systems whose names match one of the patterns; all if there is none."""
     names = {system.name for pattern in patterns for system in select(SYSTEMS, pattern, "system")}
-    return [system for system in SYSTEMS if not patterns or system.name in names]
+    return [system for name, system in SYSTEMS.items() if not patterns or name in names]
 
 
 def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:

@@ -19,6 +19,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 from ospc.recording import open_recording
 from ospc.research.accuracy.design import accuracy_sources
+from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
 from ospc.research.runner import key_of
 from ospc.research.source import SimulatedSource
@@ -200,9 +201,9 @@ def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[lis
     ]
     if data is None:
         return sources, ["--data is not given: no real video"]
-    real, _ = accuracy_sources(data, frames)
-    videos = [replace(source, most_frames=None) for source in real if isinstance(source, VideoSource)]
-    return [*sources, *videos], [] if videos else [f"{data} holds no real video"]
+    if not (data / VIDEO).exists():
+        return sources, [f"{data} holds no real video"]
+    return [*sources, VideoSource(VIDEO, data / VIDEO, most_frames=None)], []
 
 
 _SATURATED = 2.0

@@ -36,7 +36,7 @@ _NOTE = (
 
 def chosen_faults(pattern: str | None) -> list[Fault]:
     """Return the faults with a name, or whose name matches a pattern of shell wildcards, or contains a word."""
-    return select([fault for faults in KINDS.values() for fault in faults], pattern, "fault")
+    return select({fault.name: fault for faults in KINDS.values() for fault in faults}, pattern, "fault")
 
 
 def fault_tasks(

@@ -183,6 +183,7 @@ def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], li
     """
     tasks: list[Task] = []
     failed: list[RunResult] = []
+    described = odometry.describe()
     for name, recording in experiment.recordings.items():
         images = images_of(recording, experiment.folder / "images")
         for condition in experiment.conditions:
@@ -195,7 +196,7 @@ def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], li
                 ]
                 continue
             source = OdometryInput.of(recording, images, condition, photometry)
-            depends_on = {"input": source.describe(), "odometry": odometry.describe()}
+            depends_on = {"input": source.describe(), "odometry": described}
             for number in range(experiment.runs):
                 run = partial(_run, odometry, source, number)
                 title = f"{name}, {condition.name} (run {number})"

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import time
 from dataclasses import dataclass
-from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,6 @@ from ospc.research.source import PCALIB, VIGNETTE
 _RESULT = "result.txt"
 _LOG_TAIL = 4000
 """Bytes kept of the end of what a program printed."""
-
-_ONE_THREAD = {"OMP_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True)
@@ -45,11 +42,7 @@ class Program:
 
     def describe(self) -> dict[str, Any]:
         """Return a hash of the executable, and its arguments."""
-        return {"executable": self._hash, "arguments": list(self.arguments)}
-
-    @cached_property
-    def _hash(self) -> str:
-        return sha256(self.executable.read_bytes()).hexdigest()
+        return {"executable": sha256(self.executable.read_bytes()).hexdigest(), "arguments": list(self.arguments)}
 
     def command(self, source: OdometryInput) -> list[str]:
         """Return the command line, with paths relative to the folder of :meth:`OdometryInput.folder`.
@@ -89,7 +82,7 @@ class Program:
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **_ONE_THREAD},
+            env={**os.environ, "OMP_NUM_THREADS": "1"},
             start_new_session=True,
         ) as process:
             try:
