@@ -186,15 +186,14 @@ class SharedMatcher:
 
     def __init__(self, matcher: Matcher) -> None:
         self._matcher = matcher
-        self._frame = -1
-        self._features: Features | None = None
+        self._features: dict[int, Features] = {}
         self._pairs: dict[tuple[int, int], Correspondences] = {}
 
     def features(self, frame: Frame) -> Features:
         """Return the features of a frame."""
-        if self._features is None or frame.index != self._frame:
-            self._features, self._frame, self._pairs = self._matcher.features(frame), frame.index, {}
-        return self._features
+        if frame.index not in self._features:
+            self._features, self._pairs = {frame.index: self._matcher.features(frame)}, {}
+        return self._features[frame.index]
 
     def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
         """Return the matches of two frames."""

@@ -46,8 +46,6 @@ _BOTH, _ALL = "response, vignette", "response, vignette, exposures"
 _SEED = 5000
 """Seed of the recordings; no weight of a rival was chosen on these."""
 
-_Make = Callable[[Response | None], Method]
-
 
 @dataclass(frozen=True)
 class System(Methods):
@@ -61,7 +59,7 @@ class System(Methods):
     year: int
     needs: str
     recovers: str
-    method: _Make = field(repr=False)
+    method: Callable[[Response | None], Method] = field(repr=False)
     with_point: str = ""
     without_point: str = ""
     colour: bool = False

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -130,21 +130,18 @@ class Footage:
         return left.with_exposures(self.exposures_ms[kept])
 
 
-Change: TypeAlias = Callable[[Footage, float, np.random.Generator], Footage]
-"""Puts a fault of a given strength on a recording; draws from the generator only."""
-
-
 @dataclass(frozen=True)
 class Fault:
     """A kind of fault: its name, what happens, with {} in place of the strength, and what puts it on a recording.
 
-    The strengths, a weak, a medium and a strong one, are in the unit of the text.
+    The strengths, a weak, a medium and a strong one, are in the unit of the text. What is random in a change is drawn
+    from the generator that it gets.
     """
 
     name: str
     text: str
     strengths: tuple[float, float, float]
-    change: Change = field(repr=False)
+    change: Callable[[Footage, float, np.random.Generator], Footage] = field(repr=False)
 
     def put_on(self, footage: Footage, strength: float) -> Footage:
         """Return a recording with the fault; the same for the same arguments."""

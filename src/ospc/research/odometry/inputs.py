@@ -194,22 +194,20 @@ def images_of(recording: Recording, cache: Path) -> Path:
 _PRESETS = {"paper": "paper", "ours": "default"}
 """Presets of the conditions whose calibration is estimated with the exposures of the recording."""
 
-OnEstimate = Callable[[str, float], None]
-"""Called with what is being estimated, and the share that is done."""
-
 
 @dataclass(frozen=True)
 class Calibrations:
     """Finds or estimates calibrations, and keeps the estimates in a folder.
 
     Those ``given``, by the name of their condition, are preferred to everything else. Joint estimation is ``online``,
-    as in the paper's comparison, or from the whole recording.
+    as in the paper's comparison, or from the whole recording. ``progress`` is called with what is being estimated, and
+    the share that is done.
     """
 
     folder: Path
     given: Mapping[str, Photometry] = field(default_factory=dict)
     online: bool = True
-    progress: OnEstimate = lambda _what, _share: None
+    progress: Callable[[str, float], None] = lambda _what, _share: None
 
     def of(self, recording: Recording, condition: Condition) -> Photometry:
         """Return the calibration of a recording under a condition; an empty one where the condition has none."""
