@@ -139,9 +139,8 @@ def _vignette_figures(estimate: Vignette, truth: Vignette, sigma: FloatArray | N
 
 
 def _coverage(part: str, estimate: FloatArray, sigma: FloatArray, truth: FloatArray) -> dict[str, float]:
-    return dict(
-        zip((f"{part}_within_1_sigma", f"{part}_within_2_sigma"), coverage(estimate, sigma, truth), strict=True)
-    )
+    found = coverage(estimate, sigma, truth)._asdict()
+    return {f"{part}_{name}": share for name, share in found.items()}
 
 
 def exposure_error(estimate: Mapping[int, float], truth: Mapping[int, float]) -> float:

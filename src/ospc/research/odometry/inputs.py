@@ -200,8 +200,8 @@ class Calibrations:
     """Finds or estimates calibrations, and keeps the estimates in a folder.
 
     Those ``given``, by the name of their condition, are preferred to everything else. Joint estimation is ``online``,
-    as in the paper's comparison, or from the whole recording. ``progress`` is called with what is being estimated, and
-    the share that is done.
+    as in the paper's comparison, or from the whole recording. ``progress`` is called with what is being estimated,
+    and the share that is done.
     """
 
     folder: Path
