@@ -94,15 +94,6 @@ class ChartSeries:
         radiance = np.where(weight.sum(axis=0) > 0, np.exp(log_radiance), np.nan)
         return np.exp(log_exposure - log_exposure[0]), radiance * np.exp(log_exposure[0])
 
-    def neutral_points(self, channel: int) -> tuple[FloatArray, FloatArray]:
-        """Return JPEG grey values and irradiances of neutral patches where neither is clipped, shape (n,) each."""
-        exposures, radiance = self.irradiance()
-        mean, largest = self.patch_values(self.jpeg)
-        grey = mean[:, -_NEUTRAL:, channel]
-        irradiance = exposures[:, None] * radiance[-_NEUTRAL:, channel]
-        kept = (largest[:, -_NEUTRAL:, channel] < 255) & (grey > 0) & np.isfinite(irradiance)
-        return grey[kept], irradiance[kept]
-
 
 def read_series(folder: Path, illuminant: int) -> ChartSeries:
     """Read the photographs of one camera under one illuminant; ``tags.json`` beside the folder names the patches."""
@@ -118,9 +109,15 @@ def read_series(folder: Path, illuminant: int) -> ChartSeries:
 def true_response(series: ChartSeries, channel: int) -> tuple[Response, tuple[int, int]]:
     """Return the response that JPEG against RAW shows, and the greys between which it was measured.
 
-    The curve increases, and joins the measured points through the logarithm of the irradiance.
+    The curve increases, and joins the measured points of neutral patches, where neither JPEG nor RAW is clipped,
+    through the logarithm of the irradiance.
     """
-    grey, light = series.neutral_points(channel)
+    exposures, radiance = series.irradiance()
+    mean, largest = series.patch_values(series.jpeg)
+    grey = mean[:, -_NEUTRAL:, channel]
+    light = exposures[:, None] * radiance[-_NEUTRAL:, channel]
+    kept = (largest[:, -_NEUTRAL:, channel] < 255) & (grey > 0) & np.isfinite(light)
+    grey, light = grey[kept], light[kept]
     if len(grey) < _NEUTRAL:
         raise FormatError(f"only {len(grey)} neutral patches of the chart are well exposed; {_NEUTRAL} are needed")
     grey, curve = _increasing(grey, np.log(light))

@@ -185,21 +185,18 @@ _COVERAGE = tuple(metric for metric in METRICS if metric.kind == "share")
 def systems_report(systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int]) -> StudyReport:
     """Return the report, with ``measurements.csv``, ``table.md`` and ``systems.png``.
 
-    ``frames`` is the number of frames of every recording.
+    Each group of recordings has a table, one line a system, and the bands' coverage has one. ``frames`` is the number
+    of frames of every recording.
     """
-    tables = system_tables(systems, rows, frames)
+    tables = [_table(group, systems, members, frames) for group, members in groups_of(rows).items()]
+    covered = [row for row in rows if any(metric.figure in row.figures for metric in _COVERAGE)]
+    if covered:
+        tables.append(_coverage_table(covered))
     texts = {
         "measurements.csv": measurements_csv(rows),
         "table.md": "\n".join(table.as_markdown() for table in tables),
     }
     return StudyReport(tables, texts, {"systems.png": partial(_draw, systems, rows)})
-
-
-def system_tables(systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int]) -> list[Table]:
-    """Return the table of every group of recordings, one line a system, and that of the bands' coverage."""
-    tables = [_table(group, systems, members, frames) for group, members in groups_of(rows).items()]
-    covered = [row for row in rows if any(metric.figure in row.figures for metric in _COVERAGE)]
-    return [*tables, _coverage_table(covered)] if covered else tables
 
 
 def _table(group: str, systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int]) -> Table:

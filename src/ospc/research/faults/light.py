@@ -138,13 +138,6 @@ def _small_range(footage: Footage, ratio: float, _random: np.random.Generator) -
     )
 
 
-def _standing_still(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    """Hold the view of the first frame for a share of the recording."""
-    first = footage.camera.radiance(0)
-    last = round(share * len(footage))
-    return _reshot(footage, footage.camera.exposures_ms, lambda image, i: first if i < last else image)
-
-
 def _roll_only(footage: Footage, degrees: float, _random: np.random.Generator) -> Footage:
     """Turn the camera about its axis over one view, by up to this angle either way."""
     first = footage.camera.radiance(0)
@@ -222,7 +215,12 @@ FAULTS = (
     Fault("constant-exposure", "an exposure fixed at {} times the middle one", (1, 0.5, 2),
         lambda f, x, _: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)), lambda image, _i: image)),
     Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
-    Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1), _standing_still),
+    Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1),
+        # It holds the view of the first frame.
+        lambda f, x, _: _reshot(
+            f, f.camera.exposures_ms,
+            lambda image, i: f.camera.radiance(0) if i < round(x * len(f)) else image,
+        )),
     Fault(
         "roll-only", "the camera turns by ±{} degrees about its axis and does nothing else", (10, 40, 90), _roll_only
     ),

@@ -126,11 +126,6 @@ def _rewritten(
     return _with_lines(footage, [change(line) if wrong[i] else line for i, line in enumerate(_listed(footage))])
 
 
-def _missing_files(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    left = footage.chosen(~some(len(footage), share, random))
-    return replace(left, times=_with_lines(footage, _listed(footage)).times)
-
-
 def _duplicate_ids(footage: Footage, share: float, random: np.random.Generator) -> Footage:
     lines, repeats = _listed(footage), some(len(footage), share, random)
     names = [lines[i - repeats[i]][0] for i in range(len(lines))]
@@ -170,7 +165,10 @@ FAULTS = (
     Fault("time-going-back", "time goes back at a share of {} of frames", (0.01, 0.1, 0.5), _time_going_back),
     Fault("missing-lines", "a share of {} of lines missing in times.txt", (0.01, 0.1, 0.5),
         lambda f, x, random: _with_lines(f, list(compress(_listed(f), ~some(len(f), x, random))))),
-    Fault("missing-files", "a share of {} of image files missing", (0.01, 0.1, 0.5), _missing_files),
+    Fault("missing-files", "a share of {} of image files missing", (0.01, 0.1, 0.5),
+        lambda f, x, random: replace(
+            f.chosen(~some(len(f), x, random)), times=_with_lines(f, _listed(f)).times
+        )),
     Fault("duplicate-ids", "the id before in a share of {} of lines", (0.01, 0.1, 0.5), _duplicate_ids),
     Fault("decimal-commas", "decimal commas in a share of {} of lines", (0.01, 0.3, 1),
         lambda f, x, random: _rewritten(f, x, random, lambda line: [part.replace(".", ",") for part in line])),
