@@ -79,6 +79,7 @@ def check_recording(
         motion=motion(evidence.changes, calibrator.inputs()),
         verdicts=calibration.verdicts,
         complete=calibration.complete,
+        warnings=calibration.warnings,
         notes=(*calibration.warnings, *calibration.notes, *told, *recording.notes),
     )
 

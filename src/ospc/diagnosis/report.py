@@ -112,8 +112,10 @@ class RecordingReport:
         instead.
     complete
         Whether a calibration of these frames is complete: all verdicts are identifiable, and nothing warns.
+    warnings
+        Those of a calibration of these frames.
     notes
-        Everything else a user should know, worst first.
+        Everything a user should know beside the verdicts, worst first: the warnings are the first of them.
     """
 
     name: str
@@ -129,6 +131,7 @@ class RecordingReport:
     motion: MotionReport
     verdicts: dict[str, Verdict]
     complete: bool
+    warnings: tuple[str, ...]
     notes: tuple[str, ...]
 
     @property
@@ -152,7 +155,7 @@ class RecordingReport:
             },
             "exposure_lag_frames": self.exposure_lag_frames,
             "exposure_lag_corrected_frames": self.exposures.corrected_frames,
-            "warnings": list(self.exposures.warnings),
+            "warnings": list(self.warnings),
             "verdicts": {name: verdict.state for name, verdict in self.verdicts.items()},
             "reasons": {name: verdict.reason for name, verdict in self.verdicts.items()},
             "remedies": {name: verdict.remedy or None for name, verdict in self.verdicts.items()},

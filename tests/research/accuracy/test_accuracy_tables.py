@@ -56,7 +56,8 @@ def test_worst_bias_is_the_farthest_from_zero_and_worst_share_the_smallest():
 
 
 def test_contest_counts_only_where_both_have_a_figure():
-    assert contest(RESULTS, "default", "paper", "response_shape_rmse") == (1, 2, 1, 0)
+    found = contest(RESULTS, "default", "paper", "response_shape_rmse")
+    assert (found.nearer, found.both, found.only_first, found.only_second) == (1, 2, 1, 0)
 
 
 @pytest.mark.parametrize(
