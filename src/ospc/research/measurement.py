@@ -119,6 +119,16 @@ class Spread:
     cases: int
 
 
+@dataclass(frozen=True)
+class Contest:
+    """On how many of ``both`` recordings the first of two methods was nearer; on the rest only one has a figure."""
+
+    nearer: int
+    both: int
+    only_first: int
+    only_second: int
+
+
 def methods_of(rows: Sequence[Measurement]) -> list[str]:
     """Return the methods in the order of their first measurement."""
     return list(dict.fromkeys(row.method for row in rows))
@@ -159,16 +169,13 @@ def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread |
     return Spread(metric.typical(list(values.values())), worst, name, len(values), len(members))
 
 
-def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -> tuple[int, int, int, int]:
-    """Return on how many recordings the first of two methods was nearer to the truth, of how many with both figures.
-
-    The last two numbers are those of the recordings on which only the first, or only the second, has the figure.
-    """
+def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -> Contest:
+    """Return how often one method came nearer to the truth than another."""
     known = [row for row in rows if figure in row.figures]
     one, two = ({row.recording: row.figures[figure] for row in known if row.method == m} for m in (first, second))
     both = one.keys() & two.keys()
     nearer = sum(abs(one[name]) < abs(two[name]) for name in both)
-    return nearer, len(both), len(one) - len(both), len(two) - len(both)
+    return Contest(nearer, len(both), len(one) - len(both), len(two) - len(both))
 
 
 def medians(rows: Sequence[Measurement], figure: str) -> dict[str, float]:

@@ -104,9 +104,10 @@ def _contests(title: str, members: Sequence[Measurement]) -> Table:
         if metric.kind != "error":
             continue
         found = {other: contest(members, first, other, metric.figure) for other in others}
-        for (nearer, both, *alone), names in _alike(found).items():
-            if both + sum(alone):
-                lines.append((metric.label, f"{first} against {names}", f"{nearer} of {both}", *map(str, alone)))
+        for outcome, names in _alike(found).items():
+            if outcome.both + outcome.only_first + outcome.only_second:
+                counts = (f"{outcome.nearer} of {outcome.both}", str(outcome.only_first), str(outcome.only_second))
+                lines.append((metric.label, f"{first} against {names}", *counts))
     header = ("metric", "methods", "nearer", "result of the first only", "of the second only")
     return Table(title, header, tuple(lines), names=2)
 
