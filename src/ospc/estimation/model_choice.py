@@ -122,7 +122,8 @@ def fit_with_chosen_effects(
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
-    fit, possible = plain, tuple(EFFECTS) if plain.groups >= MIN_GROUPS_TO_CONTRADICT else CORRECTED
+    provable = _provable(plain.groups)
+    fit, possible = plain, tuple(name for name in EFFECTS if name in CORRECTED or name in provable)
     refused: list[str] = []
     plain_trials = trials = _tried(observations, fit, noise, tuple(EFFECTS))
     while name := _suspected(trials, possible):
@@ -131,9 +132,8 @@ def fit_with_chosen_effects(
         wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, effects).fit(
             observations, fit
         )
-        may_correct = name in CORRECTED and plain.groups >= MIN_GROUPS
-        if not _accepted(wider) or not (may_correct or name in CONTRADICTIONS):
-            if may_correct or _sigmas_of_last(wider, wider.chance) > DOUBTED_SIGMAS:
+        if name not in provable or not _accepted(wider):
+            if _remains_possible(wider, provable):
                 refused.append(name)
             continue
         if name in CONTRADICTIONS:
@@ -197,6 +197,13 @@ def _tried(
     return trials
 
 
+def _provable(groups: int) -> tuple[str, ...]:
+    """Return the effects that so many groups of observations can prove."""
+    if groups >= MIN_GROUPS:
+        return tuple(EFFECTS)
+    return CONTRADICTIONS if groups >= MIN_GROUPS_TO_CONTRADICT else ()
+
+
 def _suspected(trials: Sequence[_Trial], possible: Sequence[str]) -> str:
     """Return the clearest of the possible effects, one of a camera where it is nearly so; empty if none is clear."""
     clear = {trial.name: trial.sigmas for trial in trials if trial.name in possible}
@@ -214,6 +221,14 @@ def _accepted(fit: Fit) -> bool:
         significant |= by_chance > CONTRADICTING_SIGMAS
     values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
     return significant and all(EFFECTS[name].allows(value) for name, value in values)
+
+
+def _remains_possible(fit: Fit, provable: Sequence[str]) -> bool:
+    """Return whether the effect that was added last may be there although it is not proven."""
+    name = fit.effects.chosen[-1]
+    if name in CORRECTED and name in provable:
+        return True
+    return _sigmas_of_last(fit, fit.chance) > DOUBTED_SIGMAS
 
 
 def _sigmas_of_last(fit: Fit, covariance: FloatArray) -> float:
