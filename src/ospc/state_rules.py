@@ -28,8 +28,7 @@ from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
 from ospc.exposures.assessment import AssessmentState
-from ospc.exposures.brightness import GREY_BINS
-from ospc.exposures.evidence import CAPACITY, MOST_REPEATED, EvidenceState
+from ospc.exposures.evidence import EvidenceState
 from ospc.methods.change_detection import FASTEST, MOST_USUAL, SLOWEST, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import GREY_KNOTS, PairErrors
@@ -40,6 +39,7 @@ from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import FACTOR_GREYS
+from ospc.settings.exposures import GREY_BIN_EDGES, MAX_CHANGES, MAX_REPEATED_FRAMES
 
 _MOST = 2**40
 """Largest count: frames at a thousand per second for thirty years."""
@@ -147,7 +147,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "_bits": Numbers(0, _LARGEST_GREY),
     },
     EvidenceState: {
-        "frame0": _count("changes", most=CAPACITY),
+        "frame0": _count("changes", most=MAX_CHANGES),
         "log_ratio": _logs("changes", "bins"),
         "weight": Numbers(0, _LARGEST, ("changes", "bins")),
         "moved": Numbers(-3, 3, ("changes", "bins", 4)),
@@ -155,7 +155,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "motion_px": Numbers(0, MOST_PIXELS, ("changes",), unknown=True),
         "previous": Numbers(-1, _MOST),
         "compared observed": COUNT,
-        "repeated": _count("repeated", most=MOST_REPEATED),
+        "repeated": _count("repeated", most=MAX_REPEATED_FRAMES),
         "samples": _count("changes"),
         "place_log_ratio place_log_grey": _logs("places"),
         "position0 position1": Numbers(-2, 2, ("places", 2)),
@@ -313,7 +313,7 @@ def _check_pixels(run: EngineState, frames: int) -> None:
 
 
 def _check_evidence(found: EvidenceState, frames: int) -> None:
-    bins = len(GREY_BINS) - 1 if len(found.frame0) else 0
+    bins = len(GREY_BIN_EDGES) - 1 if len(found.frame0) else 0
     _logs("changes", bins).check("evidence.log_ratio", found.log_ratio)
     _require(np.all(np.diff(found.frame0) > 0), "changes of brightness are out of order")
     _require(np.all(found.frame0 < frames - 1), "changes of brightness are of frames that were not there")

@@ -10,8 +10,9 @@ from ospc import Frame, OnlineCalibrator
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures import assessment, evidence
-from ospc.exposures.assessment import FIRST_ASSESSMENT, ExposureAssessment
+from ospc.exposures.assessment import ExposureAssessment
 from ospc.exposures.findings import LagChoice
+from ospc.settings.exposures import FIRST_ASSESSMENT_CHANGES
 
 SIZE = (64, 48)
 
@@ -38,7 +39,7 @@ def after(frames: int, choice: LagChoice = "auto") -> ExposureAssessment:
 
 
 def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evidence, "CAPACITY", 50)
+    monkeypatch.setattr(evidence, "MAX_CHANGES", 50)
     judged = []
     monkeypatch.setattr(ExposureAssessment, "_assessed", lambda self, *_: judged.append(len(self.table)) or found)
     found = assessment.assess_exposures(evidence.ExposureEvidence(SIZE), np.zeros(3))
@@ -70,5 +71,5 @@ def test_a_new_epoch_keeps_the_lag_and_trusts_nothing_yet(choice: LagChoice, lag
 
 
 def test_a_stated_lag_that_leaves_nothing_yet_does_not_end_the_run() -> None:
-    calibrator = OnlineCalibrator(correct_lag=FIRST_ASSESSMENT + 6)
-    assert all(calibrator.push(Frame.of_array(image(n), 1.0 + n % 3)) for n in range(FIRST_ASSESSMENT + 20))
+    calibrator = OnlineCalibrator(correct_lag=FIRST_ASSESSMENT_CHANGES + 6)
+    assert all(calibrator.push(Frame.of_array(image(n), 1.0 + n % 3)) for n in range(FIRST_ASSESSMENT_CHANGES + 20))

@@ -13,10 +13,10 @@ from ospc.diagnosis.report import RecordingReport, Timing, motion, timing
 from ospc.errors import RecordingError, counted
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings, LagChoice
-from ospc.exposures.lag import MAX_LAG
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
+from ospc.settings.exposures import MAX_LAG
 from ospc.unknown_exposures import labelled
 
 

@@ -11,11 +11,12 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.pixel_statistics import PixelReport
-from ospc.exposures.brightness import GREY_BINS, BrightnessChange
+from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Verdict
+from ospc.settings.exposures import GREY_BIN_EDGES
 
 _GAP = 1.5
 """Interval over the median one from which frames are missing: half way between one and two, since stamps jitter."""
@@ -199,7 +200,7 @@ def _exposure_figures(found: ExposureFindings, interval_s: float) -> dict[str, A
             "log_grey_per_log_exposure": None
             if lag.fit is None or not lag.fit.slopes.any()
             else lag.fit.slopes.tolist(),
-            "full_scale_share_edges_of_these": GREY_BINS.tolist(),
+            "full_scale_share_edges_of_these": GREY_BIN_EDGES.tolist(),
         },
         "brightness": None if found.brightness is None else _brightness(found.brightness, interval_s),
         "local_tone_mapping": None

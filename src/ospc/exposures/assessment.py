@@ -15,25 +15,15 @@ from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposure
 from ospc.exposures.lag_change import LagChange, lag_change
 from ospc.exposures.table import ExposureTable
 from ospc.library_threads import one_blas_thread
-
-FIRST_ASSESSMENT = 39
-"""Changes of brightness before the exposures are assessed the first time: fewer seldom settle a lag."""
-
-_ASSESSMENT_GROWTH = 1.5
-"""Exposures are assessed again whenever there are so many times more changes of brightness."""
-
-_MOST_OPEN_CHANGES = 400
-"""Changes of brightness beyond which a lag that is still not known is looked for in the usual runs of frames only."""
-
-_LAG_CHECK_CHANGES, _SUSPICIOUS_CHECK_CHANGES = 16, 8
-"""Changes of brightness from one look for a change of the lag to the next, and while one is suspected: five seconds
-of film late in a run, at a hundredth of its time, and half a second."""
-
-_RECENT_FRAMES = 8
-"""Frames around a frame over which the exposure must change for it to tell the lag: the largest lag and some."""
-
-_MIN_RECENT_CHANGE_LOG = 0.02
-"""Change of ln exposure over these frames that shows in the images."""
+from ospc.settings.exposures import (
+    ASSESSMENT_GROWTH,
+    EXPOSURE_CHANGE_FRAMES,
+    FIRST_ASSESSMENT_CHANGES,
+    LAG_CHECK_INTERVAL_CHANGES,
+    LAG_SEARCH_CHANGES,
+    MIN_EXPOSURE_CHANGE_LOG,
+    SUSPECTED_LAG_CHECK_INTERVAL_CHANGES,
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +59,7 @@ class ExposureAssessment:
         self.table = ExposureTable(self.choice if isinstance(self.choice, int) else 0)
         self.evidence: ExposureEvidence | None = None
         self._since = 0
-        self._next_assessment = FIRST_ASSESSMENT
+        self._next_assessment = FIRST_ASSESSMENT_CHANGES
         self._known_lag: int | None = None
         self._suspected_lag = 0
         self._findings: tuple[tuple[int, int], ExposureFindings] | None = None
@@ -93,7 +83,7 @@ class ExposureAssessment:
             return
         if not leaves_frames(self.choice, len(self.table) - self._since):
             return
-        self._next_assessment = int(_ASSESSMENT_GROWTH * self.evidence.observed)
+        self._next_assessment = int(ASSESSMENT_GROWTH * self.evidence.observed)
         found = self.findings()
         self.table.lag_frames = found.corrected_frames
         certain = found.lag.correction(found.course.cycle_frames)
@@ -122,7 +112,7 @@ class ExposureAssessment:
         """
         if self.evidence is None or self._known_lag is None:
             return None
-        every = _SUSPICIOUS_CHECK_CHANGES if self._suspected_lag else _LAG_CHECK_CHANGES
+        every = SUSPECTED_LAG_CHECK_INTERVAL_CHANGES if self._suspected_lag else LAG_CHECK_INTERVAL_CHANGES
         if not explains and len(self.evidence) % every:
             return None
         with one_blas_thread():
@@ -139,13 +129,13 @@ class ExposureAssessment:
         """Whether more changes of brightness may still settle that exposures belong to their frames, or to which."""
         if self.choice == "trusted":
             return False
-        few = self.evidence is None or len(self.evidence) < _MOST_OPEN_CHANGES
+        few = self.evidence is None or len(self.evidence) < LAG_SEARCH_CHANGES
         return self._suspected_lag != 0 or (few and not self.table.trusted)
 
     def wants(self, number: int) -> bool:
         """Return whether a frame can help to settle the lag: the exposures written around it change."""
-        recent = self.table.written[max(0, number - _RECENT_FRAMES) : number + 1]
-        return self.lag_is_open and float(np.nanmax(recent) - np.nanmin(recent)) > _MIN_RECENT_CHANGE_LOG
+        recent = self.table.written[max(0, number - EXPOSURE_CHANGE_FRAMES) : number + 1]
+        return self.lag_is_open and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_EXPOSURE_CHANGE_LOG
 
     def split(self, frame: int) -> tuple[ExposureFindings, ExposureTable]:
         """Go on with what came from a frame on; return what is known of those before, and their exposures."""
@@ -154,7 +144,7 @@ class ExposureAssessment:
         found = self._assessed(self.evidence, self.table.written[:frame])
         before = replace(self.table.until(frame), lag_frames=found.corrected_frames)
         self.evidence, self._since, self._findings = later, frame, None
-        self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT, None, 0
+        self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT_CHANGES, None, 0
         self.table.trusted = False
         return found, before
 

@@ -19,43 +19,20 @@ from ospc.correspondence.thumbnail_registration import (
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.robust import robust_scale
+from ospc.settings.exposures import (
+    BIN_OUTLIER_SIGMAS,
+    DARKEST_LEVEL,
+    GREY_BIN_EDGES,
+    MAX_BIN_WEIGHT,
+    MAX_RELATIVE_GRADIENT,
+    MIN_BIN_PIXELS,
+    MIN_BIN_SCATTER_LOG,
+    MIN_MOTION_GRADIENT,
+    MOTION_STRIDE,
+    PIXEL_SAMPLES_PER_PAIR,
+)
 
-GREY_BINS = np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93])
-"""Edges of the grey bins: the same change of exposure changes ln M by different amounts at different grey levels.
-Bins are narrower where responses are steeper; black and white, where noise is clipped, are left out."""
-
-GREY_BINS.setflags(write=False)
-
-_MIN_PIXELS = 40
-"""Fewest places that a bin's mean, or the median motion, is taken of: the standard error is a sixth of the scatter.
-With fewer, one moving object would decide; with more, small images would leave bins empty."""
-
-_MAX_WEIGHT = 5000.0
-"""Most places that a bin counts as; otherwise one large even surface, whose errors have one cause, decides alone."""
-
-_MAX_RELATIVE_GRADIENT = 0.04
-"""Steepest flat place: gradient over grey level, per thumbnail pixel. A registration error of a tenth of a pixel then
-changes ln M by 0.004 at most; a lower limit would leave too few places in textured scenes."""
-
-_OUTLIER_SIGMAS = 2.5
-"""Places further from their bin's median, in robust standard deviations, are left out of its mean: moving objects,
-gloss, wrong registrations. Of normally distributed values 99 per cent stay."""
-
-_MIN_SCATTER_LOG = 1e-4
-"""Least scatter assumed in a bin, in ln of the grey level: rounding errors of nearly equal values are kept."""
-
-_SAMPLES = 400
-"""About how many single places of a pair are kept: some thirty in each cell of local tone mapping."""
-
-_SPARSE = 5
-"""The motion is measured at one in so many places: neighbours move alike, so that more cost time and add nothing."""
-
-_MIN_STRUCTURE = 0.01
-"""Least gradient, in full scale per thumbnail pixel, of a place whose displacement is measured: registration fills in
-flatter ones from their surroundings."""
-
-_DARKEST = 1e-3
-"""Lowest grey level whose logarithm is taken, a quarter of an 8-bit level; darker ones are taken for this."""
+GREY_BIN_EDGES.setflags(write=False)
 
 
 @dataclass(frozen=True)
@@ -142,13 +119,13 @@ class BrightnessComparer:
         if np.count_nonzero(visible) < MIN_OVERLAP * np.count_nonzero(first.exposed):
             found, visible = np.zeros_like(found), np.zeros_like(visible)
         grey1 = values_at(second.grey, there)
-        mean = np.sqrt(np.maximum(first.grey * grey1, _DARKEST**2))
+        mean = np.sqrt(np.maximum(first.grey * grey1, DARKEST_LEVEL**2))
         steep = np.maximum(first.gradient, values_at(second.gradient, there))
         flat = (
             exposed_in_both(first, second, there, found)
-            & (steep < _MAX_RELATIVE_GRADIENT * mean)
-            & (mean > GREY_BINS[0])
-            & (mean < GREY_BINS[-1])
+            & (steep < MAX_RELATIVE_GRADIENT * mean)
+            & (mean > GREY_BIN_EDGES[0])
+            & (mean < GREY_BIN_EDGES[-1])
         )
         height, width = first.grey.shape
         places = pixel_places((width, height))
@@ -158,8 +135,8 @@ class BrightnessComparer:
         shift = (there - places)[flat] / half_diagonal
         moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
         log_ratio, weight, mean_moved = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], moved)
-        structured = visible & (first.gradient > _MIN_STRUCTURE)
-        distance = np.hypot(*(there - places)[structured][::_SPARSE].T)
+        structured = visible & (first.gradient > MIN_MOTION_GRADIENT)
+        distance = np.hypot(*(there - places)[structured][::MOTION_STRIDE].T)
         return BrightnessChange(
             first.frame,
             second.frame,
@@ -167,7 +144,7 @@ class BrightnessComparer:
             weight,
             mean_moved,
             float(visible.mean()),
-            float(np.median(distance)) * self._size[0] / width if distance.size >= _MIN_PIXELS else float("nan"),
+            float(np.median(distance)) * self._size[0] / width if distance.size >= MIN_BIN_PIXELS else float("nan"),
             _samples(first, second, places[flat], there[flat], (width, height)),
         )
 
@@ -185,21 +162,21 @@ def _binned(
     log_ratio: Float32Array, grey: Float32Array, moved: Float32Array
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return robust means of the log ratio in the grey bins, their weights, and mean changes of place."""
-    bins = len(GREY_BINS) - 1
+    bins = len(GREY_BIN_EDGES) - 1
     mean, weight, mean_moved = np.zeros(bins), np.zeros(bins), np.zeros((bins, moved.shape[1]))
-    number = np.digitize(grey, GREY_BINS) - 1
+    number = np.digitize(grey, GREY_BIN_EDGES) - 1
     for b in range(bins):
         inside = np.flatnonzero(number == b)
-        if len(inside) < _MIN_PIXELS:
+        if len(inside) < MIN_BIN_PIXELS:
             continue
         values = log_ratio[inside]
         deviation = np.abs(values - np.median(values))
         # Compared in single precision, as the values are.
-        scatter = np.float32(robust_scale(deviation)) + _MIN_SCATTER_LOG
-        kept = inside[deviation <= _OUTLIER_SIGMAS * scatter]
+        scatter = np.float32(robust_scale(deviation)) + MIN_BIN_SCATTER_LOG
+        kept = inside[deviation <= BIN_OUTLIER_SIGMAS * scatter]
         mean[b] = log_ratio[kept].mean()
         mean_moved[b] = moved[kept].mean(axis=0)
-        weight[b] = min(float(len(inside)), _MAX_WEIGHT)
+        weight[b] = min(float(len(inside)), MAX_BIN_WEIGHT)
     return mean, weight, mean_moved
 
 
@@ -207,14 +184,14 @@ def _samples(
     first: Thumbnail, second: Thumbnail, places: Float32Array, there: Float32Array, size: ImageSize
 ) -> PixelSamples:
     """Return some of the places, spread evenly."""
-    step = max(1, len(places) // _SAMPLES)
+    step = max(1, len(places) // PIXEL_SAMPLES_PER_PAIR)
     at0, at1 = places[step // 2 :: step], there[step // 2 :: step]
     if not len(at0):
         return PixelSamples.none()
 
     def read(image: Float32Array, where: Float32Array) -> FloatArray:
         values = values_at(image, where.reshape(-1, 1, 2)).reshape(-1)
-        return np.log(np.maximum(values.astype(np.float64), _DARKEST))
+        return np.log(np.maximum(values.astype(np.float64), DARKEST_LEVEL))
 
     grey0, grey1 = read(first.grey, at0), read(second.grey, at1)
     position0, position1 = (normalised(at.astype(np.float64), size) for at in (at0, at1))

@@ -12,17 +12,12 @@ import scipy.linalg
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.robust import weighted_median
-
-ORDER = 2
-"""Order of the autoregressive noise: neighbouring pairs share a frame, and errors of registration swing back."""
-
-_MIN_PAIR_WEIGHT = 100.0
-"""Fewest places that a pair of frames is used with: fewer are often wrong together, on one object that moves."""
-
-_UNLIKE = 0.02
-_UNLIKE_SHARE = 3.0
-"""Difference from the middle bin, in ln of the grey level, up to which a bin is used: a constant for errors of
-registration, and a multiple of the middle change, since the slope of a response differs by as much between bins."""
+from ospc.settings.exposures import (
+    AR_ORDER,
+    MAX_BIN_DEVIATION_LOG,
+    MAX_BIN_DEVIATION_SHARE,
+    MIN_PAIR_WEIGHT,
+)
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,7 @@ class BrightnessChanges:
             np.stack([_coherent(c) for c in changes]),
             np.stack([c.moved for c in changes]),
         )
-        return all_of_them.where(all_of_them.weight.sum(axis=1) >= _MIN_PAIR_WEIGHT)
+        return all_of_them.where(all_of_them.weight.sum(axis=1) >= MIN_PAIR_WEIGHT)
 
     def __len__(self) -> int:
         """Return the number of pairs."""
@@ -97,7 +92,7 @@ class BrightnessChanges:
         log_ratio = np.where(seen, self.log_ratio[parts].sum(axis=1), 0.0)
         moved = np.where(seen[..., None], self.moved[parts].sum(axis=1), 0.0)
         summed = BrightnessChanges(self.frame[start], log_ratio, weight, moved, step)
-        return summed.where(weight.sum(axis=1) >= _MIN_PAIR_WEIGHT)
+        return summed.where(weight.sum(axis=1) >= MIN_PAIR_WEIGHT)
 
     def log_change(self, log_exposure: FloatArray, lag: int = 0) -> FloatArray:
         """Return the change of ln exposure of each pair if metadata are late by a lag, shape (n,)."""
@@ -126,10 +121,10 @@ class BrightnessChanges:
 
     @cached_property
     def driven(self) -> IntArray:
-        """Positions of the pairs that come right after :data:`ORDER` others, shape (m,)."""
+        """Positions of the pairs that come right after :data:`AR_ORDER` others, shape (m,)."""
         consecutive = np.diff(self.frame, prepend=self.frame[:1] - 2) == 1
         known = consecutive.copy()
-        for step in range(1, ORDER):
+        for step in range(1, AR_ORDER):
             known[step:] &= consecutive[:-step]
             known[:step] = False
         return np.flatnonzero(known)
@@ -143,4 +138,4 @@ def _coherent(change: BrightnessChange) -> FloatArray:
     """
     middle = weighted_median(change.log_ratio, change.weight) if change.weight.any() else 0.0
     apart = np.abs(change.log_ratio - middle)
-    return np.where(apart <= _UNLIKE + _UNLIKE_SHARE * abs(middle), change.weight, 0.0)
+    return np.where(apart <= MAX_BIN_DEVIATION_LOG + MAX_BIN_DEVIATION_SHARE * abs(middle), change.weight, 0.0)

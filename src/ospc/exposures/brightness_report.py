@@ -12,57 +12,23 @@ from ospc.exposures.lag_decision import LagEstimate
 from ospc.exposures.lag_likelihood import LagFit
 from ospc.exposures.table import exposure_cycle
 from ospc.robust import robust_scale
-
-NOTABLE_RMS_LOG = 0.006
-"""Unexplained root mean square change of ln brightness a frame up to which nothing is doubted: registration's own."""
-
-DRIFT_FRAMES = 40
-"""Frames over which unexplained changes are added up: an exposure control acts within them, and the errors of
-registration do not yet add up to much."""
-
-_DRIFT_STEP = DRIFT_FRAMES // 4
-"""Frames between the beginnings of these stretches, which overlap so that no swing is cut in two."""
-
-_UNCHANGED = 1e-4
-"""Change of ln exposure up to which it counts as none: rounding in files, but no step that a camera makes."""
-
-_STALE_DRIFT_LOG = 0.12
-"""Drift of ln brightness from which an exposure that never changes counts as stale, however small each step is: an
-exposure control changes it by more within :data:`DRIFT_FRAMES`, errors of registration by less."""
-
-_MIN_UNCHANGED_PAIRS = 12
-"""Fewest pairs of unchanged exposure that can show it to be stale: their root mean square is known to a fifth."""
-
-_REPORTED_SHARE = 0.6
-"""Share of the fast unexplained changes that a flicker makes up if it is reported: more than :func:`find_flicker`
-asks for, since a line is tried beside a lag on less evidence than a user should be sent to the lamp for."""
-
-_LEAST_TOTAL_SHARE = 0.4
-"""Share of the variance of all unexplained changes that the reported flicker makes up. A control loop's slow swings
-have a strongest frequency, too, but it makes up less of them."""
-
-_SAME_TURNS = 0.1
-"""Turns by which a flicker may miss a whole number within a cycle of exposures and still be its harmonic."""
-
-_KEPT_SHARE = 0.98
-"""Share of the changes, the smaller ones, that a root mean square is taken of: a scene cut is no change of light."""
-
-
-_JUMP_SIGMAS = 10.0
-"""Least size of a jump, in robust standard deviations of the unexplained changes. Their tails are heavy, from failed
-registrations and moving objects, so that a few times the standard deviation is common."""
-
-_SMALLEST_JUMP_LOG = 0.04
-"""Least size of a jump, in ln of the grey level: smaller ones are not worth a note, even where there is no noise."""
-
-_AROUND_JUMP = 4
-"""Frames before and after a jump in which it must not be taken back: a hand that passes by takes longer than one."""
-
-_LASTING_SHARE = 0.6
-"""Share of a jump that must remain for these frames: noise and drift of a few frames take away less than the rest."""
-
-_MOST_JUMPS_SHARE = 0.1
-"""Share of the pairs above which jumps are the rule, and none is reported: the exposures do not fit at all."""
+from ospc.settings.exposures import (
+    DRIFT_FRAMES,
+    DRIFT_STEP_FRAMES,
+    HARMONIC_TOLERANCE_TURNS,
+    JUMP_FRAMES,
+    JUMP_SIGMAS,
+    LASTING_JUMP_SHARE,
+    MAX_JUMPS_SHARE,
+    MIN_JUMP_LOG,
+    MIN_STALE_PAIRS,
+    NOTABLE_RMS_LOG,
+    REPORTED_FLICKER_SHARE,
+    REPORTED_FLICKER_TOTAL_SHARE,
+    RMS_KEPT_SHARE,
+    STALE_DRIFT_LOG,
+    UNCHANGED_EXPOSURE_LOG,
+)
 
 
 @dataclass(frozen=True)
@@ -113,16 +79,16 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
     unexplained = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in flicker])
     shift = lag.candidates[0] if lag.candidates else 0
     change = log_exposure[lag.frame + 1 + shift] - log_exposure[lag.frame + shift]
-    unchanged = unexplained[np.abs(change) < _UNCHANGED]
+    unchanged = unexplained[np.abs(change) < UNCHANGED_EXPOSURE_LOG]
     drift = _drift(unexplained, lag.frame)
     constant = len(unchanged) == len(unexplained)
-    stale = len(unchanged) >= _MIN_UNCHANGED_PAIRS and _rms(unchanged) > NOTABLE_RMS_LOG
+    stale = len(unchanged) >= MIN_STALE_PAIRS and _rms(unchanged) > NOTABLE_RMS_LOG
     return BrightnessReport(
         _rms(fit.observed),
         _rms(unexplained),
         fit.unexplained_share,
         drift,
-        bool(stale or (constant and drift > _STALE_DRIFT_LOG)),
+        bool(stale or (constant and drift > STALE_DRIFT_LOG)),
         flicker,
         _jumps(lag.frame, unexplained),
     )
@@ -139,23 +105,23 @@ def _reported_flicker(lag: LagEstimate, fit: LagFit, cycle: int | None) -> tuple
         if cycle is None:
             return False
         turns = flicker.cycles_per_frame * cycle
-        return abs(turns - round(turns)) < _SAME_TURNS
+        return abs(turns - round(turns)) < HARMONIC_TOLERANCE_TURNS
 
-    reported = tuple(f for f in found if f.share >= _REPORTED_SHARE and not own(f))
+    reported = tuple(f for f in found if f.share >= REPORTED_FLICKER_SHARE and not own(f))
     if not reported:
         return ()
     left = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in reported])
-    return reported if np.var(left) <= (1 - _LEAST_TOTAL_SHARE) * np.var(fit.unexplained) else ()
+    return reported if np.var(left) <= (1 - REPORTED_FLICKER_TOTAL_SHARE) * np.var(fit.unexplained) else ()
 
 
 def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
     """Find changes far beyond the usual ones that last for some frames; none where they are the rule."""
-    if len(unexplained) < 2 * _AROUND_JUMP:
+    if len(unexplained) < 2 * JUMP_FRAMES:
         return ()
     usual = robust_scale(unexplained - np.median(unexplained))
-    large = np.flatnonzero(np.abs(unexplained) > max(_JUMP_SIGMAS * usual, _SMALLEST_JUMP_LOG))
+    large = np.flatnonzero(np.abs(unexplained) > max(JUMP_SIGMAS * usual, MIN_JUMP_LOG))
     lasting = [int(at) for at in large if _lasts(frame, unexplained, int(at))]
-    if len(lasting) > _MOST_JUMPS_SHARE * len(unexplained):
+    if len(lasting) > MAX_JUMPS_SHARE * len(unexplained):
         return ()
     return tuple(Jump(int(frame[at]) + 1, float(unexplained[at])) for at in lasting)
 
@@ -165,16 +131,16 @@ def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:
 
     A hand that passes by, or one exposure written wrongly, is taken back at once.
     """
-    near = (np.abs(frame - frame[at]) <= _AROUND_JUMP) & (frame != frame[at])
+    near = (np.abs(frame - frame[at]) <= JUMP_FRAMES) & (frame != frame[at])
     before, after = (float(unexplained[near & side].sum()) for side in (frame < frame[at], frame > frame[at]))
     change = float(unexplained[at])
-    return min((change + part) / change for part in (before, after)) > _LASTING_SHARE
+    return min((change + part) / change for part in (before, after)) > LASTING_JUMP_SHARE
 
 
 def _rms(values: FloatArray) -> float:
     """Return the root mean square without the largest values."""
     squared = np.sort(values**2)
-    return float(np.sqrt(squared[: max(1, int(_KEPT_SHARE * len(squared)))].mean()))
+    return float(np.sqrt(squared[: max(1, int(RMS_KEPT_SHARE * len(squared)))].mean()))
 
 
 def _drift(change: FloatArray, frame: IntArray) -> float:
@@ -183,6 +149,6 @@ def _drift(change: FloatArray, frame: IntArray) -> float:
     largest = 0.0
     for piece in pieces:
         total = np.concatenate([[0.0], np.cumsum(piece)])
-        for start in range(0, max(1, len(total) - DRIFT_FRAMES), _DRIFT_STEP):
+        for start in range(0, max(1, len(total) - DRIFT_FRAMES), DRIFT_STEP_FRAMES):
             largest = max(largest, float(np.ptp(total[start : start + DRIFT_FRAMES + 1])))
     return largest

@@ -9,15 +9,11 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, PixelSamples
-
-CAPACITY = 1200
-"""Most changes of brightness kept: the likelihood of a lag then takes a tenth of a second."""
-
-_MOST_SAMPLED = 160
-"""Changes of brightness whose single places, which take most memory, are kept: enough for local tone mapping."""
-
-MOST_REPEATED = 1000
-"""Most repeated frames whose numbers are kept: enough to look through, however endless the run."""
+from ospc.settings.exposures import (
+    MAX_CHANGES,
+    MAX_CHANGES_WITH_SAMPLES,
+    MAX_REPEATED_FRAMES,
+)
 
 
 @dataclass(frozen=True)
@@ -87,16 +83,18 @@ class ExposureEvidence:
         self.compared += 1
         # A repeated image says that a frame was lost, not that the light stayed.
         if np.array_equal(previous.grey, frame.grey) and np.ptp(frame.grey) > 0:
-            self.repeated = [*self.repeated, frame.frame][:MOST_REPEATED]
+            self.repeated = [*self.repeated, frame.frame][:MAX_REPEATED_FRAMES]
             return None
         if ahead is not None and ahead.first is previous and ahead.second is frame:
             change = ahead.change
         else:
             change = self._compare(previous, frame)
-        kept = change if len(self._changes) < _MOST_SAMPLED else replace(change, samples=PixelSamples.none())
+        kept = (
+            change if len(self._changes) < MAX_CHANGES_WITH_SAMPLES else replace(change, samples=PixelSamples.none())
+        )
         self._changes.append(kept)
         self.observed += 1
-        if len(self._changes) > CAPACITY:
+        if len(self._changes) > MAX_CHANGES:
             self._thin_out()
         return change
 

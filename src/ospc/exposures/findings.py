@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import SettingError, counted
 from ospc.exposures.brightness_changes import BrightnessChanges
-from ospc.exposures.brightness_report import DRIFT_FRAMES, NOTABLE_RMS_LOG, BrightnessReport, brightness_report
+from ospc.exposures.brightness_report import BrightnessReport, brightness_report
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.lag import estimate_lag
 from ospc.exposures.lag_decision import LagEstimate
@@ -19,6 +19,15 @@ from ospc.exposures.table import ExposureReport, filled
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
 from ospc.photometry.verdict import Verdict
+from ospc.settings.exposures import (
+    DOUBTED_LAG_FRAMES,
+    DOUBTED_LAG_SIGMAS,
+    DRIFT_FRAMES,
+    MAX_UNEXPLAINED_SHARE,
+    MIN_CHECKED_FRAMES,
+    NOTABLE_RMS_LOG,
+    REFUTED_LAG_FRAMES,
+)
 
 LagChoice = int | Literal["auto", "never", "trusted"]
 """What to do about a lag of the exposures: correct it where it is certain, never, or by so many frames. ``"trusted"``
@@ -26,23 +35,6 @@ is for exposures that were estimated from the images, which cannot disagree with
 
 _WITH_OWN_EXPOSURES = "exif_photos"
 """Kind of recording whose exposures stand in the image files themselves."""
-
-_UNEXPLAINED_SHARE = 0.25
-"""Share of the energy of brightness changes that exposures may leave unexplained before they are doubted: the rest is
-then half as large as the changes themselves."""
-
-_FEW_FRAMES = 40
-"""Recordings with fewer frames, such as a series of photographs, are not doubted for being too short to check."""
-
-_LATE_FRAMES, _LATE_SIGMAS = 0.3, 5.0
-"""Part of a frame by which a fit shows exposures to be late or early, and standard deviations, from which on they may
-belong to other frames. With the right lag 125 clean recordings showed 0.09 of a frame and 2.3 standard deviations at
-most; the one with a wrong lag showed 0.6 and 7.8."""
-
-_REFUTED_FRAMES = 0.5
-"""Part of a frame by which a fit must show moved exposures to be wrong, and at most those as written. Three of 100
-clean recordings, with slow exposures and a camera that moves forward, were moved by a frame; their fits showed 0.65,
-0.7 and 0.98."""
 
 _CHANGE_IRREGULARLY = (
     "record a minute in which the exposure changes abruptly and irregularly: cover the lens for a moment, point at a "
@@ -103,9 +95,9 @@ class ExposureFindings:
     def refuted_by(self, effects: Iterable[EffectEstimate]) -> bool:
         """Return whether a fit to exposures that were moved by their lag shows that they were right as written."""
         lateness = _lateness(effects)
-        if lateness is None or abs(lateness.value) < _LATE_SIGMAS * lateness.sigma:
+        if lateness is None or abs(lateness.value) < DOUBTED_LAG_SIGMAS * lateness.sigma:
             return False
-        return abs(self.corrected_frames + lateness.value) < _REFUTED_FRAMES < abs(lateness.value)
+        return abs(self.corrected_frames + lateness.value) < REFUTED_LAG_FRAMES < abs(lateness.value)
 
     def moved_back(self) -> ExposureFindings:
         """Return the findings with the exposures as they are written, and their lag as an open question."""
@@ -121,7 +113,7 @@ class ExposureFindings:
         if self.verdict.state != "identifiable" or lateness is None or lateness.corrected:
             return self
         frames = abs(lateness.value)
-        if frames < max(_LATE_FRAMES, _LATE_SIGMAS * lateness.sigma):
+        if frames < max(DOUBTED_LAG_FRAMES, DOUBTED_LAG_SIGMAS * lateness.sigma):
             return self
         when = "late" if lateness.value > 0 else "early"
         reason = f"{self.verdict.reason}, but the fit shows them {frames:.1f} ± {lateness.sigma:.1g} frames {when}"
@@ -259,12 +251,12 @@ def _assess(changes: BrightnessChanges, written: FloatArray) -> ExposureFindings
     course = ExposureReport.of(written)
     lag = estimate_lag(changes, written)
     brightness = brightness_report(lag, written)
-    few = brightness is None and len(written) < _FEW_FRAMES
+    few = brightness is None and len(written) < MIN_CHECKED_FRAMES
     # Whether exposures leave much of the brightness unexplained, at their lag or at whichever fits best.
     unlike = (
         brightness is not None
         and (lag.frames is not None or lag.state == "ambiguous")
-        and brightness.unexplained_share > _UNEXPLAINED_SHARE
+        and brightness.unexplained_share > MAX_UNEXPLAINED_SHARE
         and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
     )
     verdict = next(_verdicts(course, lag, brightness, len(written), unlike=unlike))
@@ -280,7 +272,7 @@ def _verdicts(
     course: ExposureReport, lag: LagEstimate, brightness: BrightnessReport | None, frames: int, *, unlike: bool
 ) -> Iterator[Verdict]:
     """Give the verdicts that hold, the one that matters most first."""
-    if brightness is None and frames < _FEW_FRAMES:
+    if brightness is None and frames < MIN_CHECKED_FRAMES:
         few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
         yield Verdict("marginal", few, _MORE_FRAMES)
         return

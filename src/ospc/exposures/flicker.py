@@ -10,42 +10,19 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.robust import robust_scale
-
-_MIN_VALUES = 24
-"""Fewest frames of a run in which a line is looked for: a wave of free frequency and phase fits any fewer."""
-
-_FAST_PERIODS = 4
-"""Fewest periods of a fast change within the time seen: slower ones are the scene's or an exposure control's."""
-
-_LEAST_PERIODS = 2
-"""Fewest periods of any line within the time seen: with fewer it cannot be distinguished from a trend."""
-
-_OVERSAMPLING = 8
-"""Length of the Fourier transform over that of the values: a line between two of its frequencies then loses 1 per
-cent of its power at most, and coarser ones would place it less exactly than the values allow."""
-
-_MIN_SHARE = 0.4
-"""Least share of the fast changes that a line makes up: otherwise something else changes brightness more."""
-
-_CHANCE = 1e-4
-"""Probability with which noise alone may show such a line. Small, since many lags of each recording are looked at."""
-
-_LARGEST_SHARE = 0.999
-"""Share from which that probability is computed at most; rounding leaves no more even of a pure wave."""
-
-_MIN_AMPLITUDE = 0.003
-"""Least amplitude of a flicker, in ln of the grey level from frame to frame: a shaking camera imitates weaker ones
-through errors of registration."""
-
-_CLIP_SIGMAS = 4
-"""Values further from the median, in robust standard deviations, are clipped before lines are looked for: a scene cut
-or a passing hand has a flat spectrum, which would hide every line."""
-
-_MIN_SCATTER_LOG = 1e-6
-"""Least scatter assumed for that, in ln of the grey level: rounding errors of simulated images are not clipped."""
-
-_LARGEST_GAP = 8
-"""Missing frames, less one, that a run may have between two values: over longer gaps the phase of a wave is lost."""
+from ospc.settings.exposures import (
+    FLICKER_CHANCE,
+    FLICKER_CLIP_SIGMAS,
+    FOURIER_OVERSAMPLING,
+    MAX_FLICKER_SHARE,
+    MAX_PHASE_GAP_FRAMES,
+    MIN_FAST_PERIODS,
+    MIN_FLICKER_FRAMES,
+    MIN_FLICKER_LOG,
+    MIN_FLICKER_SCATTER_LOG,
+    MIN_FLICKER_SHARE,
+    MIN_PERIODS,
+)
 
 
 @dataclass(frozen=True)
@@ -76,16 +53,16 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
     if not in_long_runs(frame).any():
         return None
     value = change - np.median(change)
-    limit = _CLIP_SIGMAS * (robust_scale(value) + _MIN_SCATTER_LOG)
+    limit = FLICKER_CLIP_SIGMAS * (robust_scale(value) + MIN_FLICKER_SCATTER_LOG)
     value = np.clip(value, -limit, limit)
-    line = _strongest(frame, value, _FAST_PERIODS)
+    line = _strongest(frame, value, MIN_FAST_PERIODS)
     fitted = value - without_waves(frame, value, [line])
     share = min(float(np.var(fitted)) / max(float(np.var(fast_part(frame, value))), 1e-12), 1.0)
     # Chance that the largest of so many independent lines of white noise has this share of the power.
     lines = len(value) // 2
-    chance = lines * (1 - min(share, _LARGEST_SHARE)) ** max(lines / len(_runs(frame)) - 1, 1.0)
+    chance = lines * (1 - min(share, MAX_FLICKER_SHARE)) ** max(lines / len(_runs(frame)) - 1, 1.0)
     amplitude = float(np.sqrt(2) * np.std(fitted))
-    if amplitude < _MIN_AMPLITUDE or share < _MIN_SHARE or chance > _CHANCE:
+    if amplitude < MIN_FLICKER_LOG or share < MIN_FLICKER_SHARE or chance > FLICKER_CHANCE:
         return None
     return Flicker(line, amplitude, share)
 
@@ -98,7 +75,7 @@ def main_line(frame: IntArray, change: FloatArray) -> tuple[float, float] | None
     energy = float(np.sum(change**2))
     if energy <= 0 or not in_long_runs(frame).any():
         return None
-    line = _strongest(frame, change, _LEAST_PERIODS)
+    line = _strongest(frame, change, MIN_PERIODS)
     left = without_waves(frame, change, [line])
     return line, 1 - float(np.sum(left**2)) / energy
 
@@ -127,7 +104,7 @@ def in_long_runs(frame: IntArray) -> BoolArray:
     """Return which values belong to runs of frames long enough to show flicker, shape (n,)."""
     long = np.zeros(len(frame), dtype=bool)
     for run in _runs(frame):
-        long[run] = run.stop - run.start >= _MIN_VALUES
+        long[run] = run.stop - run.start >= MIN_FLICKER_FRAMES
     return long
 
 
@@ -137,7 +114,7 @@ def fast_part(frame: IntArray, change: FloatArray) -> FloatArray:
     for run in _runs(frame):
         grid = _on_grid(frame[run], change[run] - change[run].mean())
         spectrum = np.fft.rfft(grid)
-        spectrum[np.fft.rfftfreq(len(grid)) < _FAST_PERIODS / len(grid)] = 0
+        spectrum[np.fft.rfftfreq(len(grid)) < MIN_FAST_PERIODS / len(grid)] = 0
         fast[run] = np.fft.irfft(spectrum, len(grid))[frame[run] - frame[run.start]]
     return fast
 
@@ -146,7 +123,7 @@ def _strongest(frame: IntArray, values: FloatArray, periods: int) -> float:
     """Return the strongest frequency with so many periods in the longest run at least, in cycles per frame."""
     grids = [_on_grid(frame[run], values[run]) for run in _runs(frame)]
     longest = max(len(grid) for grid in grids)
-    length = _OVERSAMPLING * longest
+    length = FOURIER_OVERSAMPLING * longest
     power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))
     frequency = np.fft.rfftfreq(length)
     return float(frequency[np.argmax(np.where(frequency >= periods / longest, power, 0.0))])
@@ -163,5 +140,5 @@ def _runs(frame: IntArray) -> list[slice]:
     """Return the stretches of frames without large gaps."""
     if not len(frame):
         return []
-    cuts = [0, *(np.flatnonzero(np.diff(frame) > _LARGEST_GAP) + 1).tolist(), len(frame)]
+    cuts = [0, *(np.flatnonzero(np.diff(frame) > MAX_PHASE_GAP_FRAMES) + 1).tolist(), len(frame)]
     return [slice(a, b) for a, b in pairwise(cuts)]

@@ -11,56 +11,25 @@ from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.flicker import Flicker, find_flicker, in_long_runs, main_line, without_waves
 from ospc.exposures.lag_decision import SILENT, LagEstimate, Trial, decide
 from ospc.exposures.lag_likelihood import fit_exposures
-from ospc.exposures.table import MIN_LOG_CHANGE, exposure_cycle
-
-MAX_LAG = 5
-"""Largest lag tried, either way, in frames: one to three are common, and each more costs a fit and a rival."""
-
-MIN_PAIRS = 20
-"""Fewest pairs that lags are fitted to: a fit has about twelve unknowns, and to fewer pairs any lag fits."""
-
-_MIN_PAIR_LOG_CHANGE = MIN_LOG_CHANGE / 10
-"""Change of ln exposure that some pair compared must exceed; otherwise the exposure was constant where it counts."""
-
-_MAX_FLICKERS = 2
-"""Most periodic changes fitted beside the exposures: a lamp's frequency and its harmonic. More would fit anything."""
-
-_MAX_LINES = 3
-"""Most frequencies tried for each of them; every one costs a fit of all lags."""
-
-_SAME_LINE = 0.01
-"""Difference, in cycles per frame, up to which two frequencies are the same line: what a hundred frames resolve."""
-
-_MIN_FLICKER_LEAD = 15.0
-"""Gain of log likelihood that a periodic change must bring. The best of 500 frequencies gains about ln 500 = 6 by
-chance, more if the noise is not quite as modelled."""
-
-_LONGER_STEPS = (4, 8)
-"""Frames over which changes are compared where those from frame to frame settle nothing: an error of a single
-exposure counts that much less against a steady change. Over more frames the scene is lost."""
-
-_AGREED_SIGMAS = 2.4
-_OPPOSED_SIGMAS = 4.0
-"""Standard deviations by which longer changes must prefer a lag that those from frame to frame prefer, or one that
-they do not. More than for a single answer: longer changes overlap, and slow errors weigh more in them."""
-
-_SMALL_LEAD = 3.0
-"""Log likelihood by which that lag may be behind in changes from frame to frame: twenty times less likely."""
-
-_DOUBTFUL_SLOPE = 0.25
-"""Median d ln M/d ln e below which a settled lag is tried again with inexact exposures. A gamma of 2.2 has 0.45;
-errors of the exposures, like a wrong lag, make it look smaller."""
-
-_SCATTERS = (2.0, 8.0)
-"""Errors of single exposures that are tried, over what else drives the noise: two clearly different sizes, so that an
-answer which depends on the size is not believed."""
-
-_FOLLOWING_SHARE = 0.5
-"""Share of the energy of the exposures' changes from which one period is their main one."""
-
-_LARGEST_FOLLOWING_LOG = 0.1
-"""Standard deviation of ln exposure up to which exposures may follow a swinging light: they swing no more than it
-does. Chosen by hand: a higher limit would doubt programmed exposures, which vary more."""
+from ospc.exposures.table import exposure_cycle
+from ospc.settings.exposures import (
+    AGREEING_SIGMAS,
+    CONSTANT_EXPOSURE_LOG,
+    DOUBTFUL_RESPONSE_SLOPE,
+    EXPOSURE_ERROR_SCALES,
+    LONG_INTERVALS_FRAMES,
+    MAX_DEFICIT,
+    MAX_FLICKER_CANDIDATES,
+    MAX_FLICKERS,
+    MAX_LAG,
+    MAX_SWINGING_EXPOSURE_LOG,
+    MIN_FLICKER_LEAD,
+    MIN_LAG_PAIRS,
+    MIN_PAIR_LOG_CHANGE,
+    OPPOSING_SIGMAS,
+    SAME_FREQUENCY,
+    SWINGING_EXPOSURE_SHARE,
+)
 
 
 def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
@@ -83,11 +52,11 @@ def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int
     inner = seen.within(len(log_exposure), -max_lag, max_lag)
     nothing = np.zeros(len(lags))
     unknown = LagEstimate("constant exposure", (), lags, nothing, nothing, frame=inner.frame)
-    constant = float(np.ptp(log_exposure)) < MIN_LOG_CHANGE
-    if len(inner.driven) < MIN_PAIRS:
+    constant = float(np.ptp(log_exposure)) < CONSTANT_EXPOSURE_LOG
+    if len(inner.driven) < MIN_LAG_PAIRS:
         return unknown if constant else replace(unknown, state="too few pairs")
     changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
-    if constant or np.abs(changes).max() < _MIN_PAIR_LOG_CHANGE:
+    if constant or np.abs(changes).max() < MIN_PAIR_LOG_CHANGE:
         trial = _with_flicker(Trial.of(inner, log_exposure, np.zeros(1, np.int64)))
         return replace(unknown, fit=fit_exposures(inner, changes[max_lag]), flicker=trial.flickers)
     trial = _with_flicker(Trial.of(inner, log_exposure, lags))
@@ -97,7 +66,7 @@ def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int
 def _decide(trial: Trial, seen: BrightnessChanges) -> LagEstimate:
     """Return the lag from changes from frame to frame, or else from fits that suffer less from wrong exposures."""
     first = decide(trial)
-    doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < _DOUBTFUL_SLOPE
+    doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < DOUBTFUL_RESPONSE_SLOPE
     settled = first.state not in ("ambiguous", *SILENT)
     if settled and not doubtful:
         holds = _holds_beside_a_swinging_light(first, trial)
@@ -129,7 +98,7 @@ def _holds_beside_a_swinging_light(first: LagEstimate, trial: Trial) -> bool:
     if found is None:
         return True
     line, share = found
-    if share < _FOLLOWING_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > _LARGEST_FOLLOWING_LOG:
+    if share < SWINGING_EXPOSURE_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > MAX_SWINGING_EXPOSURE_LOG:
         return True
     flicker = (Flicker(line, float(np.sqrt(2) * np.std(change)), share),)
     return decide(Trial.of(trial.seen, trial.log_exposure, trial.lags, flicker)).frames == first.frames
@@ -138,7 +107,7 @@ def _holds_beside_a_swinging_light(first: LagEstimate, trial: Trial) -> bool:
 def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> LagEstimate:
     """Return the estimate from changes over several frames where those from frame to frame settle nothing."""
     pairs = seen.where(in_long_runs(seen.frame)) if trial.flickers else seen
-    tried = (_over(step, pairs, trial) for step in _LONGER_STEPS)
+    tried = (_over(step, pairs, trial) for step in LONG_INTERVALS_FRAMES)
     overs = [over for over in tried if over is not None]
     agreed = next((over for over in overs if _agree(first, over)), None)
     silent = first.state in SILENT
@@ -155,9 +124,9 @@ def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
     if longer.frames is None or longer.frames not in first.candidates:
         return False
     at = int(np.flatnonzero(longer.lags == longer.frames)[0])
-    needed = _AGREED_SIGMAS if longer.frames == first.candidates[0] else _OPPOSED_SIGMAS
+    needed = AGREEING_SIGMAS if longer.frames == first.candidates[0] else OPPOSING_SIGMAS
     sure = np.delete(longer.sigmas, at).min() >= needed
-    return bool(sure and first.score[at] > -_SMALL_LEAD)
+    return bool(sure and first.score[at] > -MAX_DEFICIT)
 
 
 def _with_scatter(trial: Trial) -> LagEstimate | None:
@@ -168,7 +137,7 @@ def _with_scatter(trial: Trial) -> LagEstimate | None:
     """
     found = [
         decide(Trial.of(replace(trial.seen, scatter=scatter), trial.log_exposure, trial.lags))
-        for scatter in _SCATTERS
+        for scatter in EXPOSURE_ERROR_SCALES
     ]
     agreed = len({estimate.candidates[:1] for estimate in found}) == 1
     possible = all(estimate.state in ("determined", "ambiguous") for estimate in found)
@@ -178,7 +147,7 @@ def _with_scatter(trial: Trial) -> LagEstimate | None:
 def _over(step: int, seen: BrightnessChanges, trial: Trial) -> LagEstimate | None:
     """Return the estimate from changes over several frames; None where there are too few."""
     longer = seen.summed(step).within(len(trial.log_exposure), *trial.lags.tolist())
-    if len(longer.driven) < MIN_PAIRS:
+    if len(longer.driven) < MIN_LAG_PAIRS:
         return None
     return decide(Trial.of(longer, trial.log_exposure, trial.lags, trial.flickers))
 
@@ -191,13 +160,13 @@ def _with_flicker(trial: Trial) -> Trial:
     any lag leaves unexplained are tried, in long runs of frames only.
     """
     long = trial.seen.where(in_long_runs(trial.seen.frame))
-    if len(long.driven) < MIN_PAIRS:
+    if len(long.driven) < MIN_LAG_PAIRS:
         return trial
     found = trial if len(long) == len(trial.seen) else Trial.of(long, trial.log_exposure, trial.lags)
-    for _ in range(_MAX_FLICKERS):
+    for _ in range(MAX_FLICKERS):
         tried = [Trial.of(long, trial.log_exposure, trial.lags, (*found.flickers, line)) for line in _lines(found)]
         better = max(tried, key=lambda each: each.likelihood, default=found)
-        if better.likelihood - found.likelihood < _MIN_FLICKER_LEAD:
+        if better.likelihood - found.likelihood < MIN_FLICKER_LEAD:
             break
         found = better
     return found if found.flickers else trial
@@ -209,6 +178,6 @@ def _lines(trial: Trial) -> list[Flicker]:
     lines: list[Flicker] = []
     for fit in sorted(trial.fits, key=lambda fit: -fit.total):
         line = find_flicker(trial.seen.frame, without_waves(trial.seen.frame, fit.unexplained, known))
-        if line is not None and all(abs(line.cycles_per_frame - f.cycles_per_frame) > _SAME_LINE for f in lines):
+        if line is not None and all(abs(line.cycles_per_frame - f.cycles_per_frame) > SAME_FREQUENCY for f in lines):
             lines.append(line)
-    return lines[:_MAX_LINES]
+    return lines[:MAX_FLICKER_CANDIDATES]

@@ -13,55 +13,23 @@ from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.flicker import Flicker, fast_part, waves, without_waves
 from ospc.exposures.lag_likelihood import LagFit, fit_exposures
 from ospc.exposures.table import exposure_cycle
-
-USUAL_LAG = 3
-"""Largest lag that is common, in frames; larger ones are believed only where nothing else fits."""
-
-MIN_LEAD = 10.0
-"""Log likelihood by which the best lag must lead. Taken literally that is 22000 to 1; the noise is not quite as
-modelled, and a wrong lag spoils a calibration while an open one only leaves it marginal."""
-
-_MIN_SIGMAS = 2.0
-"""The same lead over its standard error from pair to pair (Vuong 1989): few pairs with large leads do not decide."""
-
-_FLICKER_CAUTION = 1.5
-"""Factor on both where flicker is fitted too: it takes away most of what exposures of the same period could show."""
-
-_UNUSUAL_CAUTION = 1.75
-"""Factor on the standard deviations, and squared on the lead, by which an unusual lag must beat a usual one."""
-
-_MIN_DISTINCT_PAIRS = 5
-_DISTINCT_SCALES = 0.5
-"""Fewest pairs in which two lags must predict different changes of brightness, and by how much, over the scale of the
-noise: a single change of exposure, or a single wrong one, does not decide."""
-
-_MIN_EXPLAINED_SHARE = 0.05
-"""Share of the energy of brightness changes that exposures must explain to be said to show in the images at all."""
-
-_FLAT_SLOPE = 0.2
-"""d ln M/d ln e of a flat response. If changes of brightness by this times the changes of exposure would be lost in
-the noise, exposures that do not show have changed too little; otherwise images do not respond to them."""
-
-_CORRELATED_PAIRS = 4
-"""Pairs of frames over which leads are taken to depend on each other: they share frames and objects."""
-
-_LEAST_OWN_VARIANCE = 0.5
-"""The variance of a mean is at least this share of what independent pairs would give: correlations are estimated from
-few pairs, and must not make the mean look more certain than that."""
-
-_FRACTIONS = np.array([-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6])
-"""Places next to a lag at which the fit is tried, in frames: to beyond the middle, to see the maximum."""
-
-_LARGEST_FRACTION = 0.45
-"""Largest distance of the best place from the lag, in frames: nearer to the middle, neither of the two is right."""
-
-_MIN_FRACTION_LEAD = MIN_LEAD / 2
-"""Log likelihood by which a place between frames must lead: half of what a lag needs, for it only raises a doubt."""
-
-_PERIODIC_SHARE = 0.87
-"""Share of the energy of fast changes of exposure that has the period of the flicker if they follow it. An exposure
-control's own noise keeps it below one; changes that share the period by chance have less."""
-
+from ospc.settings.exposures import (
+    CORRELATED_PAIRS,
+    DISTINCT_NOISE_SCALES,
+    FLAT_RESPONSE_SLOPE,
+    FLICKER_FACTOR,
+    FLICKERING_EXPOSURE_SHARE,
+    FRACTIONAL_LAGS,
+    MAX_COMMON_LAG,
+    MAX_FRACTIONAL_LAG,
+    MIN_CORRELATED_VARIANCE_RATIO,
+    MIN_DISTINCT_PAIRS,
+    MIN_EXPLAINED_SHARE,
+    MIN_FRACTIONAL_LAG_LEAD,
+    MIN_LEAD,
+    MIN_LEAD_SIGMAS,
+    UNCOMMON_LAG_FACTOR,
+)
 
 LagState = Literal[
     "determined",
@@ -176,35 +144,37 @@ def decide(trial: Trial) -> LagEstimate:
     """Accept the most likely lag, or say why not."""
     best = trial.best
     lead = np.array([trial.fits[best].total - fit.total for fit in trial.fits])
-    reach = _CORRELATED_PAIRS + trial.seen.step - 1
+    reach = CORRELATED_PAIRS + trial.seen.step - 1
     sigmas = np.array([_sigmas(trial.fits[best].log_likelihood - fit.log_likelihood, reach) for fit in trial.fits])
     sigmas[best] = 0.0
     # For how many pairs another lag predicts a clearly different change of brightness.
     apart = float(np.median(trial.fits[best].slopes)) * np.abs(trial.changes[best] - trial.changes)
-    distinct = np.count_nonzero(apart > _DISTINCT_SCALES * trial.fits[best].scale, axis=1)
+    distinct = np.count_nonzero(apart > DISTINCT_NOISE_SCALES * trial.fits[best].scale, axis=1)
     # Changes over several frames overlap, so they count as fewer pairs.
-    caution = _FLICKER_CAUTION if trial.flickers else 1.0
+    caution = FLICKER_FACTOR if trial.flickers else 1.0
     enough = MIN_LEAD * np.sqrt(trial.seen.step) * caution
-    doubt = np.where((abs(trial.lags[best]) > USUAL_LAG) & (abs(trial.lags) <= USUAL_LAG), _UNUSUAL_CAUTION, 1.0)
-    few = distinct < _MIN_DISTINCT_PAIRS
-    open_ = (lead < enough * doubt**2) | (sigmas < _MIN_SIGMAS * caution * doubt) | few
+    doubt = np.where(
+        (abs(trial.lags[best]) > MAX_COMMON_LAG) & (abs(trial.lags) <= MAX_COMMON_LAG), UNCOMMON_LAG_FACTOR, 1.0
+    )
+    few = distinct < MIN_DISTINCT_PAIRS
+    open_ = (lead < enough * doubt**2) | (sigmas < MIN_LEAD_SIGMAS * caution * doubt) | few
     rivals = [int(trial.lags[i]) for i in np.argsort(lead, kind="stable") if open_[i] and i != best]
     best, rivals, state = _settled(trial, best, rivals)
     steady = fit_exposures(trial.seen, np.zeros(len(trial.seen)), trial.nuisance)
     advantage = trial.fits[best].log_likelihood - steady.log_likelihood
     explained_share = 1 - trial.fits[best].unexplained_share  # NaN where brightness does not change
-    if advantage.sum() < enough or (not trial.flickers and not explained_share >= _MIN_EXPLAINED_SHARE):
+    if advantage.sum() < enough or (not trial.flickers and not explained_share >= MIN_EXPLAINED_SHARE):
         state, rivals = "no response to exposure", []
-        if _FLAT_SLOPE * float(np.sqrt(np.mean(trial.changes**2, axis=1)).min()) < steady.scale:
+        if FLAT_RESPONSE_SLOPE * float(np.sqrt(np.mean(trial.changes**2, axis=1)).min()) < steady.scale:
             state = "changes too small"
     lag, fraction = int(trial.lags[best]), _fraction(trial, best)
     if state == "determined" and _follows_flicker(trial, best):
         state = "follows flicker"
     # The likelihood may go on rising beyond the largest lag tried: an exposure control that follows a slowly swinging
     # light leaves swings of brightness that exposures at a distant, meaningless lag fit.
-    if state == "determined" and USUAL_LAG < abs(lag) == np.abs(trial.lags).max():
+    if state == "determined" and MAX_COMMON_LAG < abs(lag) == np.abs(trial.lags).max():
         state = "out of range"
-    if state == "determined" and abs(fraction) > _LARGEST_FRACTION:
+    if state == "determined" and abs(fraction) > MAX_FRACTIONAL_LAG:
         state = "between frames"
     if state == "determined" and _differs_within(trial, best):
         state = "changing"
@@ -231,7 +201,7 @@ def _settled(trial: Trial, best: int, rivals: list[int]) -> tuple[int, list[int]
         return best, rivals, "determined"
     cycle = exposure_cycle(trial.log_exposure)
     alike = [int(trial.lags[best]), *rivals]
-    usual = [lag for lag in alike if abs(lag) <= USUAL_LAG]
+    usual = [lag for lag in alike if abs(lag) <= MAX_COMMON_LAG]
     if cycle is None or len(usual) != 1 or any((lag - usual[0]) % cycle for lag in alike):
         return best, rivals, "ambiguous"
     rest = [lag for lag in alike if lag != usual[0]]
@@ -245,7 +215,7 @@ def _sigmas(lead: FloatArray, reach: int) -> float:
     variance = own
     for step in range(1, min(reach, len(lead) - 1) + 1):
         variance += 2 * (1 - step / (reach + 1)) * float(np.mean(centred[step:] * centred[:-step]))
-    variance = max(variance, own * _LEAST_OWN_VARIANCE)
+    variance = max(variance, own * MIN_CORRELATED_VARIANCE_RATIO)
     return float(lead.mean() * np.sqrt(len(lead) / variance)) if variance > 0 else 0.0
 
 
@@ -254,14 +224,14 @@ def _fraction(trial: Trial, best: int) -> float:
     if not 0 < best < len(trial.lags) - 1:
         return 0.0
     totals = []
-    for part in _FRACTIONS:
+    for part in FRACTIONAL_LAGS:
         neighbour = trial.changes[best + int(np.sign(part))]
         change = (1 - abs(part)) * trial.changes[best] + abs(part) * neighbour
         totals.append(fit_exposures(trial.seen, change, trial.nuisance).total)
     top = int(np.argmax(totals))
-    if totals[top] - totals[len(totals) // 2] < _MIN_FRACTION_LEAD:
+    if totals[top] - totals[len(totals) // 2] < MIN_FRACTIONAL_LAG_LEAD:
         return 0.0
-    return float(_FRACTIONS[top])
+    return float(FRACTIONAL_LAGS[top])
 
 
 def _follows_flicker(trial: Trial, best: int) -> bool:
@@ -274,7 +244,7 @@ def _follows_flicker(trial: Trial, best: int) -> bool:
         return False
     fast = fast_part(trial.seen.frame, trial.changes[best])
     left = without_waves(trial.seen.frame, fast, [f.cycles_per_frame for f in trial.flickers])
-    return bool(np.sum(left**2) < (1 - _PERIODIC_SHARE) * np.sum(fast**2))
+    return bool(np.sum(left**2) < (1 - FLICKERING_EXPOSURE_SHARE) * np.sum(fast**2))
 
 
 def _differs_within(trial: Trial, best: int) -> bool:
@@ -282,6 +252,6 @@ def _differs_within(trial: Trial, best: int) -> bool:
     half = len(trial.fits[best].log_likelihood) // 2
     for part in (slice(None, half), slice(half, None)):
         lead = [fit.log_likelihood[part] - trial.fits[best].log_likelihood[part] for fit in trial.fits]
-        if any(values.sum() > MIN_LEAD and _sigmas(values, _CORRELATED_PAIRS) > _MIN_SIGMAS for values in lead):
+        if any(values.sum() > MIN_LEAD and _sigmas(values, CORRELATED_PAIRS) > MIN_LEAD_SIGMAS for values in lead):
             return True
     return False

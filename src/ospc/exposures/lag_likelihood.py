@@ -16,49 +16,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.exposures.brightness_changes import ORDER, BrightnessChanges
+from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.robust import robust_scale
-
-_FREEDOM = 4.0
-"""Degrees of freedom of Student's t that drives the noise: its tails are heavy, and its variance is still finite."""
-
-_ROUNDS = 10
-"""Most rounds of iterated reweighting, of either kind; by then the weights hardly change."""
-
-_SMALLEST_SCALE = 1e-4
-"""Least scale of the noise, in ln of the grey level: rounding errors of images without noise must not decide."""
-
-_POOLING = 0.05
-"""Weight of the common slope in each bin, over the mean weight of the bins: bins that were hardly seen follow the
-others, and those that were seen hardly notice."""
-
-_SLOPE_ERROR = 0.1
-"""Relative error of the slopes that is allowed for when outliers are weighted down: otherwise slopes that are
-slightly wrong would make outliers of the largest changes of exposure, the most informative ones."""
-
-_FACTOR_LIMITS = (0.8, 1.25)
-"""Limits of the factor on the slopes that is fitted with the noise model: the bins know them to a quarter, and a
-smooth noise would explain smooth exposures itself."""
-
-_SCATTERED_FACTOR_LIMITS = (0.8, 8.0)
-"""The same where single exposures are inexact: their errors make the bins give slopes that are too small."""
-
-_SCATTERED_OUTLIER = 4.0
-"""Residuals up to this times their mean are no outliers then: most changes may be errors alone, and the few real ones
-must not seem to be the outliers."""
-
-_SETTLED = 1e-6
-"""Change of the slopes, and relative change of the scale, up to which they are settled: near its maximum the
-likelihood then changes by far less."""
-
-_LARGEST_MEMORY = 0.98
-"""Largest sum of the magnitudes of the autoregressive coefficients: below one, so that the noise is stationary."""
-
-_MEMORY_RIDGE = 1e-3
-"""Ridge on these, over the mean diagonal of the normal matrix: recordings without noise leave them open."""
-
-_LEAST_LOG_CHANGE = 1e-9
-"""Change of ln exposure up to which it is only rounding, and no slope is fitted."""
+from ospc.settings.exposures import (
+    AR_ORDER,
+    AR_RIDGE,
+    INEXACT_OUTLIER_FACTOR,
+    INEXACT_SLOPE_FACTOR_LIMITS,
+    MAX_AR_SUM,
+    MAX_REWEIGHTINGS,
+    MIN_FITTED_LOG_CHANGE,
+    MIN_NOISE_SCALE_LOG,
+    RELATIVE_SLOPE_ERROR,
+    REWEIGHTING_TOLERANCE,
+    SLOPE_FACTOR_LIMITS,
+    SLOPE_POOLING,
+    STUDENT_T_DOF,
+)
 
 
 @dataclass(frozen=True)
@@ -100,7 +74,7 @@ def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: Flo
 
     The size of further causes of change, ``nuisance`` of shape (n, causes), is fitted too.
     """
-    changing = bool(np.any(np.abs(log_change) > _LEAST_LOG_CHANGE))
+    changing = bool(np.any(np.abs(log_change) > MIN_FITTED_LOG_CHANGE))
     slopes, vignette = _slopes(seen, log_change)
     mean_change, mean_moved = seen.means
     observed = mean_change - mean_moved @ vignette
@@ -109,11 +83,11 @@ def fit_exposures(seen: BrightnessChanges, log_change: FloatArray, nuisance: Flo
     columns = np.column_stack([predicted, causes]) if changing else causes
     driven = seen.driven
     white, unit = seen.whitened(np.column_stack([observed, columns]))
-    limits = _FACTOR_LIMITS if seen.scatter == 0 else _SCATTERED_FACTOR_LIMITS
-    memory = _LARGEST_MEMORY if seen.scatter == 0 else 0.0
+    limits = SLOPE_FACTOR_LIMITS if seen.scatter == 0 else INEXACT_SLOPE_FACTOR_LIMITS
+    memory = MAX_AR_SUM if seen.scatter == 0 else 0.0
     size, innovation, scale = _regress(white[:, 0], white[:, 1:], driven, limits if changing else None, memory)
     # The logarithm of Student's density, but for a constant.
-    log_density = -(_FREEDOM + 1) / 2 * np.log1p((innovation / scale) ** 2 / _FREEDOM) - np.log(scale)
+    log_density = -(STUDENT_T_DOF + 1) / 2 * np.log1p((innovation / scale) ** 2 / STUDENT_T_DOF) - np.log(scale)
     return LagFit(
         log_density - np.log(unit[driven]),
         slopes * (size[0] if changing else 0.0),
@@ -132,10 +106,10 @@ def _slopes(seen: BrightnessChanges, log_change: FloatArray) -> tuple[FloatArray
     slopes, vignette = np.zeros(bins), np.zeros(terms)
     solution = np.zeros(bins + terms)
     normal = np.zeros((bins + terms, bins + terms))
-    for _ in range(_ROUNDS):
+    for _ in range(MAX_REWEIGHTINGS):
         by_x = robust * log_change
         xx, xd = (by_x * log_change) @ seen.weight, by_x @ changes
-        pool = _POOLING * xx.mean() + 1e-9
+        pool = SLOPE_POOLING * xx.mean() + 1e-9
         normal[:bins, :bins] = np.diag(xx + pool)
         normal[:bins, bins:] = np.tensordot(by_x, moves, axes=1)
         normal[bins:, :bins] = normal[:bins, bins:].T
@@ -143,15 +117,15 @@ def _slopes(seen: BrightnessChanges, log_change: FloatArray) -> tuple[FloatArray
         target = np.concatenate([xd + pool * xd.sum() / max(xx.sum(), 1e-12), robust @ moved_changes])
         before, solution = solution, np.linalg.solve(normal, target)
         slopes, vignette = np.maximum(solution[:bins], 0.0), solution[bins:]
-        if np.abs(solution - before).max() < _SETTLED:
+        if np.abs(solution - before).max() < REWEIGHTING_TOLERANCE:
             break
         explained = seen.share @ slopes * log_change
         left = mean_change - explained - mean_moved @ vignette
-        scale = max(robust_scale(left), _SMALLEST_SCALE)
-        allowed = np.hypot(scale, _SLOPE_ERROR * np.abs(explained))
+        scale = max(robust_scale(left), MIN_NOISE_SCALE_LOG)
+        allowed = np.hypot(scale, RELATIVE_SLOPE_ERROR * np.abs(explained))
         if seen.scatter > 0:
-            allowed = np.maximum(allowed, _SCATTERED_OUTLIER * np.abs(left).mean())
-        robust = (_FREEDOM + 1) / (_FREEDOM + (left / allowed) ** 2)
+            allowed = np.maximum(allowed, INEXACT_OUTLIER_FACTOR * np.abs(left).mean())
+        robust = (STUDENT_T_DOF + 1) / (STUDENT_T_DOF + (left / allowed) ** 2)
     return slopes, vignette
 
 
@@ -162,14 +136,14 @@ def _regress(
 
     The first column's size stays within the limits, where there are any.
     """
-    # What is observed and every column, at the driven pairs and at those before: shape (1 + ORDER, m, 1 + columns).
-    lagged = np.column_stack([observed, columns])[driven - np.arange(1 + ORDER)[:, None]]
-    memory = np.zeros(ORDER)
+    # What is observed and every column, at the driven pairs and those before: shape (1 + AR_ORDER, m, 1 + columns).
+    lagged = np.column_stack([observed, columns])[driven - np.arange(1 + AR_ORDER)[:, None]]
+    memory = np.zeros(AR_ORDER)
     size = np.zeros(columns.shape[1])
     weight = np.ones(len(driven))
     innovation = observed[driven]
-    scale = max(robust_scale(innovation), _SMALLEST_SCALE)
-    for _ in range(_ROUNDS):
+    scale = max(robust_scale(innovation), MIN_NOISE_SCALE_LOG)
+    for _ in range(MAX_REWEIGHTINGS):
         if columns.shape[1]:
             white = lagged[0] - np.tensordot(memory, lagged[1:], axes=1)
             target, whitened = white[:, 0], white[:, 1:]
@@ -179,11 +153,11 @@ def _regress(
                 size[1:] = _least_squares(whitened[:, 1:], target - whitened[:, 0] * size[0], weight)
         noise = lagged[..., 0] - lagged[..., 1:] @ size
         earlier = noise[1:].T
-        memory = _least_squares(earlier, noise[0], weight, ridge=_MEMORY_RIDGE)
+        memory = _least_squares(earlier, noise[0], weight, ridge=AR_RIDGE)
         memory *= min(1.0, most / max(float(np.abs(memory).sum()), 1e-12))
         innovation = noise[0] - earlier @ memory
         scale = _scale(innovation, scale)
-        weight = (_FREEDOM + 1) / (_FREEDOM + (innovation / scale) ** 2)
+        weight = (STUDENT_T_DOF + 1) / (STUDENT_T_DOF + (innovation / scale) ** 2)
     return size, innovation, scale
 
 
@@ -199,11 +173,11 @@ def _least_squares(columns: FloatArray, target: FloatArray, weight: FloatArray, 
 def _scale(values: FloatArray, scale: float) -> float:
     """Return the scale of Student's t that makes the values most likely, found from a rough one."""
     squared = values**2
-    for _ in range(2 * _ROUNDS):
+    for _ in range(2 * MAX_REWEIGHTINGS):
         before = scale
         # (ν + 1) / (ν + v²/s²) · v², the square of each value with its weight.
-        weighted = squared / (_FREEDOM / (_FREEDOM + 1) + squared / ((_FREEDOM + 1) * scale**2))
-        scale = max(float(np.sqrt(weighted.sum() / max(len(values), 1))), _SMALLEST_SCALE)
-        if abs(scale - before) < _SETTLED * scale:
+        weighted = squared / (STUDENT_T_DOF / (STUDENT_T_DOF + 1) + squared / ((STUDENT_T_DOF + 1) * scale**2))
+        scale = max(float(np.sqrt(weighted.sum() / max(len(values), 1))), MIN_NOISE_SCALE_LOG)
+        if abs(scale - before) < REWEIGHTING_TOLERANCE * scale:
             break
     return scale

@@ -8,30 +8,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.settings.exposures import (
+    CHANGED_EXPOSURE_LOG,
+    CONSTANT_EXPOSURE_LOG,
+    MAX_CYCLE_FRAMES,
+    MIN_CYCLE_SHARE,
+    MIN_CYCLES,
+    SAME_EXPOSURE_LOG,
+)
 
 _FIRST_CAPACITY = 1024
 """Exposures that the table holds before it grows, each time to twice its size."""
 
 _BLOCK = 2**14
 """Exposures looked at together: they fit in the processor's cache, and endless runs do not fill the memory."""
-
-MIN_LOG_CHANGE = 0.005
-"""Range of ln exposure below which it is constant: half a per cent is lost in the noise of registration."""
-
-_CHANGED = 0.01
-"""Change of ln exposure from which a frame counts as exposed differently from the one before: 1 per cent."""
-
-_LONGEST_CYCLE = 60
-"""Longest cycle of exposures looked for, in frames: brackets have less than ten, programmed sweeps some tens."""
-
-_LEAST_CYCLES = 3
-"""Fewest repetitions of a cycle within the recording: two may be alike by chance."""
-
-_SAME_LOG_EXPOSURE = 1e-3
-"""Difference of ln exposure up to which two exposures are the same: rounding in files, and jitter of sensors."""
-
-_CYCLE_SHARE = 0.97
-"""Share of the frames that must repeat a cycle: a few dropped frames do not break it."""
 
 
 @dataclass
@@ -130,7 +120,7 @@ class ExposureReport:
     def of(cls, log_exposure: FloatArray) -> ExposureReport:
         """Describe exposures by ln of their milliseconds, shape (frames,)."""
         parts = [*_blocks(log_exposure, 1)]
-        changed = sum(int(np.count_nonzero(np.abs(np.diff(part)) >= _CHANGED)) for part in parts)
+        changed = sum(int(np.count_nonzero(np.abs(np.diff(part)) >= CHANGED_EXPOSURE_LOG)) for part in parts)
         return cls(
             float(np.exp(log_exposure.min())),
             float(np.exp(log_exposure.max())),
@@ -153,9 +143,9 @@ class ExposureReport:
 
 def exposure_cycle(log_exposure: FloatArray) -> int | None:
     """Return after how many frames ln of exposures, shape (frames,), repeats; None if it does not, or is constant."""
-    if np.ptp(log_exposure) < MIN_LOG_CHANGE:
+    if np.ptp(log_exposure) < CONSTANT_EXPOSURE_LOG:
         return None
-    periods = range(2, min(_LONGEST_CYCLE, len(log_exposure) // _LEAST_CYCLES) + 1)
+    periods = range(2, min(MAX_CYCLE_FRAMES, len(log_exposure) // MIN_CYCLES) + 1)
     return next((period for period in periods if _repeat(log_exposure, period)), None)
 
 
@@ -163,8 +153,8 @@ def _repeat(log_exposure: FloatArray, period: int) -> bool:
     """Return whether most exposures are those of a number of frames before."""
     pairs = same = len(log_exposure) - period
     for block in _blocks(log_exposure, period):
-        same -= int(np.count_nonzero(np.abs(block[period:] - block[:-period]) >= _SAME_LOG_EXPOSURE))
-        if same / pairs < _CYCLE_SHARE:
+        same -= int(np.count_nonzero(np.abs(block[period:] - block[:-period]) >= SAME_EXPOSURE_LOG))
+        if same / pairs < MIN_CYCLE_SHARE:
             return False
     return True
 

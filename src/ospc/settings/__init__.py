@@ -1,7 +1,8 @@
 """Every number of the methods: what it is, its unit, and why it has this value.
 
 :mod:`ospc.settings.presets` holds what a user may change, one dataclass for each method.
-:mod:`ospc.settings.estimation` holds the constants of the default method's fit.
+:mod:`ospc.settings.estimation` holds the constants of the default method's fit, and :mod:`ospc.settings.exposures`
+those of the assessment of exposures.
 """
 
 from ospc.settings.presets import (
